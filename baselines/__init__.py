@@ -1,0 +1,1 @@
+"""One file per classical method, to be read side by side with its paper."""

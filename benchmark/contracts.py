@@ -1,0 +1,289 @@
+"""All that the author of a method imports: a shape comes in, a canonical form goes out.
+
+A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
+fields are its parameters. A *descriptor* has no canonical form: it describes each shape by a vector and compares the
+vectors itself. A plain function becomes a method through :func:`canonical_form`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from benchmark.geometry.laplacian import Laplacian
+
+__all__ = [
+    "ArtefactCache",
+    "CanonicalForm",
+    "Descriptor",
+    "Input",
+    "Mesh",
+    "Method",
+    "MethodInfo",
+    "Shape",
+    "UnsupportedShape",
+    "canonical_form",
+]
+
+Input = Literal["mesh", "view"]
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodInfo:
+    """What the harness and the tables say about a method.
+
+    Parameters
+    ----------
+    name
+        Name on the command line: lower case, words joined by hyphens.
+    title
+        Name in the tables.
+    cite
+        BibTeX key of the source, or "" for a control without one.
+    family
+        ``"paper"`` for a row of the paper, ``"control"`` for a yardstick, ``"extended"`` for anything else.
+    summary
+        One line for ``list methods``.
+    requires
+        Import names of packages beyond the core; a missing one makes the method *unavailable*, never another algorithm.
+    inputs
+        The inputs that the method accepts.
+    scale
+        ``"equivariant"`` if scaling the shape scales the form, ``"invariant"`` if the form does not change.
+    deterministic
+        False if the form depends on the seed.
+    trained_on
+        Subjects that a learned method has seen, as ``"data set: ids"``; empty for methods that do not learn.
+    """
+
+    name: str
+    title: str
+    cite: str = ""
+    family: Literal["paper", "control", "extended"] = "extended"
+    summary: str = ""
+    requires: tuple[str, ...] = ()
+    inputs: tuple[Input, ...] = ("mesh", "view")
+    scale: Literal["equivariant", "invariant"] = "equivariant"
+    deterministic: bool = True
+    trained_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalForm:
+    """The surface that a method returns.
+
+    Parameters
+    ----------
+    vertices
+        Positions, shape (n, 3); one per vertex of the input unless ``faces`` says otherwise.
+    faces
+        Triangles of the form, shape (m, 3); usually those of the input.
+    notes
+        Facts worth keeping in the record: iterations, stress, edge strain, number of bridges.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+    notes: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def mesh(self) -> Mesh:
+        """The form as a mesh; raises ``InvalidMesh`` when a coordinate is not finite."""
+        return Mesh(self.vertices, self.faces)
+
+
+class ArtefactCache(Protocol):
+    """Where a shape keeps what is expensive; the harness passes its store, tests pass nothing."""
+
+    def get_or_compute(
+        self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
+    ) -> Mapping[str, NDArray[Any]]:
+        """Return the arrays of this stage of this shape, computing and storing them when missing."""
+        ...
+
+
+class Shape:
+    """One mesh of one subject in one pose, prepared in the same way for every method.
+
+    Parameters
+    ----------
+    identifier
+        Name of the shape inside its data set.
+    mesh
+        The prepared surface: one component, about 2000 vertices, unit area. With the view input, the open 2.5-D surface
+        seen by the camera.
+    depth
+        Depth image, shape (500, 500), float32 in (0, 1], 0 where nothing was seen; None if no camera is known.
+    source_area
+        Surface area before decimation and scaling, in squared file units; None if unknown.
+    seed
+        Seed of every random choice made for this shape.
+    cache
+        Where geodesics and the Laplacian are kept; None computes them once per object.
+    """
+
+    def __init__(
+        self,
+        *,
+        identifier: str,
+        mesh: Mesh,
+        depth: NDArray[np.float32] | None = None,
+        source_area: float | None = None,
+        seed: int = 0,
+        cache: ArtefactCache | None = None,
+    ) -> None:
+        self.identifier = identifier
+        self.mesh = mesh
+        self.depth = depth
+        self.source_area = source_area
+        self.seed = seed
+        self._cache = cache
+        self._geodesics: dict[str, FloatArray] = {}
+        self._laplacian: Laplacian | None = None
+
+    def __repr__(self) -> str:
+        return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
+
+    def geodesics(self, solver: str = "default") -> FloatArray:
+        """Geodesic distances between all pairs of vertices.
+
+        Parameters
+        ----------
+        solver
+            A name from :data:`benchmark.geometry.geodesics.SOLVERS`, or ``"default"``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (n, n), symmetric, zero diagonal, in units of the prepared mesh; read-only.
+
+        Raises
+        ------
+        UnsupportedShape
+            If some pair of vertices is not connected.
+        """
+        from benchmark.geometry import geodesics
+
+        name = geodesics.resolve_solver(solver)
+        if name not in self._geodesics:
+
+            def compute() -> dict[str, NDArray[Any]]:
+                return {"condensed": geodesics.condense(geodesics.all_pairs(self.mesh, name))}
+
+            arrays = self._cache.get_or_compute("geodesics", {"solver": name}, compute) if self._cache else compute()
+            matrix = geodesics.expand(arrays["condensed"])
+            matrix.flags.writeable = False
+            self._geodesics[name] = matrix
+        return self._geodesics[name]
+
+    def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
+        """Geodesic distances from a few vertices to all, without computing all pairs.
+
+        Parameters
+        ----------
+        sources
+            Vertex indices, shape (k,).
+        solver
+            As in :meth:`geodesics`.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (k, n), in units of the prepared mesh.
+
+        Raises
+        ------
+        UnsupportedShape
+            If some vertex cannot be reached.
+        """
+        from benchmark.geometry import geodesics
+
+        return geodesics.from_sources(self.mesh, np.asarray(sources, dtype=np.int64), geodesics.resolve_solver(solver))
+
+    def laplacian(self) -> Laplacian:
+        """Cotangent Laplacian and lumped mass of the mesh; see :mod:`benchmark.geometry.laplacian`."""
+        if self._laplacian is None:
+            from benchmark.geometry.laplacian import cotangent_laplacian
+
+            self._laplacian = cotangent_laplacian(self.mesh)
+        return self._laplacian
+
+    def random(self, purpose: str = "") -> np.random.Generator:
+        """Random generator that depends on the seed, the shape and the purpose alone, never on the order of work."""
+        import hashlib
+
+        digest = hashlib.sha256(f"{self.seed}|{self.identifier}|{purpose}".encode()).digest()
+        return np.random.default_rng(int.from_bytes(digest[:8], "big"))
+
+    def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:
+        """Wrap new positions of this shape's vertices as a canonical form."""
+        return CanonicalForm(np.asarray(vertices, dtype=np.float64), self.mesh.faces, notes)
+
+
+@runtime_checkable
+class Method(Protocol):
+    """Turns a shape into its canonical form."""
+
+    info: ClassVar[MethodInfo]
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the canonical form, or raise ``UnsupportedShape`` with the reason."""
+        ...
+
+
+@runtime_checkable
+class Descriptor(Protocol):
+    """Compares shapes without a canonical form."""
+
+    info: ClassVar[MethodInfo]
+
+    def describe(self, shape: Shape) -> FloatArray:
+        """Return the descriptor of one shape, shape (k,), or raise ``UnsupportedShape`` with the reason."""
+        ...
+
+    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
+        """Return the dissimilarities of all pairs, shape (N, N), symmetric with zero diagonal."""
+        ...
+
+
+def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
+    """Turn a function from a shape to vertex positions (or a form) into a method.
+
+    Parameters
+    ----------
+    **info
+        Fields of :class:`MethodInfo`.
+
+    Examples
+    --------
+    >>> @canonical_form(name="flatten", title="Flattened")
+    ... def flatten(shape):
+    ...     return shape.mesh.vertices * [1, 1, 0]
+    >>> flatten.info.name
+    'flatten'
+    """
+
+    def decorate(function: Callable[[Shape], Any]) -> type:
+        def canonicalise(self: object, shape: Shape) -> CanonicalForm:
+            result = function(shape)
+            return result if isinstance(result, CanonicalForm) else shape.form(result)
+
+        namespace = {
+            "info": MethodInfo(**info),
+            "canonicalise": canonicalise,
+            "__doc__": function.__doc__,
+            "__module__": function.__module__,
+            "__qualname__": function.__qualname__,
+        }
+        return dataclass(frozen=True, kw_only=True)(type(function.__name__, (), namespace))
+
+    return decorate

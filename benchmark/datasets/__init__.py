@@ -1,0 +1,1 @@
+"""Data sets: official ones read as they come, and generated stand-ins."""

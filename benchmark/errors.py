@@ -1,0 +1,65 @@
+"""Every error that a user can cause, each with the mend in its message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class BenchmarkError(Exception):
+    """A problem that the user can mend.
+
+    Parameters
+    ----------
+    problem
+        What is wrong, naming the file, shape or option.
+    mend
+        What to do about it, as an imperative.
+    """
+
+    def __init__(self, problem: str, mend: str = "") -> None:
+        super().__init__(problem, mend)
+        self.problem = problem
+        self.mend = mend
+
+    def __str__(self) -> str:
+        return f"{self.problem}; {self.mend}" if self.mend else self.problem
+
+
+class ConfigurationError(BenchmarkError):
+    """The command line or a plugin asks for something that does not exist or does not fit."""
+
+
+class DatasetError(BenchmarkError):
+    """A data set is missing, unreadable, or unfit for retrieval."""
+
+
+class UnreadableMesh(BenchmarkError):
+    """A mesh file is missing, truncated, or not what its extension says."""
+
+
+class InvalidMesh(BenchmarkError):
+    """A mesh was read but its content cannot be used: NaN, faces out of range, nothing left after cleaning."""
+
+
+class UnsupportedShape(BenchmarkError):
+    """A method cannot treat this shape. The shape is counted under the table, never dropped silently."""
+
+
+def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
+    """Build the error for an unknown name, with the nearest known ones.
+
+    Parameters
+    ----------
+    kind
+        What the name stands for: ``"method"``, ``"data set"``.
+    name
+        The name that is not known.
+    known
+        The names that are.
+    """
+    import difflib
+
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    mend = f"did you mean {' or '.join(near)}?" if near else f"choose one of {', '.join(names)}"
+    return ConfigurationError(f"unknown {kind} '{name}'", mend)

@@ -1,0 +1,1 @@
+"""The depth network that learns canonical forms."""

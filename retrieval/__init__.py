@@ -1,0 +1,1 @@
+"""CM-BOF: canonical forms in, retrieval scores out."""
