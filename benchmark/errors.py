@@ -33,16 +33,20 @@ class DatasetError(BenchmarkError):
     """A data set is missing, unreadable, or unfit for retrieval."""
 
 
-class UnreadableMesh(BenchmarkError):
+class ShapeError(BenchmarkError):
+    """A problem of one shape: it is counted under the table, and the others go on."""
+
+
+class UnreadableMesh(ShapeError):
     """A mesh file is missing, truncated, or not what its extension says."""
 
 
-class InvalidMesh(BenchmarkError):
+class InvalidMesh(ShapeError):
     """A mesh was read but its content cannot be used: NaN, faces out of range, nothing left after cleaning."""
 
 
-class UnsupportedShape(BenchmarkError):
-    """A method cannot treat this shape. The shape is counted under the table, never dropped silently."""
+class UnsupportedShape(ShapeError):
+    """A method cannot treat this shape; the message says why."""
 
 
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:

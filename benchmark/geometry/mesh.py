@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,12 +73,12 @@ class Mesh:
         return Mesh(np.asarray(vertices, dtype=np.float64), self.faces)
 
 
-def _read_only(array: ArrayLike, dtype: type, what: str) -> NDArray[np.generic]:
+def _read_only(array: ArrayLike, dtype: type, what: str) -> NDArray[Any]:
     given = np.asarray(array)
     if given.size == 0:
         given = given.reshape(0, 3)
     if given.ndim != 2 or given.shape[1] != 3:
         raise InvalidMesh(f"{what} have shape {given.shape}, not (count, 3)", "pass triangles in three dimensions")
-    copy = np.array(given, dtype=dtype, order="C", copy=True)
+    copy: NDArray[Any] = np.array(given, dtype=dtype, order="C", copy=True)
     copy.flags.writeable = False
     return copy

@@ -1,1 +1,1 @@
-"""From records to tables and figures."""
+"""From records to tables and figures; nothing here computes a result."""

@@ -1,0 +1,191 @@
+"""Curve skeletons: joints, the bones between them, and the part of the surface that each joint owns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, shortest_path
+
+from baselines._kernels.connectivity_surgery import collapse
+from baselines._kernels.orientation import vertex_areas
+from benchmark.contracts import FloatArray
+from benchmark.geometry.mesh import Mesh
+
+Indices = NDArray[np.int64]
+
+CENTREDNESS_GAIN = 0.9
+"""A junction absorbs a neighbour if the spread of its distances to the surface falls below this multiple."""
+
+SPECK_SHARE = 0.002
+"""Pieces of a level band below this share of the area are ripples of the band's border, not limbs."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSkeleton:
+    """Joints inside a surface, and the vertices that each of them owns.
+
+    Parameters
+    ----------
+    joints
+        Positions, shape (k, 3), in units of the surface.
+    owners
+        Joint of each vertex of the surface, shape (n,); the vertices of one joint are connected.
+    bones
+        Pairs of joints whose parts share an edge of the surface, shape (b, 2), smaller index first, sorted.
+    """
+
+    joints: FloatArray
+    owners: Indices
+    bones: Indices
+
+    @property
+    def degrees(self) -> Indices:
+        """Number of bones at each joint, shape (k,)."""
+        return np.bincount(self.bones.ravel(), minlength=len(self.joints))
+
+    def path_lengths(self) -> FloatArray:
+        """Lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
+        lengths = np.linalg.norm(self.joints[self.bones[:, 0]] - self.joints[self.bones[:, 1]], axis=1)
+        # A stored zero would read as "no bone".
+        lengths = np.maximum(lengths, np.finfo(float).tiny)
+        k = len(self.joints)
+        graph = csr_array(coo_array((lengths, (self.bones[:, 0], self.bones[:, 1])), shape=(k, k)))
+        return np.asarray(shortest_path(graph, directed=False))
+
+
+def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
+    """Turn a contracted surface into a curve skeleton in the middle of the surface (Au et al. 2008, sections 5 and 6).
+
+    Connectivity surgery gives the joints. Each is moved back by the mean displacement that the contraction gave to the
+    border between its part and that of a neighbour, averaged over the neighbours; a leaf, by the mean over its whole
+    part. Finally junctions absorb neighbours as long as that centres them better in their part of the surface.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    contracted
+        Contracted positions of its vertices, shape (n, 3).
+    """
+    survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
+    owners = owners.astype(np.int64)
+    areas = vertex_areas(mesh)
+    edges = surface_edges(mesh)
+    joints = contracted[survivors] + _mean_displacements(mesh.vertices - contracted, owners, edges, areas)
+    joints, owners = _merge_junctions(mesh.vertices, areas, edges, joints, owners)
+    return CurveSkeleton(joints, owners, _bones(owners, edges))
+
+
+def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkeleton:
+    """Cut a surface into bands of a function and put a joint into each connected piece of a band.
+
+    This is the skeleton of Verroust & Lazarus (2000) at a fixed number of levels; it treats open surfaces, whose
+    borders a contraction would pull in.
+
+    Parameters
+    ----------
+    mesh
+        The surface, connected.
+    levels
+        Geodesic distances from one vertex, shape (n,).
+    bands
+        Number of bands of equal width between the least and the largest level.
+    """
+    areas = vertex_areas(mesh)
+    edges = surface_edges(mesh)
+    span = levels.max() - levels.min()
+    band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
+    owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
+    owners = _absorb_specks(owners, edges, areas)
+    return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(owners, edges))
+
+
+def surface_edges(mesh: Mesh) -> Indices:
+    """Return the undirected edges of a surface, shape (e, 2), smaller index first, sorted."""
+    faces = mesh.faces.astype(np.int64)
+    return np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
+
+
+def _bones(owners: Indices, edges: Indices) -> Indices:
+    pairs = np.sort(owners[edges], axis=1)
+    return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+
+
+def _means(values: FloatArray, weights: FloatArray, groups: Indices) -> FloatArray:
+    """Weighted mean of the rows of each group, shape (groups, 3)."""
+    total = np.bincount(groups, weights=weights)
+    sums = [np.bincount(groups, weights=weights * column) for column in values.T]
+    return np.stack(sums, axis=1) / total[:, None]
+
+
+def _mean_displacements(displacements: FloatArray, owners: Indices, edges: Indices, areas: FloatArray) -> FloatArray:
+    k = int(owners.max()) + 1
+    border = edges[owners[edges[:, 0]] != owners[edges[:, 1]]]
+    ends = np.concatenate([border, border[:, ::-1]])
+    # A vertex may face a neighbouring part across several edges; it counts once in that loop.
+    loop_vertex = np.unique(np.stack([owners[ends[:, 0]] * k + owners[ends[:, 1]], ends[:, 0]], axis=1), axis=0)
+    loops, loop_of = np.unique(loop_vertex[:, 0], return_inverse=True)
+    whole = _means(displacements, areas, owners)
+    if not len(loops):
+        return whole
+    loop_means = _means(displacements[loop_vertex[:, 1]], areas[loop_vertex[:, 1]], loop_of)
+    joint_of_loop = loops // k
+    degree = np.bincount(joint_of_loop, minlength=k)
+    sums = np.stack([np.bincount(joint_of_loop, weights=column, minlength=k) for column in loop_means.T], axis=1)
+    return np.where((degree > 1)[:, None], sums / np.maximum(degree, 1)[:, None], whole)
+
+
+def _merge_junctions(
+    vertices: FloatArray, areas: FloatArray, edges: Indices, joints: FloatArray, owners: Indices
+) -> tuple[FloatArray, Indices]:
+    """Let each junction absorb its best neighbour while that makes its distances to its part more even."""
+    while True:
+        bones = _bones(owners, edges)
+        degrees = np.bincount(bones.ravel(), minlength=len(joints))
+        spreads = np.array([_spread(vertices[owners == j], areas[owners == j], joints[j]) for j in range(len(joints))])
+        best = (CENTREDNESS_GAIN, -1, -1)
+        for a, b in bones:
+            for junction, other in ((a, b), (b, a)):
+                if degrees[junction] < 3:
+                    continue
+                part = (owners == junction) | (owners == other)
+                weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
+                centre = np.average(joints[[junction, other]], axis=0, weights=weights)
+                gain = _spread(vertices[part], areas[part], centre) / max(spreads[junction], np.finfo(float).tiny)
+                best = min(best, (float(gain), int(junction), int(other)))
+        _, junction, other = best
+        if junction < 0:
+            return joints, owners
+        weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
+        joints = joints.copy()
+        joints[junction] = np.average(joints[[junction, other]], axis=0, weights=weights)
+        owners = np.where(owners == other, junction, owners)
+        joints = np.delete(joints, other, axis=0)
+        owners = owners - (owners > other)
+
+
+def _spread(points: FloatArray, weights: FloatArray, joint: FloatArray) -> float:
+    distances = np.linalg.norm(points - joint, axis=1)
+    return float(np.sqrt(np.average((distances - np.average(distances, weights=weights)) ** 2, weights=weights)))
+
+
+def _pieces(edges: Indices, n: int) -> Indices:
+    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    _, labels = connected_components(graph, directed=False)
+    return np.asarray(labels, dtype=np.int64)
+
+
+def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indices:
+    """Give each piece below ``SPECK_SHARE`` of the area to the neighbour with which it shares most edges."""
+    while True:
+        shares = np.bincount(owners, weights=areas) / areas.sum()
+        speck = int(shares.argmin())
+        if shares[speck] >= SPECK_SHARE or len(shares) == 1:
+            return owners
+        ends = owners[np.concatenate([edges, edges[:, ::-1]])]
+        neighbours = ends[(ends[:, 0] == speck) & (ends[:, 1] != speck), 1]
+        owners = np.where(owners == speck, np.bincount(neighbours).argmax(), owners)
+        owners = owners - (owners > speck)

@@ -1,0 +1,39 @@
+"""One rule for the signs that an eigen-decomposition leaves open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmark.contracts import FloatArray
+from benchmark.geometry.mesh import Mesh
+
+
+def vertex_areas(mesh: Mesh) -> FloatArray:
+    """Return the barycentric area of each vertex, a third of its triangles, shape (n,), in squared mesh units."""
+    return np.bincount(mesh.faces.ravel(), weights=np.repeat(mesh.face_areas / 3, 3), minlength=mesh.n_vertices)
+
+
+def canonical_signs(coordinates: FloatArray, weights: FloatArray) -> FloatArray:
+    """Choose the sign of each axis so that its weighted third central moment is positive.
+
+    The moment is a sum over the surface, so the choice follows any relabelling of the vertices and hardly depends on
+    the sampling. It undoes mirrorings too. An axis of symmetry has no third moment: there the vertex farthest from
+    the centre decides, and both signs give nearly the same form.
+
+    Parameters
+    ----------
+    coordinates
+        One column per axis, shape (n, k).
+    weights
+        Weight of each vertex, usually its area, shape (n,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Either 1.0 or -1.0 per axis, shape (k,).
+    """
+    centred = coordinates - np.average(coordinates, axis=0, weights=weights)
+    moments = weights @ centred**3
+    extremes = np.take_along_axis(centred, np.abs(centred).argmax(axis=0)[None], axis=0)[0]
+    negligible = np.abs(moments) <= 1e-9 * (weights @ np.abs(centred) ** 3)
+    return np.where(np.where(negligible, extremes, moments) < 0, -1.0, 1.0)

@@ -1,0 +1,131 @@
+"""The input pulled towards its least-squares MDS pose while its details stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.orientation import vertex_areas
+from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+
+if TYPE_CHECKING:
+    from baselines._kernels.arap import AsRigidAsPossible
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstrainedMDS:
+    r"""Deformation towards the MDS pose under a sparse shape regulariser (Sahillioğlu 2015).
+
+    Multidimensional scaling finds the pose but crumples the surface. Here the input itself, with rest positions
+    :math:`p`, moves to the least-squares MDS positions :math:`m` of its own vertices while an as-rigid-as-possible
+    energy keeps the details:
+
+    .. math:: E(x) = E_\mathrm{ARAP}(x; p) + \lambda \bar w \sum_i \frac{a_i}{\bar a} \|x_i - m_i\|^2
+
+    with vertex areas :math:`a`, edge weights :math:`w` and bars for means. Starting from :math:`x = p`, local steps
+    (one rotation per cell) alternate with global steps (one sparse solve), and :math:`\lambda` rises geometrically in
+    cascades, so that large parts swing first and small ones settle later.
+
+    MDS cannot tell a pose from its mirror image, and pulled towards the wrong one a surface turns inside out. Both
+    images of :math:`m` are therefore aligned to :math:`p` by a proper rotation, both deformations run to their end,
+    and the one of lower energy :math:`E` is kept.
+
+    Sahillioğlu deforms the solid behind the surface; a surface energy is used here because it treats open surfaces too.
+
+    Parameters
+    ----------
+    first_pull, last_pull
+        Weight :math:`\lambda` of the targets in the first and the last cascade.
+    cascades
+        Number of values of :math:`\lambda`.
+    iterations
+        Local and global steps per cascade.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="constrained-mds",
+        title="Constrained MDS",
+        cite="sahillioglu2015constrained",
+        family="paper",
+        summary="the surface deformed towards its least-squares MDS pose, details kept",
+    )
+
+    first_pull: float = 0.001
+    last_pull: float = 0.01
+    cascades: int = 5
+    iterations: int = 20
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the deformed surface.
+
+        The notes give the mean edge strain, the final energy, that of the rejected mirror image (both over the mean edge
+        weight, in squared units of the mesh), and whether the mirror image was kept.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices or no face, or is in several pieces.
+        """
+        from baselines.least_squares_mds import LeastSquaresMDS
+
+        require_vertices(shape)
+        require_connected(shape)
+        return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
+
+    def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
+        """Deform the surface towards given positions of its vertices or towards their mirror image.
+
+        Parameters
+        ----------
+        shape
+            The surface at rest.
+        targets
+            One position per vertex, shape (n, 3), in units of the mesh and in any orientation.
+        """
+        from baselines._kernels.arap import AsRigidAsPossible, edge_weights
+
+        surface = AsRigidAsPossible(rest=shape.mesh.vertices, weights=edge_weights(shape.laplacian()))
+        areas = vertex_areas(shape.mesh)
+        candidates = []
+        for image in (targets, targets * [-1.0, 1.0, 1.0]):
+            candidates.append(self._deform(surface, _aligned(image, shape.mesh.vertices, areas), areas))
+        energies = [energy for _, energy in candidates]
+        kept = int(energies[1] < energies[0])
+        vertices, energy = candidates[kept]
+        return shape.form(
+            vertices,
+            mean_edge_strain=float(surface.edge_strains(vertices).mean()),
+            energy=energy,
+            rejected_energy=energies[1 - kept],
+            mirrored="yes" if kept else "no",
+        )
+
+    def _deform(
+        self, surface: AsRigidAsPossible, targets: FloatArray, areas: FloatArray
+    ) -> tuple[FloatArray, float]:
+        mean_weight = surface.weights.data.mean()
+        unit_pull = mean_weight * areas / areas.mean()
+        positions = surface.rest
+        for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
+            pull = strength * unit_pull
+            solve = surface.factorise(pull)
+            for _ in range(self.iterations):
+                rotations = surface.rotations(positions)
+                positions = solve(surface.load(rotations) + pull[:, None] * targets)
+        distance = ((positions - targets) ** 2).sum(axis=1)
+        energy = surface.energy(positions, surface.rotations(positions)) + float(pull @ distance)
+        return positions, energy / float(mean_weight)
+
+
+def _aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the points moved by the proper rigid motion that brings them nearest to the reference (Kabsch 1976)."""
+    from baselines._kernels.arap import nearest_rotation
+
+    centre = np.average(points, axis=0, weights=weights)
+    reference_centre = np.average(reference, axis=0, weights=weights)
+    rotation = np.empty((3, 3))
+    nearest_rotation((points - centre).T @ ((reference - reference_centre) * weights[:, None]), rotation)
+    return (points - centre) @ rotation.T + reference_centre

@@ -1,0 +1,64 @@
+"""Global point signature: the surface drawn in its own Laplacian eigenfunctions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.orientation import canonical_signs
+from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class GPS:
+    r"""Global point signature of the first three non-constant eigenfunctions.
+
+    With :math:`L \phi_k = \lambda_k M \phi_k` for the cotangent Laplacian L and the mass matrix M, vertex x moves to
+
+    .. math:: \left( \phi_1(x) / \sqrt{\lambda_1},\; \phi_2(x) / \sqrt{\lambda_2},\; \phi_3(x) / \sqrt{\lambda_3}
+              \right).
+
+    The eigenfunctions have unit norm on the surface, so the form depends on neither position nor size of the shape.
+    Their signs are open: each axis points to the side of positive area-weighted third moment. Neighbouring
+    eigenvalues of nearly the same size let eigenfunctions change places between poses; the smallest relative gap is
+    noted. Rustamov (2007), "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="gps",
+        title="GPS",
+        cite="rustamov2007gps",
+        family="paper",
+        summary="first three Laplacian eigenfunctions over the square roots of their eigenvalues",
+        scale="invariant",
+    )
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the global point signatures of the vertices.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than five vertices, no face, or several pieces.
+        """
+        from benchmark.geometry.laplacian import eigenpairs
+
+        require_vertices(shape, 5)
+        require_connected(shape)
+        laplacian = shape.laplacian()
+        values, functions = eigenpairs(laplacian, 5)
+        # The constant function comes first; the fourth non-constant one only tells how far away the next axis is.
+        values, functions = values[1:], functions[:, 1:4]
+        points = functions / np.sqrt(values[:3])
+        points = points * canonical_signs(points, laplacian.mass)
+        gaps = np.diff(values) / values[:-1]
+        return shape.form(
+            points,
+            eigenvalue_1=float(values[0] * laplacian.mass.sum()),
+            eigenvalue_gap_12=float(gaps[0]),
+            eigenvalue_gap_23=float(gaps[1]),
+            eigenvalue_gap_34=float(gaps[2]),
+        )

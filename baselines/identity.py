@@ -1,0 +1,28 @@
+"""The input itself: what the scorer makes of a shape that keeps its pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identity:
+    """The prepared surface, untouched.
+
+    A control: a canonical form is worth its cost only where it retrieves better than this row. On a gallery in which
+    every subject takes the same poses, the row ranks the other subjects in the same pose first.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="identity",
+        title="Identity (no canonical form)",
+        family="control",
+        summary="the input itself, pose included",
+    )
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the vertices of the shape."""
+        return shape.form(shape.mesh.vertices)

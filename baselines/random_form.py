@@ -1,0 +1,36 @@
+"""A form that knows nothing of the shape: the floor of every table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomForm:
+    """Independent normal positions for the vertices, over the triangles of the shape.
+
+    A control: what it scores above chance leaks through the number of vertices and triangles, or through a fault of
+    the scorer. Centre and root mean square radius are those of the shape, so that size alone gives nothing away that
+    the other rows hide.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="random",
+        title="Random form",
+        family="control",
+        summary="random positions over the triangles of the shape",
+        deterministic=False,
+    )
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return normal positions drawn from the shape's own generator."""
+        vertices = shape.mesh.vertices
+        centre = vertices.mean(axis=0)
+        radius = np.sqrt(((vertices - centre) ** 2).sum(axis=1).mean())
+        positions = shape.random("random form").standard_normal(vertices.shape)
+        return shape.form(centre + positions * (radius / np.sqrt(3)))

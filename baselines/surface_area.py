@@ -1,0 +1,46 @@
+"""One number per shape: the area of its surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from benchmark.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceArea:
+    """The area of the surface as it stands in the file, before decimation and scaling.
+
+    A control: bending keeps the area, so where the files share one unit of length this single number may retrieve
+    subjects well, and a row below it has learned little about shape. Two shapes differ by the absolute difference.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="surface-area",
+        title="Surface area",
+        family="control",
+        summary="absolute difference of the areas in file units",
+    )
+
+    def describe(self, shape: Shape) -> FloatArray:
+        """Return the area in squared file units, shape (1,).
+
+        Raises
+        ------
+        UnsupportedShape
+            If the area before preparation is not known.
+        """
+        if shape.source_area is None:
+            raise UnsupportedShape(
+                f"{shape.identifier}: the area before scaling is not known", "load the shape from its mesh file"
+            )
+        return np.array([shape.source_area])
+
+    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
+        """Return the absolute differences of the areas, shape (N, N)."""
+        areas = np.concatenate(descriptors) if len(descriptors) else np.empty(0)
+        return np.abs(areas[:, None] - areas[None, :])

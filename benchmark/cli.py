@@ -1,0 +1,259 @@
+"""The verbs of the command line; nothing heavy is imported before a verb needs it, so ``--help`` answers at once."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from benchmark import __version__
+from benchmark.errors import BenchmarkError, ConfigurationError
+
+if TYPE_CHECKING:
+    from benchmark.plan import Job
+    from benchmark.store import Store
+
+OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+DATA_VARIABLE = "CANONICAL_FORMS_DATA"
+_DATA_ROOT_HELP = f"Folder of the official data sets; also {DATA_VARIABLE}."
+
+RETRY = ("failed", "timeout", "crashed", "memory", "unsupported", "all")
+FORMATS = ("latex", "markdown", "csv", "json")
+_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the options of ``run``, ``plan`` and ``tables`` select."""
+
+    tables: tuple[str, ...]
+    methods: tuple[str, ...]
+    datasets: tuple[str, ...]
+    inputs: tuple[str, ...]
+    plugins: tuple[Path, ...]
+    results: Path
+    data_root: Path | None
+    seed: int
+    quick: bool
+    retry: frozenset[str] = frozenset()
+
+    def jobs(self, store: Store) -> list[Job]:
+        """Plan the selection."""
+        from benchmark.plan import make_plan
+        from benchmark.protocols import INPUTS, galleries
+        from benchmark.registry import methods, select
+
+        specs = select(self.methods, methods(self.plugins), self.plugins)
+        chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
+        inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
+        return make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+
+
+class Duration(click.ParamType[float]):
+    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
+
+    name = "duration"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse a duration."""
+        if isinstance(value, (int, float)):
+            return float(value)
+        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(value).strip())
+        if not match or float(match[1]) == 0:
+            self.fail(f"'{value}' is not a duration; write 90s, 10m or 2h", param, ctx)
+        return float(match[1]) * _UNITS[match[2]]
+
+
+def _selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    folder, file = click.Path(path_type=Path), click.Path(path_type=Path)
+    options = [
+        click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, III."),
+        click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'."),
+        click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
+        click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
+        click.option("--plugin", "plugins", multiple=True, type=file, metavar="FILE", help="Python file with methods."),
+        click.option("--results", type=folder, default=Path("results"), show_default=True, metavar="DIR"),
+        click.option("--data-root", type=folder, envvar=DATA_VARIABLE, metavar="DIR", help=_DATA_ROOT_HELP),
+        click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
+        click.option("--quick", is_flag=True, help="Fewer poses of each subject."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _select(options: dict[str, Any]) -> Selection:
+    root = options["data_root"]
+    if root is not None and not root.is_dir():
+        raise ConfigurationError(
+            f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
+        )
+    return Selection(**{name: options[name] for name in Selection.__dataclass_fields__ if name in options})
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="benchmark")
+def cli() -> None:
+    """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, regenerate the tables."""
+
+
+@cli.command()
+@click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs.")
+@_selection_options
+@click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Jobs at a time; all cores by default.")
+@click.option("--executor", type=click.Choice(["serial", "processes"]), default="processes", show_default=True)
+@click.option(
+    "--timeout",
+    type=Duration(),
+    metavar="TIME",
+    default="2h",
+    show_default=True,
+    help="Limit of one job: 90s, 10m, 2h.",
+)
+@click.option("--retry", multiple=True, type=click.Choice(RETRY), help="Run failures of this kind again.")
+def run(
+    everything: bool, jobs: int | None, executor: str, timeout: float, retry: tuple[str, ...], **options: Any
+) -> None:
+    """Run what is missing of a selection, then print its tables."""
+    import os
+
+    from benchmark.progress import run_plan
+    from benchmark.report.content import contents
+    from benchmark.report.formats import markdown
+    from benchmark.store import Store
+
+    selection = _select(options | {"retry": frozenset(retry)})
+    if not everything and not (selection.tables or selection.methods or selection.datasets or selection.plugins):
+        raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
+    store = Store.open(selection.results)
+    plan = selection.jobs(store)
+    workers = jobs or len(os.sched_getaffinity(0))
+    ok = run_plan(plan, store, selection, executor, workers, timeout)
+    for table in contents(plan, store):
+        click.echo("\n" + markdown(table), nl=False)
+    sys.exit(OK if ok else NOT_OK)
+
+
+@cli.command()
+@click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs (the default).")
+@_selection_options
+def plan(everything: bool, **options: Any) -> None:
+    """Show what a run would do, and why."""
+    from benchmark.store import Store
+
+    selection = _select(options)
+    jobs = selection.jobs(Store.open(selection.results))
+    width = max(len(job.name) for job in jobs)
+    for job in jobs:
+        click.echo(f"{job.state:<11}  {job.name:<{width}}  {job.reason}")
+    click.echo(f"{sum(job.to_run for job in jobs)} of {len(jobs)} jobs to run")
+
+
+@cli.command("list")
+@click.argument("what", type=click.Choice(["methods", "datasets", "tables"]))
+@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@click.option("--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--data-root", type=click.Path(path_type=Path), envvar=DATA_VARIABLE, metavar="DIR")
+def list_(what: str, as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
+    """List what can be named on the command line."""
+    from benchmark import listing
+
+    rows = {
+        "methods": lambda: listing.methods(plugins),
+        "datasets": lambda: listing.datasets(data_root),
+        "tables": lambda: listing.tables(data_root),
+    }[what]()
+    if as_json:
+        import json
+
+        click.echo(json.dumps(rows, indent=1))
+        return
+    widths = [max(len(str(row[key])) for row in rows) for key in rows[0]]
+    for row in rows:
+        click.echo(
+            "  ".join(str(value).ljust(width) for value, width in zip(row.values(), widths, strict=True)).rstrip()
+        )
+
+
+@cli.command()
+@_selection_options
+@click.option("--format", "formats", multiple=True, type=click.Choice(FORMATS), help="Default: markdown; all with -o.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Write files instead of printing.",
+)
+@click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+def tables(formats: tuple[str, ...], output: Path | None, check: bool, **options: Any) -> None:
+    """Make the tables anew from the records of finished jobs; nothing is computed."""
+    from benchmark.report.content import contents
+    from benchmark.report.files import render, stale, write
+    from benchmark.store import Store
+
+    if check and output is None:
+        raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
+    selection = _select(options)
+    store = Store.open(selection.results)
+    content = contents(selection.jobs(store), store)
+    if output is None:
+        for text in render(content, formats or ("markdown",)).values():
+            click.echo(text, nl=False)
+        return
+    files = render(content, formats or FORMATS)
+    if not check:
+        write(files, output)
+        click.echo(f"wrote {', '.join(files)} to {output}")
+        return
+    different = stale(files, output)
+    click.echo(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
+    sys.exit(NOT_OK if different else OK)
+
+
+@cli.command()
+@click.option("-m", "--method", "method", required=True, metavar="METHOD", help="Method; see 'list methods'.")
+@click.argument("source", type=click.Path(path_type=Path), metavar="IN")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Mesh file to write; by default IN-METHOD.off beside IN.",
+)
+@click.option("--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--seed", type=int, default=0, show_default=True)
+def canonicalise(method: str, source: Path, output: Path | None, plugins: tuple[Path, ...], seed: int) -> None:
+    """Write the canonical form of one mesh."""
+    from benchmark.single import canonicalise_file
+
+    target = output or source.with_name(f"{source.stem}-{method}.off")
+    form = canonicalise_file(source, target, method, plugins, seed)
+    facts = ", ".join(
+        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()
+    )
+    click.echo(f"{target}: {len(form.vertices)} vertices{', ' + facts if facts else ''}")
+
+
+def main() -> None:
+    """Run the command line; problems that the user can mend are one line and exit code 2."""
+    from benchmark.threads import pin_threads
+
+    pin_threads()
+    try:
+        cli.main(standalone_mode=False)
+    except click.UsageError as error:
+        error.show()
+        sys.exit(USAGE)
+    except BenchmarkError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(USAGE)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted; finished jobs are kept", err=True)
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,212 @@
+"""From cross sections to a watertight surface: a smooth implicit body, polygonised and remeshed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from benchmark.datasets.animals.anatomy import Species, Tube
+from benchmark.datasets.animals.skeleton import Skeleton
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.mesh import Mesh
+
+SUBDIVISIONS = 4
+"""Straight pieces between two cross sections."""
+
+VOXELS_PER_EDGE = 1.6
+"""Fineness of the polygonisation against the edges of the final mesh."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """The implicit body: tapered elliptic pieces, grouped in tubes.
+
+    Parameters
+    ----------
+    pieces
+        Shape (pieces, 10): start (3), end (3), depth and breadth ratio at the start, the same at the end.
+    bones
+        Bone that each piece belongs to, shape (pieces,).
+    first
+        First piece of each tube, shape (tubes + 1,); the last entry is the number of pieces.
+    flats
+        Unit axis of each tube along which it is flattened, shape (tubes, 3).
+    blends
+        Fillet of each tube, shape (tubes,).
+    """
+
+    pieces: NDArray[np.float64]
+    bones: NDArray[np.int64]
+    first: NDArray[np.int64]
+    flats: NDArray[np.float64]
+    blends: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, species: Species, skeleton: Skeleton) -> Field:
+        """Return the implicit body of a species, its pieces labelled with the bones of its skeleton."""
+        parts = species.parts()
+        pieces, bones = zip(*(_pieces(part, skeleton) for part in parts), strict=True)
+        return cls(
+            pieces=np.concatenate(pieces),
+            bones=np.concatenate(bones),
+            first=np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]),
+            flats=np.array([np.asarray(part.flat) / np.linalg.norm(part.flat) for part in parts]),
+            blends=np.array([part.blend for part in parts], dtype=np.float64),
+        )
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners of a box that holds the body, each shape (3,)."""
+        radius = np.maximum(self.pieces[:, 6] * np.maximum(self.pieces[:, 7], 1.0), 0.0)
+        radius = np.maximum(radius, self.pieces[:, 8] * np.maximum(self.pieces[:, 9], 1.0))[:, None]
+        ends = self.pieces[:, :6].reshape(-1, 2, 3)
+        margin = 0.25 * self.blends.max()
+        return (ends.min(axis=1) - radius).min(axis=0) - margin, (ends.max(axis=1) + radius).max(axis=0) + margin
+
+    def evaluate(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Evaluate the body at points of shape (n, 3).
+
+        Returns
+        -------
+        numpy.ndarray, numpy.ndarray
+            Signed distances to first order, negative inside, and the piece that is nearest, both shape (n,).
+        """
+        boxes = np.array(
+            [
+                [np.r_[s[:, :3], s[:, 3:6]].min(axis=0) - r, np.r_[s[:, :3], s[:, 3:6]].max(axis=0) + r]
+                for s, r in ((s, _largest_radius(s)) for s in np.split(self.pieces, self.first[1:-1]))
+            ]
+        )
+        return _evaluate(np.ascontiguousarray(points), self.pieces, self.first, self.flats, self.blends, boxes)
+
+
+def _largest_radius(pieces: NDArray[np.float64]) -> float:
+    return float((pieces[:, [6, 8]] * np.maximum(pieces[:, [7, 9]], 1.0)).max())
+
+
+def _pieces(part: Tube, skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cut a tube into straight tapered pieces along a smooth curve through its sections."""
+    rows = np.array([[*s.position, s.depth, s.breadth / s.depth] for s in part.sections])
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1))])
+    at = np.concatenate([np.linspace(a, b, SUBDIVISIONS, endpoint=False) for a, b in zip(chord, chord[1:], strict=False)])
+    # Monotone cubics do not overshoot: no section grows thicker or thinner than its neighbours say.
+    samples = PchipInterpolator(chord, rows)(np.append(at, chord[-1]))
+    start, end = samples[:-1], samples[1:]
+    bone = skeleton.index(part.parent) if not part.sections[0].bone else -1
+    labels = []
+    for section in part.sections[:-1]:
+        bone = skeleton.index(section.bone) if section.bone else bone
+        labels += [bone] * SUBDIVISIONS
+    return np.column_stack([start[:, :3], end[:, :3], start[:, 3:], end[:, 3:]]), np.array(labels, dtype=np.int64)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _evaluate(
+    points: NDArray[np.float64],
+    pieces: NDArray[np.float64],
+    first: NDArray[np.int64],
+    flats: NDArray[np.float64],
+    blends: NDArray[np.float64],
+    boxes: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    values = np.empty(len(points))
+    nearest = np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        value, least, owner = 1e9, 1e9, -1
+        for tube in range(len(blends)):
+            blend = blends[tube]
+            gap = 0.0
+            for k in range(3):
+                outside = max(boxes[tube, 0, k] - points[i, k], points[i, k] - boxes[tube, 1, k], 0.0)
+                gap += outside * outside
+            # A tube further off than its fillet leaves the value as it is.
+            if owner >= 0 and np.sqrt(gap) > value + blend:
+                continue
+            nx, ny, nz = flats[tube, 0], flats[tube, 1], flats[tube, 2]
+            distance = 1e9
+            for p in range(first[tube], first[tube + 1]):
+                ax, ay, az = x - pieces[p, 0], y - pieces[p, 1], z - pieces[p, 2]
+                bx, by, bz = pieces[p, 3] - pieces[p, 0], pieces[p, 4] - pieces[p, 1], pieces[p, 5] - pieces[p, 2]
+                t = (ax * bx + ay * by + az * bz) / (bx * bx + by * by + bz * bz)
+                t = min(max(t, 0.0), 1.0)
+                radius = pieces[p, 6] + t * (pieces[p, 8] - pieces[p, 6])
+                ratio = pieces[p, 7] + t * (pieces[p, 9] - pieces[p, 7])
+                cx, cy, cz = ax - t * bx, ay - t * by, az - t * bz
+                along = cx * nx + cy * ny + cz * nz
+                across = max(cx * cx + cy * cy + cz * cz - along * along, 0.0)
+                norm = np.sqrt(across + (along / ratio) ** 2)
+                slope = np.sqrt(across + (along / (ratio * ratio)) ** 2)
+                # First-order distance to an ellipse: its implicit function over the length of the gradient.
+                d = (norm - radius) * (norm / slope if slope > 1e-9 else 1.0)
+                distance = min(distance, d)
+                if d < least:
+                    least, owner = d, p
+            overlap = max(blend - abs(value - distance), 0.0)
+            value = min(value, distance) - 0.25 * overlap * overlap / blend
+        values[i] = value
+        nearest[i] = owner
+    return values, nearest
+
+
+def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
+    """Polygonise an implicit body.
+
+    Parameters
+    ----------
+    field
+        The body.
+    n_vertices
+        Number of vertices to aim at; the result is within some ten per cent.
+
+    Returns
+    -------
+    Mesh, numpy.ndarray
+        A closed surface of triangles of about one size, and the bone that owns each vertex, shape (n,).
+
+    Raises
+    ------
+    InvalidMesh
+        If the surface is not one closed piece without handles, so that the proportions have to be mended.
+    """
+    import igl
+
+    low, high = field.bounds()
+    # A coarse pass measures the area, from which the length of an edge follows: 2 n triangles of area l^2 sqrt(3) / 4.
+    coarse = _marching_cubes(field, low, high, float((high - low).max()) / 60.0)
+    edge = float(np.sqrt(coarse.area / (2 * n_vertices) * 4.0 / np.sqrt(3.0)))
+    mesh = _isotropic(_marching_cubes(field, low, high, edge / VOXELS_PER_EDGE), edge)
+    euler = mesh.n_vertices - mesh.n_faces // 2
+    pieces = int(igl.connected_components(igl.adjacency_matrix(mesh.faces.astype(np.int64)))[0])
+    if pieces != 1 or euler != 2:
+        raise InvalidMesh(f"the body has {pieces} pieces and Euler number {euler}", "mend the proportions of the species")
+    _, owner = field.evaluate(mesh.vertices)
+    return mesh, field.bones[owner]
+
+
+def _marching_cubes(field: Field, low: NDArray[np.float64], high: NDArray[np.float64], step: float) -> Mesh:
+    import igl
+
+    counts = np.ceil((high - low) / step).astype(int) + 3
+    axes = [start + step * (np.arange(count) - 1.0) for start, count in zip(low, counts, strict=True)]
+    z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
+    grid = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    values, _ = field.evaluate(grid)
+    vertices, faces, _ = igl.marching_cubes(values, grid, *(int(count) for count in counts), 0.0)
+    mesh = Mesh(vertices, faces)
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    outward = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+    return mesh if outward else Mesh(vertices, faces[:, ::-1])
+
+
+def _isotropic(mesh: Mesh, edge: float) -> Mesh:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PureValue(edge), iterations=5, featuredeg=60.0)
+    result = meshes.current_mesh()
+    return Mesh(result.vertex_matrix(), result.face_matrix())

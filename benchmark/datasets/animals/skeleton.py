@@ -1,0 +1,132 @@
+"""Bones of a body, and where a pose takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from benchmark.datasets.animals.anatomy import Species
+
+Aim = float | tuple[float, float] | None
+"""Where a bone points: the sagittal angle, with or without the outward angle; None follows the parent bone."""
+
+Pose = Mapping[str, Sequence[Aim] | None]
+"""Aims along the chain of each part; None keeps the directions of the rest pose whatever the parent does."""
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A rigid segment: its name, the index of its parent (-1 for the root), its joint and its far end, shape (3,)."""
+
+    name: str
+    parent: int
+    joint: NDArray[np.float64]
+    end: NDArray[np.float64]
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """Unit vector from the joint to the far end in the rest pose, shape (3,)."""
+        span = self.end - self.joint
+        return np.asarray(span / np.linalg.norm(span))
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Bones, parents before children, and the bones of each part in order."""
+
+    bones: tuple[Bone, ...]
+    chains: Mapping[str, tuple[int, ...]]
+
+    @classmethod
+    def of(cls, species: Species) -> Skeleton:
+        """Return the skeleton that the sections of a species describe."""
+        bones: list[Bone] = []
+        index: dict[str, int] = {"": -1}
+        chains: dict[str, tuple[int, ...]] = {}
+        for part in species.parts():
+            joints = [s for s in part.sections if s.bone]
+            ends = [*joints[1:], part.sections[-1]]
+            parent = index[part.parent]
+            for joint, end in zip(joints, ends, strict=bool(joints)):
+                bones.append(Bone(joint.bone, parent, joint.position, end.position))
+                parent = index[joint.bone] = len(bones) - 1
+            if joints:
+                chains[part.part] = tuple(index[joint.bone] for joint in joints)
+        return cls(tuple(bones), chains)
+
+    def index(self, name: str) -> int:
+        """Index of the bone of this name."""
+        return [bone.name for bone in self.bones].index(name)
+
+    def transforms(self, pose: Pose) -> tuple[Rotation, NDArray[np.float64]]:
+        """Take every bone where a pose wants it.
+
+        A bone turns by the smallest rotation that brings its direction, as carried along by its parent, to the aim.
+        Aims are directions in the world, so that a leg stays planted when the back bends.
+
+        Parameters
+        ----------
+        pose
+            Aims by part; ``"hind"`` means both sides, ``"hind.left"`` one of them and wins over ``"hind"``.
+
+        Returns
+        -------
+        Rotation, numpy.ndarray
+            One rotation per bone, and translations of shape (bones, 3): a point p on bone b goes to R_b p + t_b.
+        """
+        aims = self._aims(pose)
+        rotations: list[Rotation] = []
+        translations = np.zeros((len(self.bones), 3))
+        for k, bone in enumerate(self.bones):
+            carried = rotations[bone.parent] if bone.parent >= 0 else Rotation.identity()
+            target = aims.get(k)
+            turned = carried if target is None else smallest_rotation(carried.apply(bone.direction), target) * carried
+            joint = carried.apply(bone.joint) + translations[bone.parent] if bone.parent >= 0 else bone.joint
+            rotations.append(turned)
+            translations[k] = joint - turned.apply(bone.joint)
+        return Rotation.concatenate(rotations), translations
+
+    def _aims(self, pose: Pose) -> dict[int, NDArray[np.float64]]:
+        aims: dict[int, NDArray[np.float64]] = {}
+        for part in sorted(pose, key=lambda name: "." in name):
+            for chain in [self.chains[name] for name in self.chains if name == part or name.startswith(f"{part}.")]:
+                wanted = pose[part]
+                if wanted is None:
+                    aims.update({k: self.bones[k].direction for k in chain})
+                    continue
+                outward = -1.0 if self.bones[chain[0]].name.endswith(".right") else 1.0
+                for k, aim in zip(chain, wanted, strict=False):
+                    aims.pop(k, None)
+                    if aim is not None:
+                        aims[k] = direction(aim, outward)
+        return aims
+
+
+def direction(aim: float | tuple[float, float], outward: float = 1.0) -> NDArray[np.float64]:
+    """Return the unit vector of an aim, shape (3,).
+
+    Parameters
+    ----------
+    aim
+        Sagittal angle in degrees (0 forward, 90 up, 180 backward, -90 down), or that and the outward angle in degrees
+        (0 in the sagittal plane, 90 straight out to the side).
+    outward
+        1 for the left side and the midline, where outward is +x; -1 for the right side.
+    """
+    sagittal, side = np.radians(aim if isinstance(aim, tuple) else (aim, 0.0))
+    return np.array([outward * np.sin(side), -np.cos(side) * np.cos(sagittal), np.cos(side) * np.sin(sagittal)])
+
+
+def smallest_rotation(start: NDArray[np.float64], end: NDArray[np.float64]) -> Rotation:
+    """Return the rotation by the smallest angle that takes one unit vector to another, both shape (3,).
+
+    Opposite vectors turn about the x axis, in the sagittal plane.
+    """
+    axis = np.cross(start, end)
+    sine = float(np.linalg.norm(axis))
+    axis = axis / sine if sine > 1e-9 else np.array([1.0, 0.0, 0.0])
+    return Rotation.from_rotvec(np.arctan2(sine, float(start @ end)) * axis)

@@ -1,0 +1,119 @@
+"""Names of data sets, and where each comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.datasets.base import Dataset
+from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+
+Loader = Callable[[Path], Dataset]
+
+
+@dataclass(frozen=True)
+class Known:
+    """A data set that has a name on the command line.
+
+    Parameters
+    ----------
+    summary
+        One line for ``list datasets``.
+    load
+        Makes the data set; takes the data root, which generated sets do not look at.
+    folder
+        Where an official set lies under the data root; "" for a generated one.
+    """
+
+    summary: str
+    load: Loader
+    folder: str = ""
+
+
+def _tosca(root: Path) -> Dataset:
+    from benchmark.datasets.tosca import tosca
+
+    return tosca(root)
+
+
+def _shrec14(part: str) -> Loader:
+    def load(root: Path) -> Dataset:
+        from benchmark.datasets.shrec14 import shrec14
+
+        return shrec14(root, part)
+
+    return load
+
+
+def _humans(_: Path) -> Dataset:
+    from benchmark.datasets.humans import Humans
+
+    return Humans()
+
+
+def _animals(_: Path) -> Dataset:
+    from benchmark.datasets.animals import Animals
+
+    return Animals()
+
+
+CATALOGUE: dict[str, Known] = {
+    "shrec14-synthetic": Known(
+        "SHREC'14 synthetic humans, 15 subjects x 20 poses", _shrec14("synthetic"), "shrec14/synthetic"
+    ),
+    "shrec14-real": Known("SHREC'14 real humans, 40 subjects x 10 poses", _shrec14("real"), "shrec14/real"),
+    "tosca": Known("TOSCA high resolution, 80 shapes in 9 classes", _tosca, "tosca"),
+    "humans": Known("generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans),
+    "animals": Known("generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals),
+}
+
+
+def is_present(name: str, data_root: Path | None) -> bool:
+    """Whether a data set can be used: generated ones always, official ones when their folder is there."""
+    known = _known(name)
+    return not known.folder or (data_root is not None and (data_root / known.folder).is_dir())
+
+
+def open_dataset(name: str, data_root: Path | None) -> Dataset:
+    """Open a data set by name, or any folder by its path.
+
+    Parameters
+    ----------
+    name
+        A key of :data:`CATALOGUE`, or the path of a folder of meshes.
+    data_root
+        The folder that holds the official sets; None if there is none.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name is neither a data set nor a folder.
+    DatasetError
+        If the set is absent or unreadable.
+    """
+    if name not in CATALOGUE and is_path(name):
+        folder = Path(name)
+        if not folder.is_dir():
+            raise ConfigurationError(f"{folder} is not a folder", "name a data set or the folder that holds the meshes")
+        from benchmark.datasets.folder import folder_dataset
+
+        return folder_dataset(folder)
+    known = _known(name)
+    if not is_present(name, data_root):
+        where = data_root / known.folder if data_root else f"DATA_ROOT/{known.folder}"
+        raise DatasetError(
+            f"data set '{name}' is not at {where}", "put it there and pass --data-root, or use its stand-in"
+        )
+    return known.load(data_root or Path())
+
+
+def is_path(name: str) -> bool:
+    """Whether a name on the command line can only mean a folder."""
+    return "/" in name or name.startswith((".", "~")) or Path(name).is_dir()
+
+
+def _known(name: str) -> Known:
+    if name not in CATALOGUE:
+        raise did_you_mean("data set", name, CATALOGUE)
+    return CATALOGUE[name]

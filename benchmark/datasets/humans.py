@@ -1,0 +1,205 @@
+"""Generated humans: the stand-in for the synthetic part of SHREC'14 [Pickup et al. 2014].
+
+The official set poses 15 bodies (5 men, 5 women, 5 children) in 20 ways each, all with the same list of poses. The
+stand-in does the same with the parametric body of the package ``anny`` [Brégier et al. 2025; its assets descend from
+MakeHuman and are CC0]: blend shapes make the body, linear blend skinning poses it. Nothing is random, and nothing
+depends on how many shapes are made at a time.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import itertools
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, astuple, dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.datasets.base import Entry
+from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
+from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
+from benchmark.errors import DatasetError
+from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.depth import FRONT, Camera
+from benchmark.geometry.mesh import Faces, Mesh
+
+CANONICAL_POSE = next(iter(POSES))
+"""The pose whose depth image a learned method predicts."""
+
+_BATCH = 20
+"""Shapes that are made at a time: about 100 MiB of working memory."""
+
+_DECIMALS = 6
+"""Coordinates are rounded to micrometres, far above the rounding errors (1e-15 m) by which a batch differs."""
+
+
+@dataclass(frozen=True)
+class _Body:
+    model: Any
+    keep: NDArray[np.bool_]
+    faces: Faces
+
+
+@dataclass(frozen=True)
+class Humans:
+    """The data set of 15 subjects in 20 poses.
+
+    Entries are ordered by subject, then by pose, like the files of SHREC'14.
+    """
+
+    name: str = "humans"
+    title: str = "humans (stand-in for SHREC'14 synthetic)"
+    stand_in_for: str = "shrec14-synthetic"
+    half_width: float = 1.3
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The 300 shapes."""
+        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in SUBJECTS for pose in POSES)
+
+    def load(self, entry: Entry) -> Mesh:
+        """Make the mesh of one shape, in metres, z up, facing -y.
+
+        Raises
+        ------
+        DatasetError
+            If the packages that make bodies are missing.
+        """
+        return human_mesh(SUBJECTS[entry.subject], POSES[entry.pose])
+
+    def recipe(self, entry: Entry) -> str:
+        """Digest of the version of the body model, the body and the rotations of the bones."""
+        return recipe(SUBJECTS[entry.subject], POSES[entry.pose])
+
+    def camera(self, entry: Entry) -> Camera:
+        """Look at the front."""
+        return FRONT
+
+
+def human_mesh(subject: Subject, pose: Pose) -> Mesh:
+    """Mesh of one body in one pose; see :func:`human_meshes`."""
+    return next(human_meshes([(subject, pose)]))
+
+
+def human_meshes(pairs: Iterable[tuple[Subject, Pose]]) -> Iterator[Mesh]:
+    """Meshes of bodies in poses, made a few at a time.
+
+    Parameters
+    ----------
+    pairs
+        A body and a pose for each mesh.
+
+    Yields
+    ------
+    Mesh
+        13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence; metres, z up, facing
+        -y, left hand towards +x.
+
+    Raises
+    ------
+    DatasetError
+        If the packages that make bodies are missing.
+    """
+    body = _body()
+    remaining = iter(pairs)
+    while batch := list(itertools.islice(remaining, _BATCH)):
+        for vertices in _skinned(body.model, batch):
+            yield Mesh(np.round(vertices[body.keep], _DECIMALS), body.faces)
+
+
+def recipe(subject: Subject, pose: Pose) -> str:
+    """Name what determines a mesh, without making it."""
+    digest = hashlib.sha256(repr(astuple(subject)).encode())
+    for bone, rotation in sorted(bone_rotations(pose).items()):
+        digest.update(bone.encode() + np.round(rotation, 9).tobytes())
+    return f"anny {_anny_version()} {digest.hexdigest()}"
+
+
+def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subject, Sequence[Pose]]]:
+    """Further bodies and poses for training, as many as wanted.
+
+    The bodies keep a distance from those of the data set, so a method may train on them and be tested on all of it.
+    A larger sample begins with the smaller one of the same seed.
+
+    Parameters
+    ----------
+    n_subjects
+        Number of bodies.
+    n_poses
+        Number of poses for each body; every body gets its own.
+    seed
+        Seed of the choice.
+
+    Returns
+    -------
+    list of tuple
+        Each body with its poses, to be passed on to :func:`human_meshes`.
+    """
+    sample: list[tuple[Subject, Sequence[Pose]]] = []
+    for index in range(n_subjects):
+        of_subject, of_poses = (np.random.default_rng([seed, index, part]) for part in range(2))
+        sample.append((new_subject(of_subject), [perturbed_pose(of_poses) for _ in range(n_poses)]))
+    return sample
+
+
+def _anny_version() -> str:
+    try:
+        return importlib.metadata.version("anny")
+    except importlib.metadata.PackageNotFoundError as error:
+        raise _missing("anny") from error
+
+
+def _missing(package: str) -> DatasetError:
+    return DatasetError(f"generated humans need the package '{package}'", f"run `pip install {package}`")
+
+
+@functools.cache
+def _body() -> _Body:
+    try:
+        import anny
+        import anny.paths
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise _missing((error.name or "anny").partition(".")[0]) from error
+
+    if not any(anny.paths.get_anny_cache_path().glob("*/*")):
+        sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
+    # Linear blend skinning on the CPU, in double precision: the same on every machine, unlike the Warp kernels.
+    model = anny.Anny(skinning_method="lbs", pose_parameterization="local-ref")
+    faces = model.get_triangular_faces().numpy().astype(np.int32)
+    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
+    # Eyes and tongue are components of their own, inside the head.
+    keep = labels == np.bincount(labels).argmax()
+    renumbered = np.cumsum(keep, dtype=np.int32) - 1
+    return _Body(model, keep, renumbered[faces[keep[faces[:, 0]]]])
+
+
+def _skinned(model: Any, pairs: Sequence[tuple[Subject, Pose]]) -> NDArray[np.float64]:
+    """Vertices of the whole model, shape (pairs, n, 3)."""
+    import torch
+
+    rotations = [bone_rotations(pose) for _, pose in pairs]
+    transforms = {bone: np.tile(np.eye(4), (len(pairs), 1, 1)) for bone in rotations[0]}
+    for row, of_pose in enumerate(rotations):
+        for bone, rotation in of_pose.items():
+            transforms[bone][row, :3, :3] = rotation
+    phenotypes = {
+        field.name: torch.tensor([asdict(subject)[field.name] for subject, _ in pairs], dtype=torch.float64)
+        for field in fields(Subject)
+    }
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.inference_mode():
+            result = model(
+                pose_parameters={bone: torch.from_numpy(matrices) for bone, matrices in transforms.items()},
+                phenotype_kwargs=phenotypes,
+            )
+    finally:
+        torch.set_num_threads(threads)
+    return np.asarray(result["vertices"].numpy(), dtype=np.float64)

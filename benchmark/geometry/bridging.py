@@ -1,0 +1,204 @@
+"""Joining the components of a mesh by short strips of triangles, so that geodesics between all vertices exist."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.cleaning import compact, connected_components
+from benchmark.geometry.mesh import Mesh, Points
+
+IntArray = NDArray[np.int64]
+_Edge = tuple[int, int]
+
+
+def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
+    """Join all components into one along their minimum spanning tree.
+
+    The distance of two components is the shortest Euclidean distance between their vertices, of which an open
+    component offers those on its boundary. Each link of the tree becomes a strip of two triangles between a boundary
+    edge at either end, so every edge keeps at most two faces. Where two ends coincide they are welded and one triangle
+    closes the gap between their boundary edges. An end on a closed component is opened first by taking away
+    one triangle at the anchor.
+
+    Parameters
+    ----------
+    mesh
+        A manifold mesh of any number of components.
+    min_faces
+        Components with fewer faces are dropped, vertices without face always; the component with most faces stays.
+
+    Returns
+    -------
+    mesh : Mesh
+        One component; the vertices that remain keep their order.
+    bridges : int
+        Number of components less one.
+
+    Raises
+    ------
+    InvalidMesh
+        If the mesh has no faces.
+    """
+    if not mesh.n_faces:
+        raise InvalidMesh("a mesh without faces cannot be bridged", "pass a surface")
+    labels = connected_components(mesh)
+    faces_of = np.bincount(labels[mesh.faces[:, 0]], minlength=int(labels.max()) + 1)
+    kept = faces_of >= max(min_faces, 1)
+    kept[np.argmax(faces_of)] = True
+    work = compact(mesh.vertices, mesh.faces[kept[labels[mesh.faces[:, 0]]]])
+    labels = connected_components(work)
+    links = _spanning_tree(work, labels)
+    if not links:
+        return work, 0
+    builder = _Builder(work)
+    for first, second in links:
+        builder.bridge(first, second)
+    return builder.result(), len(links)
+
+
+def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
+    """Return the closest pairs of vertices that join the components, by Prim's algorithm from component 0."""
+    count = int(labels.max()) + 1
+    if count == 1:
+        return []
+    candidates = _anchor_candidates(mesh, labels)
+    members = [candidates[labels[candidates] == component] for component in range(count)]
+    trees = [cKDTree(mesh.vertices[member]) for member in members]
+    lower, upper = (np.array([pick(tree) for tree in trees]) for pick in (lambda t: t.mins, lambda t: t.maxes))
+    distance = np.full(count, np.inf)
+    link: list[_Edge] = [(-1, -1)] * count
+    outside = np.ones(count, dtype=bool)
+    current, links = 0, []
+    while True:
+        outside[current] = False
+        if not outside.any():
+            return links
+        gap = np.maximum(np.maximum(lower - upper[current], lower[current] - upper), 0.0)
+        near = np.linalg.norm(gap, axis=1)  # bounding boxes: most pairs need no search
+        for other in np.flatnonzero(outside & (near < distance)):
+            found = _closest(mesh.vertices, members, trees, current, int(other), distance[other])
+            if found is not None:
+                distance[other], link[other] = found
+        current = int(np.argmin(np.where(outside, distance, np.inf)))
+        links.append(link[current])
+
+
+def _closest(
+    vertices: Points, members: list[IntArray], trees: list[cKDTree], inside: int, other: int, limit: float
+) -> tuple[float, _Edge] | None:
+    """Return the closest pair (vertex inside, vertex of the other component) if it is closer than the limit."""
+    few, many = (inside, other) if len(members[inside]) < len(members[other]) else (other, inside)
+    distances, nearest = trees[many].query(vertices[members[few]], distance_upper_bound=limit)
+    at = int(np.argmin(distances))
+    if not distances[at] < limit:
+        return None
+    ends = {few: int(members[few][at]), many: int(members[many][nearest[at]])}
+    return float(distances[at]), (ends[inside], ends[other])
+
+
+def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
+    """Return the boundary vertices of open components and all vertices of closed ones."""
+    faces = mesh.faces.astype(np.int64)
+    sides = np.sort(np.stack((faces.ravel(), np.roll(faces, -1, axis=1).ravel()), axis=1), axis=1)
+    key = sides[:, 0] * mesh.n_vertices + sides[:, 1]
+    _, first, counts = np.unique(key, return_index=True, return_counts=True)
+    on_boundary = np.zeros(mesh.n_vertices, dtype=bool)
+    on_boundary[sides[first[counts == 1]]] = True
+    is_open = np.zeros(int(labels.max()) + 1, dtype=bool)
+    is_open[labels[on_boundary]] = True
+    return np.flatnonzero(on_boundary | ~is_open[labels])
+
+
+class _Builder:
+    """A list of faces that grows by bridges, with the free sides of each vertex kept up to date."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._vertices = mesh.vertices
+        self._faces: list[tuple[int, int, int] | None] = [(a, b, c) for a, b, c in mesh.faces.tolist()]
+        self._sides: dict[_Edge, list[int]] = {}
+        self._around: dict[int, set[int]] = {}
+        for index, face in enumerate(self._faces):
+            assert face is not None  # noqa: S101 -- for the type checker
+            self._register(index, face)
+        self._welded: dict[int, int] = {}
+
+    def _register(self, index: int, face: tuple[int, int, int]) -> None:
+        for corner in range(3):
+            start, end = face[corner], face[(corner + 1) % 3]
+            self._sides.setdefault((min(start, end), max(start, end)), []).append(index)
+            self._around.setdefault(start, set()).add(index)
+
+    def _remove(self, index: int) -> None:
+        face = self._faces[index]
+        assert face is not None  # noqa: S101 -- for the type checker
+        for corner in range(3):
+            start, end = face[corner], face[(corner + 1) % 3]
+            self._sides[min(start, end), max(start, end)].remove(index)
+            self._around[start].discard(index)
+        self._faces[index] = None
+
+    def _add(self, face: tuple[int, int, int]) -> None:
+        self._faces.append(face)
+        self._register(len(self._faces) - 1, face)
+
+    def _resolve(self, vertex: int) -> int:
+        while vertex in self._welded:
+            vertex = self._welded[vertex]
+        return vertex
+
+    def _free_neighbours(self, vertex: int) -> list[int]:
+        """Return the far ends of the boundary edges at a vertex, opening a closed fan by its smallest face."""
+        neighbours = self._boundary(vertex)
+        if not neighbours:
+            self._remove(min(self._around[vertex], key=lambda index: (self._area(index), index)))
+            neighbours = self._boundary(vertex)
+        return neighbours
+
+    def _boundary(self, vertex: int) -> list[int]:
+        ends = {end for index in self._around[vertex] for end in self._faces[index] or () if end != vertex}
+        return sorted(end for end in ends if len(self._sides[min(vertex, end), max(vertex, end)]) == 1)
+
+    def _area(self, index: int) -> float:
+        a, b, c = self._vertices[list(self._faces[index] or ())]
+        return float(np.linalg.norm(np.cross(b - a, c - a)))
+
+    def bridge(self, first: int, second: int) -> None:
+        """Join two vertices of different components."""
+        first, second = self._resolve(first), self._resolve(second)
+        pairs = [(a, b) for a in self._free_neighbours(first) for b in self._free_neighbours(second)]
+        vertices = self._vertices
+        a, b = min(pairs, key=lambda pair: (float(np.linalg.norm(vertices[pair[0]] - vertices[pair[1]])), pair))
+        # The new triangles run along the free side against the direction of its own face: orientation is kept.
+        forward = self._runs(first, a)
+        if np.array_equal(vertices[first], vertices[second]):
+            self._weld(second, first)
+            self._add((a, first, b) if forward else (first, a, b))
+            return
+        diagonal_first = np.linalg.norm(vertices[first] - vertices[b]) <= np.linalg.norm(vertices[a] - vertices[second])
+        quad = ((a, first, b), (first, second, b)) if diagonal_first else ((a, first, second), (a, second, b))
+        for x, y, z in quad:
+            self._add((x, y, z) if forward else (y, x, z))
+
+    def _runs(self, start: int, end: int) -> bool:
+        """Say whether the one face at this side runs from start to end."""
+        face = self._faces[self._sides[min(start, end), max(start, end)][0]]
+        assert face is not None  # noqa: S101 -- for the type checker
+        return face[(face.index(start) + 1) % 3] == end
+
+    def _weld(self, vertex: int, onto: int) -> None:
+        for index in sorted(self._around[vertex]):
+            face = self._faces[index]
+            assert face is not None  # noqa: S101 -- for the type checker
+            self._remove(index)
+            x, y, z = (onto if corner == vertex else corner for corner in face)
+            self._faces[index] = (x, y, z)
+            self._register(index, (x, y, z))
+        self._welded[vertex] = onto
+
+    def result(self) -> Mesh:
+        """Return the mesh with its bridges."""
+        faces = np.array([face for face in self._faces if face is not None], dtype=np.int64)
+        return compact(self._vertices, faces)

@@ -1,0 +1,220 @@
+"""Repair of triangle meshes: duplicates, degenerate faces, unreferenced vertices, non-manifold edges and vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components as graph_components
+
+from benchmark.geometry.mesh import Faces, Mesh, Points
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CleaningReport:
+    """What :func:`clean` found and did.
+
+    Parameters
+    ----------
+    vertices_before, faces_before
+        Counts of the mesh as given.
+    merged
+        Vertices merged into one at the same position.
+    degenerate_faces
+        Faces dropped because two corners coincide or the area is zero.
+    duplicate_faces
+        Faces dropped because another one has the same three vertices.
+    unreferenced
+        Vertices dropped because no face uses them.
+    components
+        Connected components of the result.
+    boundary_edges
+        Edges of the result with one face.
+    non_manifold_edges
+        Edges of the result with more than two faces.
+    non_manifold_vertices
+        Vertices of the result whose faces do not form one fan.
+    """
+
+    vertices_before: int
+    faces_before: int
+    merged: int
+    degenerate_faces: int
+    duplicate_faces: int
+    unreferenced: int
+    components: int
+    boundary_edges: int
+    non_manifold_edges: int
+    non_manifold_vertices: int
+
+
+def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
+    """Merge duplicate vertices and drop what carries no surface.
+
+    Only vertices at *exactly* the same position are merged: that mends files that store each triangle by itself, while
+    a tolerance would weld surfaces that merely touch (lips, fingers, eyelids) and change the geodesics.
+
+    Returns
+    -------
+    Mesh
+        The cleaned mesh; vertices keep their relative order, faces theirs.
+    CleaningReport
+        What was found.
+    """
+    distinct, place = _merge_duplicates(mesh.vertices)
+    faces = place[mesh.faces.astype(np.int64)].reshape(-1, 3)
+    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    proper &= Mesh(distinct, faces).face_areas > 0
+    degenerate = len(faces) - int(proper.sum())
+    faces = faces[proper]
+    single = _first_of_each(np.sort(faces, axis=1))
+    duplicates = len(faces) - len(single)
+    faces = faces[single]
+    cleaned = compact(distinct, faces)
+    counts = edge_counts(cleaned.faces)
+    return cleaned, CleaningReport(
+        vertices_before=mesh.n_vertices,
+        faces_before=mesh.n_faces,
+        merged=mesh.n_vertices - len(distinct),
+        degenerate_faces=degenerate,
+        duplicate_faces=duplicates,
+        unreferenced=len(distinct) - cleaned.n_vertices,
+        components=int(connected_components(cleaned).max(initial=-1)) + 1,
+        boundary_edges=int((counts == 1).sum()),
+        non_manifold_edges=int((counts > 2).sum()),
+        non_manifold_vertices=int((fans_per_vertex(cleaned) > 1).sum()),
+    )
+
+
+def make_manifold(mesh: Mesh) -> Mesh:
+    """Return a mesh whose edges have at most two faces and whose vertices have one fan of faces each.
+
+    At an edge with more than two faces the largest two stay (an internal wall or a sliver goes, the surface around it
+    holds together); a vertex where several fans meet is split into one vertex per fan, at the same position.
+    """
+    faces = mesh.faces.astype(np.int64)
+    areas = mesh.face_areas
+    while True:
+        edge_of_side, counts = _edges_of_sides(faces)
+        crowded = counts[edge_of_side] > 2
+        if not crowded.any():
+            break
+        # Rank of each side among the sides of its edge, largest face first; ties by face order.
+        size = np.repeat(areas, 3)
+        order = np.lexsort((np.arange(len(size)), -size, edge_of_side))
+        first = np.concatenate(([0], np.cumsum(counts)))[:-1]
+        rank = np.empty(len(size), dtype=np.int64)
+        rank[order] = np.arange(len(size)) - first[edge_of_side[order]]
+        keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
+        faces, areas = faces[keep], areas[keep]
+    fan = _fans(faces, mesh.n_vertices)
+    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
+    owner[fan] = faces.ravel()
+    # Fans in the order of the vertex that they belong to, so that a manifold mesh comes back as it was.
+    order = np.argsort(owner, kind="stable")
+    rank_of_fan = np.empty_like(order)
+    rank_of_fan[order] = np.arange(len(order))
+    return Mesh(mesh.vertices[owner[order]], rank_of_fan[fan].reshape(-1, 3))
+
+
+def connected_components(mesh: Mesh) -> IntArray:
+    """Label each vertex with its component along edges, shape (n,), numbered from 0 by first vertex.
+
+    A vertex without face is a component of its own.
+    """
+    faces = mesh.faces.astype(np.int64)
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))
+    _, labels = graph_components(graph.tocsr(), directed=False)
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse.reshape(-1)].astype(np.int64)
+
+
+def largest_component(mesh: Mesh) -> Mesh:
+    """Return the component with the largest area, without the vertices of the others."""
+    areas, of_face = component_areas(mesh)
+    return compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
+
+
+def component_areas(mesh: Mesh) -> tuple[NDArray[np.float64], IntArray]:
+    """Return the area of each component, shape (c,), and the component of each face, shape (m,)."""
+    labels = connected_components(mesh)
+    of_face = labels[mesh.faces[:, 0]]
+    return np.bincount(of_face, weights=mesh.face_areas, minlength=int(labels.max(initial=-1)) + 1), of_face
+
+
+def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
+    """Return the mesh of these faces without the vertices that they do not use; the order is kept."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces.ravel()] = True
+    place = np.cumsum(used) - 1
+    return Mesh(vertices[used], place[faces])
+
+
+def edge_counts(faces: Faces | IntArray) -> IntArray:
+    """Return the number of faces at each undirected edge."""
+    return _edges_of_sides(faces.astype(np.int64))[1]
+
+
+def fans_per_vertex(mesh: Mesh) -> IntArray:
+    """Return how many fans of edge-connected faces meet at each vertex, shape (n,): 1 on a manifold."""
+    fan = _fans(mesh.faces.astype(np.int64), mesh.n_vertices)
+    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
+    owner[fan] = mesh.faces.ravel()
+    return np.bincount(owner, minlength=mesh.n_vertices).astype(np.int64)
+
+
+def _merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
+    """Return the distinct positions in order of first occurrence and the place of each vertex among them."""
+    positions = vertices + 0.0  # turns -0.0 into 0.0, so that equal numbers are equal
+    first = _first_of_each(positions)
+    if len(first) == len(vertices):
+        return vertices, np.arange(len(vertices), dtype=np.int64)
+    _, index, inverse = np.unique(positions, axis=0, return_index=True, return_inverse=True)
+    return vertices[first], np.searchsorted(first, index)[inverse.reshape(-1)]
+
+
+def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
+    """Return the indices of the first occurrence of each distinct row, ascending."""
+    if not len(rows):
+        return np.empty(0, dtype=np.int64)
+    order = np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))
+    ordered = rows[order]
+    new = np.concatenate(([True], (ordered[1:] != ordered[:-1]).any(axis=1)))
+    return np.sort(order[new])
+
+
+def _edges_of_sides(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the edge of each side (corner k to k + 1 of face f is side 3 f + k) and the number of sides of each edge."""
+    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    key = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
+    _, edge, counts = np.unique(key, return_inverse=True, return_counts=True)
+    return edge.reshape(-1), counts
+
+
+def _fans(faces: IntArray, n_vertices: int) -> IntArray:
+    """Label each corner with the fan (edge-connected faces around its vertex) that it belongs to, shape (3 m,)."""
+    edge, counts = _edges_of_sides(faces)
+    order = np.argsort(edge, kind="stable")
+    first = np.concatenate(([0], np.cumsum(counts)))[:-1]
+    # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
+    follows = np.ones(len(order), dtype=bool)
+    follows[first] = False
+    sides, previous = order[follows], order[np.flatnonzero(follows) - 1]
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    start_corner, end_corner = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    vertex = faces.ravel()
+    links_from, links_to = [], []
+    for mine in (start_corner, end_corner):
+        for other in (start_corner, end_corner):
+            same = vertex[mine[sides]] == vertex[other[previous]]
+            links_from.append(mine[sides][same])
+            links_to.append(other[previous][same])
+    tails, heads = np.concatenate(links_from), np.concatenate(links_to)
+    graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(3 * len(faces), 3 * len(faces)))
+    _, labels = graph_components(graph.tocsr(), directed=False)
+    return labels.astype(np.int64)

@@ -1,0 +1,362 @@
+"""What one depth camera sees of a shape: a depth image, and the open 2.5-D surface that lies behind its pixels.
+
+Both directions share one convention. The camera is orthographic; its frame has *x* to the right, *y* up and *z* towards
+the camera, is right-handed, and has its origin in the centre of the shape's bounding box. The image shows the cube
+``[-half_width, half_width]^3`` of that frame, so the near and far planes lie at ``+-half_width`` as well and a depth
+of 0.5 is the centre whatever the shape. Nearer is larger, and 0 is what no surface covers: depth images of one data
+set, which declares one half width, are therefore comparable pixel by pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.geometry.bridging import bridge_components
+from benchmark.geometry.mesh import Faces, Mesh, Points
+from benchmark.geometry.rasterise import depth_buffer
+
+DepthImage = NDArray[np.float32]
+
+SIZE = 500
+"""Pixels per side of a depth image."""
+
+STRIDE = 4
+"""Every how many pixels the back-projection samples the image: about 2000 vertices for a body that fills the frame."""
+
+JUMP = 0.05
+"""Largest depth difference along an edge of the back-projected surface, as a share of the half width."""
+
+FILL = 0.9
+"""Share of the frame that the largest shape of a data set fills."""
+
+SPECK = 8
+"""Pieces of fewer vertices than this are dropped: at stride 4 they are slivers at grazing silhouettes, not limbs."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Viewing direction of an orthographic camera.
+
+    Parameters
+    ----------
+    direction
+        Where the camera looks, in coordinates of the shape; normalised on construction.
+    up
+        What is up in the image; made orthogonal to ``direction`` and normalised on construction.
+
+    Raises
+    ------
+    ConfigurationError
+        If a vector vanishes, is not finite, or both are parallel.
+    """
+
+    direction: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        direction = np.asarray(self.direction, dtype=np.float64)
+        up = np.asarray(self.up, dtype=np.float64)
+        length = np.linalg.norm(direction)
+        if np.isfinite(length) and length > 0:
+            direction = direction / length
+            up = up - (up @ direction) * direction
+        height = np.linalg.norm(up)
+        if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
+            raise ConfigurationError(
+                f"no camera looks along {self.direction} with {self.up} as up",
+                "pass two finite vectors that are neither zero nor parallel",
+            )
+        object.__setattr__(self, "direction", tuple(direction.tolist()))
+        object.__setattr__(self, "up", tuple((up / height).tolist()))
+
+    @property
+    def rotation(self) -> Points:
+        """Rows are the axes right, up and towards the camera, in coordinates of the shape; shape (3, 3)."""
+        direction, up = np.asarray(self.direction), np.asarray(self.up)
+        return np.stack([np.cross(direction, up), up, -direction])
+
+
+FRONT = Camera((0.0, 1.0, 0.0))
+"""Looks along +y with z up, so it faces a body whose face looks along -y."""
+
+SIDE = Camera((1.0, 0.0, 0.0))
+"""Looks along +x with z up, so it sees the flank of an animal that walks along y."""
+
+
+@dataclass(frozen=True)
+class ViewReport:
+    """What became of the pixels of a depth image on the way to a surface.
+
+    Parameters
+    ----------
+    foreground
+        Pixels that show the shape.
+    pieces
+        Connected pieces that were kept; 1 means that nothing had to be joined.
+    bridges
+        Bridges that join the pieces.
+    specks
+        Pieces that were dropped because they have fewer than ``SPECK`` vertices.
+    lost_samples
+        Sampled foreground pixels that the surface does not hold: those of specks and those that no triangle reaches.
+    """
+
+    foreground: int
+    pieces: int
+    bridges: int
+    specks: int
+    lost_samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One shape as one camera sees it.
+
+    Parameters
+    ----------
+    depth
+        Depth image, shape (size, size).
+    surface
+        The open surface behind the image, in camera coordinates.
+    report
+        How the surface came about.
+    """
+
+    depth: DepthImage
+    surface: Mesh
+    report: ViewReport
+
+
+def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
+    """Vertices in the frame of the camera, centred on the bounding box.
+
+    Parameters
+    ----------
+    mesh
+        The shape; needs at least one vertex.
+    camera
+        The viewing direction.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3): right, up, towards the camera; in units of the mesh.
+    """
+    points = mesh.vertices @ camera.rotation.T
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return np.asarray(points - centre)
+
+
+def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -> float:
+    """Half width of the frame in which the largest bounding box of a data set fills the given share.
+
+    The depth counts like the width and the height, so that no shape reaches the near or the far plane either.
+
+    Parameters
+    ----------
+    meshes
+        The shapes that share the frame; consumed one at a time.
+    camera
+        The viewing direction.
+    fill
+        Share of the frame, in (0, 1).
+
+    Returns
+    -------
+    float
+        Half width in units of the meshes.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``fill`` leaves no margin.
+    DatasetError
+        If there is no mesh, or no mesh has an extent.
+    """
+    if not 0 < fill < 1:
+        raise ConfigurationError(f"a share of {fill} of the frame leaves no margin", "choose one between 0 and 1")
+    extents = (np.abs(camera_coordinates(mesh, camera)).max() for mesh in meshes if mesh.n_vertices)
+    extent = float(max(extents, default=0.0))
+    if extent == 0:
+        raise DatasetError("no shape has an extent, so no frame fits", "check that the meshes are not empty")
+    return extent / fill
+
+
+def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:
+    """Depth image of the centred shape.
+
+    Parameters
+    ----------
+    mesh
+        The shape; vertices that no face names count for the centre, as they do for the extent.
+    camera
+        The viewing direction.
+    half_width
+        Half the side of the frame and of its depth, in units of the mesh.
+    size
+        Pixels per side.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) where the shape is seen, 0 elsewhere. With step
+        = 2 half_width / size, the centre of pixel (r, c) lies at x = (c + 1/2) step - half_width and
+        y = half_width - (r + 1/2) step.
+
+    Raises
+    ------
+    ConfigurationError
+        If the half width or the size is not positive.
+    DatasetError
+        If the shape does not fit the frame.
+    UnsupportedShape
+        If the shape has no faces.
+    """
+    if not (np.isfinite(half_width) and half_width > 0 and size > 0):
+        raise ConfigurationError(
+            f"no frame has half width {half_width} and {size} pixels per side", "pass positive numbers"
+        )
+    if mesh.n_faces == 0:
+        raise UnsupportedShape("a mesh without faces casts no depth image", "pass a surface, not a point cloud")
+    points = camera_coordinates(mesh, camera) / half_width
+    extent = float(np.abs(points).max())
+    if extent >= 1:
+        raise DatasetError(
+            f"the shape extends to {extent:.3f} of the half width {half_width:g}",
+            f"give the data set a half width of at least {extent * half_width / FILL:.6g}",
+        )
+    pixels = np.empty_like(points)
+    pixels[:, 0] = (1 + points[:, 0]) * (size / 2)
+    pixels[:, 1] = (1 - points[:, 1]) * (size / 2)
+    pixels[:, 2] = -points[:, 2]
+    # The far plane is the background, so what no triangle covers gets depth 0 by the same formula.
+    distance = depth_buffer(pixels, mesh.faces, size, 1.0)
+    return np.asarray((1 - distance) / 2, dtype=np.float32)
+
+
+def back_project(
+    depth: DepthImage, half_width: float, stride: int = STRIDE, jump: float = JUMP
+) -> tuple[Mesh, ViewReport]:
+    """Surface behind a depth image, in one connected piece.
+
+    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples gives two triangles, split along the
+    diagonal with the smaller depth difference, or one if a sample is background. Triangles with an edge across a depth
+    jump are left out: they would join an arm to the chest behind it. What falls apart is bridged, so that no limb is
+    lost.
+
+    Parameters
+    ----------
+    depth
+        Depth image, shape (size, size), in [0, 1] with 0 as background; see :func:`render_depth`.
+    half_width
+        Half width that the image was rendered with.
+    stride
+        Pixels between samples; the first sample lies at ``stride // 2``.
+    jump
+        Largest depth difference along an edge, as a share of the half width.
+
+    Returns
+    -------
+    mesh : Mesh
+        Open surface in camera coordinates and units of ``half_width``; the triangles face the camera.
+    report : ViewReport
+        Pieces, bridges, and what was left out.
+
+    Raises
+    ------
+    ConfigurationError
+        If the half width, the stride or the jump is not positive.
+    InvalidMesh
+        If the image is not square, or a pixel is not a number in [0, 1].
+    UnsupportedShape
+        If the image shows nothing, or too little for a surface.
+    """
+    depth = _checked(depth)
+    if not (np.isfinite(half_width) and half_width > 0 and stride > 0 and jump > 0):
+        raise ConfigurationError(
+            f"half width {half_width}, stride {stride} and jump {jump} give no surface", "pass positive numbers"
+        )
+    foreground = int(np.count_nonzero(depth))
+    if foreground == 0:
+        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
+    samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
+    points = _sample_positions(samples, depth.shape[0], stride)
+    faces = _triangulate(samples, jump / 2)
+    mesh, pieces, specks = _without_specks(points, faces)
+    if mesh.n_faces == 0:
+        raise UnsupportedShape(
+            f"{foreground} pixels of foreground hold no piece of {SPECK} samples",
+            "check the half width of the data set or sample with a smaller stride",
+        )
+    lost = int(np.count_nonzero(samples)) - mesh.n_vertices
+    mesh, bridges = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
+    return mesh, ViewReport(foreground=foreground, pieces=pieces, bridges=bridges, specks=specks, lost_samples=lost)
+
+
+def depth_surface(mesh: Mesh, camera: Camera, half_width: float) -> View:
+    """Depth image of a shape and the surface behind it; see :func:`render_depth` and :func:`back_project`."""
+    depth = render_depth(mesh, camera, half_width)
+    surface, report = back_project(depth, half_width)
+    return View(depth, surface, report)
+
+
+def _checked(depth: DepthImage) -> DepthImage:
+    depth = np.asarray(depth)
+    if depth.ndim != 2 or depth.shape[0] != depth.shape[1]:
+        raise InvalidMesh(f"a depth image of shape {depth.shape} is not square", "pass one image of size x size pixels")
+    if not np.isfinite(depth).all() or depth.min(initial=0) < 0 or depth.max(initial=0) > 1:
+        raise InvalidMesh(
+            "the depth image holds NaN or values outside [0, 1]", "normalise it as `render_depth` does, with 0 outside"
+        )
+    return depth
+
+
+def _sample_positions(samples: Points, size: int, stride: int) -> Points:
+    """Camera coordinates of all samples in units of the half width, shape (rows * columns, 3), row by row."""
+    centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / size) - 1
+    points = np.empty((*samples.shape, 3))
+    points[..., 0] = centres[np.newaxis, :]
+    points[..., 1] = -centres[:, np.newaxis]
+    points[..., 2] = 2 * samples - 1
+    return points.reshape(-1, 3)
+
+
+def _triangulate(samples: Points, jump: float) -> Faces:
+    """Triangles over the samples that have no background corner and no edge with a depth difference above ``jump``."""
+    index = np.arange(samples.size, dtype=np.int32).reshape(samples.shape)
+    # Corners of each block, counter-clockwise as the camera sees them: a top left, b bottom left, c and d on the right.
+    a, b, c, d = (block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    z = samples.ravel()
+    seen = z > 0
+    # A diagonal through the background is no choice: the triangle of the other three corners must survive.
+    along_ac = np.where(seen[a] & seen[c], np.abs(z[a] - z[c]), np.inf)
+    along_bd = np.where(seen[b] & seen[d], np.abs(z[b] - z[d]), np.inf)
+    split_ac = (along_ac <= along_bd)[:, np.newaxis]
+    first = np.where(split_ac, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
+    second = np.where(split_ac, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+    faces = np.stack([first, second], axis=1).reshape(-1, 3)
+    corners = z[faces]
+    whole = seen[faces].all(axis=1) & (corners.max(axis=1) - corners.min(axis=1) <= jump)
+    return np.asarray(faces[whole], dtype=np.int32)
+
+
+def _without_specks(points: Points, faces: Faces) -> tuple[Mesh, int, int]:
+    """Mesh without stray samples and small pieces; how many pieces stay, and how many were dropped."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(len(points),) * 2)
+    _, piece = connected_components(graph, directed=False)
+    used = np.zeros(len(points), dtype=bool)
+    used[faces] = True
+    sizes = np.bincount(piece[used], minlength=int(piece.max()) + 1)
+    kept = used & (sizes[piece] >= SPECK)
+    renumbered = np.cumsum(kept, dtype=np.int32) - 1
+    mesh = Mesh(points[kept], renumbered[faces[kept[faces].all(axis=1)]])
+    pieces = int(np.count_nonzero(sizes >= SPECK))
+    return mesh, pieces, int(np.count_nonzero(sizes)) - pieces

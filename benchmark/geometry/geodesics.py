@@ -1,0 +1,162 @@
+"""Geodesic distances on a triangle mesh by name of the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from benchmark.errors import UnsupportedShape, did_you_mean
+from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.geodesic_graph import edge_graph, geodesic_graph, unfolded_graph
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.shortest_paths import shortest_paths
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def _geodesic_graph(mesh: Mesh, sources: IntArray) -> FloatArray:
+    return shortest_paths(geodesic_graph(mesh), sources)
+
+
+def _dijkstra(mesh: Mesh, sources: IntArray) -> FloatArray:
+    return shortest_paths(edge_graph(mesh), sources)
+
+
+def _dijkstra_unfolded(mesh: Mesh, sources: IntArray) -> FloatArray:
+    return shortest_paths(unfolded_graph(mesh), sources)
+
+
+def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
+    import potpourri3d
+
+    try:
+        solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
+    except RuntimeError as error:
+        raise UnsupportedShape(
+            f"the heat method cannot treat this mesh ({error})", "use the solver 'default', or clean the mesh"
+        ) from error
+    return np.stack([solver.compute_distance(int(source)) for source in sources])
+
+
+def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
+    import igl
+
+    faces = mesh.faces.astype(np.int64)
+    everywhere = np.arange(mesh.n_vertices, dtype=np.int64)
+    rows = [
+        igl.exact_geodesic(mesh.vertices, faces, VS=np.array([source], dtype=np.int64), VT=everywhere)
+        for source in sources
+    ]
+    distances = np.stack(rows)
+    straight = np.linalg.norm(mesh.vertices[sources][:, None, :] - mesh.vertices[None, :, :], axis=2)
+    # libigl answers 0, not infinity, for what its windows cannot reach; no geodesic is shorter than the straight line.
+    if not (np.isfinite(distances).all() and (distances >= straight * (1 - 1e-6)).all()):
+        raise UnsupportedShape("the exact solver did not reach every vertex", "clean the mesh: it is not a manifold")
+    return distances
+
+
+_BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
+    "geodesic-graph": _geodesic_graph,
+    "dijkstra": _dijkstra,
+    "dijkstra-unfolded": _dijkstra_unfolded,
+    "heat": _heat,
+    "exact": _exact,
+}
+SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
+DEFAULT_SOLVER: str = "geodesic-graph"
+
+
+def resolve_solver(name: str) -> str:
+    """Return the name of a solver, ``"default"`` included, or raise ``ConfigurationError`` with the nearest names."""
+    if name == "default":
+        return DEFAULT_SOLVER
+    if name not in _BY_NAME:
+        raise did_you_mean("geodesic solver", name, (*SOLVERS, "default"))
+    return name
+
+
+def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
+    """Geodesic distances between all pairs of vertices.
+
+    Parameters
+    ----------
+    mesh
+        One component.
+    solver
+        A name from :data:`SOLVERS`, or ``"default"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The heat method gives slightly different
+        distances for the two directions; their mean is returned.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the mesh has more than one component, or the solver cannot treat it.
+    ConfigurationError
+        If there is no solver of that name.
+    """
+    distances = from_sources(mesh, np.arange(mesh.n_vertices), solver)
+    distances = 0.5 * (distances + distances.T)
+    np.fill_diagonal(distances, 0.0)
+    return distances
+
+
+def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> FloatArray:
+    """Geodesic distances from some vertices to all.
+
+    Parameters
+    ----------
+    mesh
+        One component.
+    sources
+        Vertex indices, shape (k,).
+    solver
+        As in :func:`all_pairs`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, n), in units of the mesh.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the mesh has more than one component, a source is not a vertex, or the solver cannot treat the mesh.
+    ConfigurationError
+        If there is no solver of that name.
+    """
+    compute = _BY_NAME[resolve_solver(solver)]
+    indices = np.asarray(sources, dtype=np.int64).reshape(-1)
+    if indices.size and not (indices.min() >= 0 and indices.max() < mesh.n_vertices):
+        raise UnsupportedShape(
+            f"a source lies outside the {mesh.n_vertices} vertices", "count vertices from 0 and leave none negative"
+        )
+    components = int(connected_components(mesh).max(initial=-1)) + 1
+    if components != 1:
+        raise UnsupportedShape(
+            f"the mesh has {components} components, so some geodesic distances do not exist",
+            "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices",
+        )
+    if not indices.size:
+        return np.empty((0, mesh.n_vertices))
+    return compute(mesh, indices)
+
+
+def condense(matrix: FloatArray) -> NDArray[np.float32]:
+    """Return the upper triangle without diagonal, row by row, as single precision: a quarter of the storage."""
+    return np.asarray(matrix, dtype=np.float32)[np.triu_indices(len(matrix), k=1)]
+
+
+def expand(condensed: NDArray[np.float32]) -> FloatArray:
+    """Return the symmetric float64 matrix with zero diagonal that :func:`condense` stored."""
+    count = round((1 + np.sqrt(1 + 8 * len(condensed))) / 2)
+    matrix = np.zeros((count, count))
+    matrix[np.triu_indices(count, k=1)] = condensed
+    matrix += matrix.T
+    return matrix

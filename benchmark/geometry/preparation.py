@@ -1,0 +1,165 @@
+"""From a mesh as read to the mesh that every method sees: one component, unit area, about 2000 vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.bridging import bridge_components
+from benchmark.geometry.cleaning import (
+    clean,
+    compact,
+    component_areas,
+    connected_components,
+    edge_counts,
+    make_manifold,
+)
+from benchmark.geometry.mesh import Mesh
+
+# Components with a smaller share of the area are debris; larger ones are parts of the shape.
+SMALLEST_SHARE = 0.01
+_LARGEST_MISS = 0.01
+_MOST_ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A mesh that is ready for the methods.
+
+    Parameters
+    ----------
+    mesh
+        One component, unit area, at most about the number of vertices that was asked for.
+    source_area
+        Area of the components that were kept, before decimation, in squared file units.
+    report
+        What preparation found and did: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
+        ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
+        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``dropped_area`` (share
+        of the area), ``bridges``, ``vertices`` and ``faces`` of the result, ``euler_characteristic``.
+    """
+
+    mesh: Mesh
+    source_area: float
+    report: dict[str, float] = field(default_factory=dict)
+
+
+def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
+    """Clean, decimate and scale a mesh.
+
+    Duplicates and debris go, non-manifold edges and vertices are opened, quadric edge collapse [Garland and Heckbert
+    1997] brings the mesh to ``n_vertices`` (a mesh with fewer is left as it is), components that hold at least one
+    per cent of the area are joined by bridges rather than dropped, and the area becomes 1.
+
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh.
+    n_vertices
+        Number of vertices to reach, within one per cent where the topology allows it.
+
+    Returns
+    -------
+    Prepared
+        The mesh, its area before, and the counts.
+
+    Raises
+    ------
+    InvalidMesh
+        If nothing usable is left: no area, or fewer than four vertices.
+    """
+    cleaned, found = clean(mesh)
+    if cleaned.n_vertices < 4 or not cleaned.area > 0:
+        raise InvalidMesh(
+            f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
+            "pass a surface of at least four vertices, not a point cloud or a single triangle",
+        )
+    # Unit size first: the repair below and the decimation then see the same numbers whatever the unit of the file.
+    extent = float(np.ptp(cleaned.vertices, axis=0).max())
+    work = make_manifold(cleaned.with_vertices((cleaned.vertices - cleaned.vertices.mean(axis=0)) / extent))
+    areas, of_face = component_areas(work)
+    kept = areas >= SMALLEST_SHARE * areas.sum()
+    kept[np.argmax(areas)] = True
+    work = compact(work.vertices, work.faces[kept[of_face]])
+    source_area = work.area * extent**2
+    work = make_manifold(clean(decimate(work, n_vertices))[0])
+    work, bridges = bridge_components(work, min_faces=1)
+    if work.n_vertices < 4:
+        raise InvalidMesh(f"only {work.n_vertices} vertices remain", "pass a surface of at least four vertices")
+    components = int(connected_components(work).max()) + 1
+    assert components == 1  # noqa: S101 -- bridging joins all that it is given
+    result = work.with_vertices(work.vertices / np.sqrt(work.area))
+    edges = edge_counts(result.faces)
+    report = {
+        "vertices_before": found.vertices_before,
+        "faces_before": found.faces_before,
+        "merged": found.merged,
+        "degenerate_faces": found.degenerate_faces,
+        "duplicate_faces": found.duplicate_faces,
+        "unreferenced": found.unreferenced,
+        "boundary_edges": found.boundary_edges,
+        "non_manifold_edges": found.non_manifold_edges,
+        "non_manifold_vertices": found.non_manifold_vertices,
+        "components": found.components,
+        "dropped_components": int((~kept).sum()),
+        "dropped_area": float(areas[~kept].sum() / areas.sum()),
+        "bridges": bridges,
+        "vertices": result.n_vertices,
+        "faces": result.n_faces,
+        "euler_characteristic": result.n_vertices - len(edges) + result.n_faces,
+    }
+    return Prepared(result, source_area, {name: float(value) for name, value in report.items()})
+
+
+def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
+    """Collapse edges by least quadric error until about ``n_vertices`` remain; fewer are never made more.
+
+    Topology and boundaries are preserved. The number of faces that belongs to a number of vertices depends on the
+    length of the boundary after decimation, so the face target is corrected until the vertex count is met.
+
+    Parameters
+    ----------
+    mesh
+        Manifold mesh.
+    n_vertices
+        Vertices to reach.
+
+    Returns
+    -------
+    Mesh
+        The decimated mesh, or ``mesh`` itself if it is small enough.
+    """
+    if mesh.n_vertices <= n_vertices:
+        return mesh
+    target = mesh.n_faces - 2 * (mesh.n_vertices - n_vertices)
+    best = mesh
+    for _ in range(_MOST_ROUNDS):
+        candidate = _collapse(mesh, target)
+        if abs(candidate.n_vertices - n_vertices) < abs(best.n_vertices - n_vertices):
+            best = candidate
+        miss = n_vertices - candidate.n_vertices
+        if abs(miss) <= _LARGEST_MISS * n_vertices / 4 or candidate.n_faces > target + 2:
+            break
+        target = max(target + 2 * miss, 4)
+    return best
+
+
+def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
+    import pymeshlab
+
+    work = pymeshlab.MeshSet(verbose=False)
+    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    work.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=int(n_faces),
+        preserveboundary=True,
+        preservenormal=True,
+        preservetopology=True,
+        planarquadric=True,
+        autoclean=True,
+    )
+    collapsed = work.current_mesh()
+    vertices: NDArray[np.float64] = collapsed.vertex_matrix()
+    return Mesh(vertices, collapsed.face_matrix())

@@ -1,0 +1,65 @@
+"""Tables I to IV as the paper prints them.
+
+"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
+Perception": nearest neighbour (NN), first tier (FT), second tier (ST), discounted cumulative gain (DCG). The row titles
+are the paper's. The paper does not say which input its baselines had.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+METRICS = ("NN", "FT", "ST", "DCG")
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """One row of a table.
+
+    Parameters
+    ----------
+    method
+        Name of our method for this row.
+    title
+        Title as printed.
+    values
+        Metric by name, by table.
+    """
+
+    method: str
+    title: str
+    values: dict[str, dict[str, float]]
+
+
+def _row(method: str, title: str, *tables: str, **named: str) -> PaperRow:
+    """Read "NN FT ST DCG" for Tables I, II and III, or for a table named by its numeral."""
+    printed = dict(zip(("I", "II", "III"), tables, strict=False)) | named
+    values = {table: dict(zip(METRICS, map(float, row.split()), strict=True)) for table, row in printed.items()}
+    return PaperRow(method, title, values)
+
+
+# fmt: off
+ROWS: tuple[PaperRow, ...] = (
+    _row("classic-mds", "Classic MDS", ".10 .22 .39 .54", ".01 .03 .07 .28", ".74 .54 .80 .80"),
+    _row("fast-mds", "Fast MDS", ".14 .20 .35 .53", ".00 .02 .04 .27", ".73 .52 .77 .77"),
+    _row("non-metric-mds", "Non-metric MDS", ".09 .24 .41 .55", ".02 .04 .08 .30", ".76 .67 .87 .85"),
+    _row("least-squares-mds", "Least Square MDS", ".01 .13 .31 .45", ".00 .00 .01 .26", ".79 .63 .86 .84"),
+    _row("constrained-mds", "Constrained MDS", ".04 .14 .25 .46", ".00 .01 .03 .27", ".88 .71 .89 .89"),
+    _row("gps", "GPS", ".40 .20 .32 .56", ".07 .06 .12 .33", ".71 .52 .72 .76"),
+    _row("mesh-unfolding", "Mesh Unfolding", ".04 .18 .34 .49", ".00 .01 .03 .28", ".88 .65 .86 .85"),
+    _row("skeleton", "Skeleton-based", ".01 .14 .32 .46", ".01 .01 .02 .27", ".78 .62 .85 .84"),
+    _row("learned", "Our", ".61 .53 .73 .78", ".10 .09 .10 .41", ".97 .82 .89 .93"),
+)
+
+ABLATION: tuple[PaperRow, ...] = (
+    _row("learned-strict", "strict train", IV=".56 .49 .66 .73"),
+    _row("learned-without-srf", "w/o SRF", IV=".58 .51 .68 .76"),
+    _row("learned-without-lrf", "w/o LRF", IV=".56 .50 .64 .71"),
+    _row("learned", "Our", IV=".61 .53 .73 .78"),
+)
+# fmt: on
+
+
+def rows(table: str) -> dict[str, PaperRow]:
+    """Rows of a table by method name, in the order of the paper; empty for a table that the paper does not have."""
+    return {row.method: row for row in (*ROWS, *ABLATION) if table in row.values and (table != "IV" or row in ABLATION)}

@@ -1,0 +1,190 @@
+"""Names of methods: built-in ones, those of installed packages, and those of a plugin file.
+
+A name stands for the string ``"module:attribute"``; the module is imported only when the method is looked at, so that
+one broken or heavy method costs nobody else anything.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import importlib.metadata
+import importlib.util
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from benchmark.contracts import Descriptor, Method, MethodInfo
+from benchmark.errors import ConfigurationError, did_you_mean
+
+ENTRY_POINTS = "canonical_forms.methods"
+
+BUILT_IN: dict[str, str] = {
+    "identity": "baselines.identity:Identity",
+    "random": "baselines.random_form:RandomForm",
+    "pca": "baselines.pca:PCA",
+    "surface-area": "baselines.surface_area:SurfaceArea",
+    "classic-mds": "baselines.classic_mds:ClassicMDS",
+    "gps": "baselines.gps:GPS",
+}
+
+
+@dataclass(frozen=True)
+class MethodSpec:
+    """A method by name, with everything needed to make it again in another process.
+
+    Parameters
+    ----------
+    name
+        Name on the command line.
+    target
+        ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
+    parameters
+        Fields that differ from their defaults.
+    """
+
+    name: str
+    target: str
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def module(self) -> str:
+        """Module name or plugin path."""
+        return self.target.rpartition(":")[0]
+
+    def load(self) -> type:
+        """Import and return the class.
+
+        Raises
+        ------
+        ConfigurationError
+            If it cannot be imported or is not a method.
+        """
+        attribute = self.target.rpartition(":")[2]
+        try:
+            found = getattr(
+                import_plugin(self.module) if self.module.endswith(".py") else importlib.import_module(self.module),
+                attribute,
+            )
+        except ImportError as error:
+            raise ConfigurationError(
+                f"method '{self.name}' cannot be imported: {error}", f"install what {self.module} needs"
+            ) from error
+        except AttributeError as error:
+            raise ConfigurationError(f"{self.module} has no '{attribute}'", "correct the entry point") from error
+        if not isinstance(getattr(found, "info", None), MethodInfo):
+            raise ConfigurationError(
+                f"{self.target} has no 'info: ClassVar[MethodInfo]'", "see 'Add a method' in the README"
+            )
+        return found  # type: ignore[no-any-return]
+
+    def create(self) -> Method | Descriptor:
+        """Make the method with its parameters."""
+        created = self.load()(**self.parameters)
+        if not isinstance(created, (Method, Descriptor)):
+            raise ConfigurationError(
+                f"{self.target} has neither 'canonicalise' nor 'describe' and 'distances'",
+                "see 'Add a method' in the README",
+            )
+        return created
+
+    @property
+    def info(self) -> MethodInfo:
+        """What the method says about itself."""
+        return self.load().info  # type: ignore[attr-defined,no-any-return]
+
+    def resolved_parameters(self) -> dict[str, Any]:
+        """All parameters, defaults included."""
+        created = self.create()
+        return (
+            {field.name: getattr(created, field.name) for field in dataclasses.fields(created)}
+            if dataclasses.is_dataclass(created)
+            else {}
+        )
+
+    def missing_packages(self) -> tuple[str, ...]:
+        """Packages that the method declares and that are not installed."""
+        return tuple(name for name in self.info.requires if importlib.util.find_spec(name) is None)
+
+
+def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
+    """All known methods by name, in the order of the tables.
+
+    Parameters
+    ----------
+    plugins
+        Python files that define methods.
+
+    Raises
+    ------
+    ConfigurationError
+        If two methods have one name, or a plugin file cannot be used.
+    """
+    found = {name: MethodSpec(name, target) for name, target in BUILT_IN.items()}
+    for point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+        _add(found, MethodSpec(point.name, point.value))
+    for path in plugins:
+        for spec in plugin_methods(path):
+            _add(found, spec)
+    return found
+
+
+def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Iterable[Path] = ()) -> list[MethodSpec]:
+    """Return the named methods in table order; all when no name is given.
+
+    Methods of a plugin file are always in: whoever passes the file wants to see them beside the named ones.
+    """
+    wanted = set(names)
+    for name in sorted(wanted - set(known)):
+        raise did_you_mean("method", name, known)
+    files = {str(path.resolve()) for path in plugins}
+    return [spec for name, spec in known.items() if not wanted or name in wanted or spec.module in files]
+
+
+def plugin_methods(path: Path) -> list[MethodSpec]:
+    """Methods defined in a plugin file, in the order of the file."""
+    module = import_plugin(str(path.resolve()))
+    specs = [
+        MethodSpec(value.info.name, f"{path.resolve()}:{attribute}")
+        for attribute, value in vars(module).items()
+        if isinstance(value, type)
+        and isinstance(getattr(value, "info", None), MethodInfo)
+        and value.__module__ == module.__name__
+    ]
+    if not specs:
+        raise ConfigurationError(
+            f"plugin {path} defines no method", "give a class an 'info: ClassVar[MethodInfo]' or use @canonical_form"
+        )
+    return specs
+
+
+def import_plugin(path: str) -> ModuleType:
+    """Import a Python file under a name derived from its path."""
+    name = "plugin_" + Path(path).stem
+    loaded = sys.modules.get(name)
+    if loaded is not None and getattr(loaded, "__file__", None) == path:
+        return loaded
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not Path(path).is_file():
+        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise ConfigurationError(
+            f"plugin {path} cannot be imported: {type(error).__name__}: {error}", "mend the file"
+        ) from error
+    return module
+
+
+def _add(found: dict[str, MethodSpec], spec: MethodSpec) -> None:
+    if spec.name in found:
+        raise ConfigurationError(
+            f"two methods are called '{spec.name}': {found[spec.name].target} and {spec.target}", "rename one"
+        )
+    found[spec.name] = spec

@@ -1,0 +1,44 @@
+"""Table files: rendering, writing, and telling whether those on disk are up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from benchmark.errors import BenchmarkError
+from benchmark.report.content import TableContent
+from benchmark.report.formats import as_csv, as_json, latex, markdown
+
+
+def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
+    """Texts by file name: one LaTeX and Markdown file per table, one CSV and JSON file for all."""
+    files: dict[str, str] = {}
+    for name in formats:
+        if name == "latex":
+            files |= {f"{table.file_stem}.tex": latex(table) for table in tables}
+        elif name == "markdown":
+            files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
+        elif name == "csv":
+            files["tables.csv"] = as_csv(tables)
+        else:
+            files["tables.json"] = as_json(tables)
+    return files
+
+
+def write(files: Mapping[str, str], folder: Path) -> None:
+    """Write the files into a folder, which is made if need be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise BenchmarkError(f"cannot write to {folder}: {error.strerror}", "choose another folder with -o") from error
+
+
+def stale(files: Mapping[str, str], folder: Path) -> list[str]:
+    """Names of files that are missing in a folder or differ from what they should hold."""
+    return [
+        name
+        for name, text in files.items()
+        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
+    ]

@@ -1,0 +1,194 @@
+"""Tables as Markdown, LaTeX, CSV and JSON: pure functions of their content, stable to the byte."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmark.contracts import Input
+from benchmark.keys import digest
+from benchmark.reference.paper import METRICS
+from benchmark.report.content import Cell, Row, Scores, TableContent
+
+BLANK = "--"
+
+
+def markdown(table: TableContent) -> str:
+    """A table as aligned Markdown with its notes, to be read in a terminal as well."""
+    header = ["Method", *(f"{group} {metric}" for group, _ in _groups(table) for metric in METRICS)]
+    body = [[row.title, *cells] for row, cells in zip(table.rows, _cells(table, "**{}**"), strict=True)]
+    body.append(["*Chance*", *(_number(table.chance[metric]) for _ in _groups(table) for metric in METRICS)])
+    widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
+    rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
+    lines = [f"**{_title(table)}. {table.gallery.table.caption}: {table.data_title} ({table.size}).**", ""]
+    for line in [header, rule, *body]:
+        first, *rest = line
+        lines.append(
+            f"| {first.ljust(widths[0])} | "
+            + " | ".join(c.rjust(w) for c, w in zip(rest, widths[1:], strict=True))
+            + " |"
+        )
+    notes = table.notes()
+    return "\n".join([*lines, *([""] if notes else []), *(f"- {note}" for note in notes)]) + "\n"
+
+
+def latex(table: TableContent) -> str:
+    """A table for ``\\input`` in a paper; needs the package booktabs. Its first line names what it was made from."""
+    groups = _groups(table)
+    column = 2
+    spans, rules = [], []
+    for group, _ in groups:
+        spans.append(rf"\multicolumn{{{len(METRICS)}}}{{c}}{{{_escape(group)}}}")
+        rules.append(rf"\cmidrule(lr){{{column}-{column + len(METRICS) - 1}}}")
+        column += len(METRICS)
+    lines = [
+        f"% {table.file_stem}, made from records {_digest(table)}",
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{_escape(table.gallery.table.caption)}: {_escape(table.data_title)} ({table.size}). {_escape(_legend(table))}}}",
+        rf"\label{{tab:{table.file_stem.replace(' ', '-')}}}",
+        rf"\begin{{tabular}}{{l{'r' * len(METRICS) * len(groups)}}}",
+        r"\toprule",
+        " & ".join(["", *spans]) + r" \\",
+        " ".join(rules),
+        " & ".join(["Method", *(metric for _ in groups for metric in METRICS)]) + r" \\",
+        r"\midrule",
+    ]
+    last = ""
+    for row, cells in zip(table.rows, _cells(table, r"\textbf{{{}}}"), strict=True):
+        if last and row.family != last:
+            lines.append(r"\midrule")
+        last = row.family
+        lines.append(" & ".join([_escape(row.title), *cells]) + r" \\")
+    chance = [_number(table.chance[metric]) for _ in groups for metric in METRICS]
+    lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
+    notes = table.notes()
+    if notes:
+        lines.append(r"\par\smallskip{\footnotesize " + " ".join(_escape(_sentence(note)) for note in notes) + "}")
+    return "\n".join([*lines, r"\end{table}"]) + "\n"
+
+
+def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
+    """One object per table, input and method, with the keys that other programs rely on."""
+    return [
+        _json_row(table, row, input_, row.cells[input_])
+        for table in tables
+        for input_ in table.inputs
+        for row in table.rows
+        if input_ in row.cells
+    ]
+
+
+def as_json(tables: Sequence[TableContent]) -> str:
+    """All tables as one JSON list."""
+    return json.dumps(rows_as_json(tables), indent=1) + "\n"
+
+
+def as_csv(tables: Sequence[TableContent]) -> str:
+    """All tables as one flat CSV: one line per table, input and method."""
+    names = ["table", "dataset", "stand_in", "input", "method", "title", *METRICS]
+    names += [f"paper_{m}" for m in METRICS] + [f"chance_{m}" for m in METRICS]
+    names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib", "status"]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    for row in rows_as_json(tables):
+        flat = {name: row[name] for name in names if name in row}
+        for part in ("paper", "chance"):
+            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in METRICS}
+        writer.writerow(flat)
+    return text.getvalue()
+
+
+def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:
+    record, scores = cell.record, cell.scores
+    return {
+        "table": table.identifier,
+        "dataset": table.gallery.dataset.name,
+        "stand_in": bool(table.gallery.dataset.stand_in_for),
+        "quick": table.gallery.quick,
+        "input": input_,
+        "method": row.method,
+        "title": row.title,
+        **{metric: round(scores[metric], 6) if scores else None for metric in METRICS},
+        "paper": dict(row.paper) if row.paper else None,
+        "chance": {metric: round((record.get("chance") or table.chance)[metric], 6) for metric in METRICS},
+        "n_shapes": record.get("n_shapes"),
+        "n_classes": record.get("n_classes"),
+        "unsupported": len(record.get("unsupported", [])),
+        "seconds": round(sum(record["seconds"].values()), 3) if "seconds" in record else None,
+        "peak_mib": record.get("peak_mib"),
+        "status": cell.status,
+    }
+
+
+def _groups(table: TableContent) -> list[tuple[str, Input | None]]:
+    """Column groups: the paper first, then the inputs."""
+    ours: list[tuple[str, Input | None]] = [(input_, input_) for input_ in table.inputs]
+    return [("paper", None), *ours] if table.has_paper else ours
+
+
+def _cells(table: TableContent, mark: str) -> list[list[str]]:
+    """Formatted figures by row; the best of each of our columns is marked.
+
+    Marked is what reads as best: figures are compared after rounding, and equals are all marked.
+    """
+    columns: list[list[str]] = []
+    for _, input_ in _groups(table):
+        for metric in METRICS:
+            values = [_value(row, input_, metric) for row in table.rows]
+            texts = [_number(value) for value in values]
+            best = max((text for text in texts if text != BLANK), default=None) if input_ else None
+            columns.append([mark.format(text) if text == best else text for text in texts])
+    return [list(line) for line in zip(*columns, strict=True)]
+
+
+def _value(row: Row, input_: Input | None, metric: str) -> float | None:
+    if input_ is None:
+        scores: Scores | None = row.paper
+    else:
+        cell = row.cells.get(input_)
+        scores = cell.scores if cell else None
+    return scores[metric] if scores else None
+
+
+def _number(value: float | None) -> str:
+    return BLANK if value is None else f"{value:.2f}"
+
+
+def _title(table: TableContent) -> str:
+    return f"Table {table.identifier}"
+
+
+def _legend(table: TableContent) -> str:
+    ours = " and ".join(
+        {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}[input_]
+        for input_ in table.inputs
+    )
+    return (
+        f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: not built yet or no result."
+    )
+
+
+def _sentence(note: str) -> str:
+    return note if note.endswith(".") else f"{note}."
+
+
+def _digest(table: TableContent) -> str:
+    def part(cell: Cell) -> Mapping[str, Any]:
+        return {"key": cell.record.get("key"), "scores": cell.scores, "status": cell.status}
+
+    return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
+    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+}  # fmt: skip
+
+
+def _escape(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text)

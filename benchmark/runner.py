@@ -1,0 +1,257 @@
+"""One job: a method on a gallery, from shapes to a record."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+import resource
+import sys
+import time
+import traceback
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark import keys
+from benchmark.contracts import Descriptor, Input
+from benchmark.datasets.base import Entry
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.plan import Job
+from benchmark.registry import MethodSpec
+from benchmark.stages import CODEBOOK_SEEDS, SCORER, Stages
+from benchmark.store import Store
+from retrieval.chance import chance_levels
+from retrieval.cmbof import CMBOF
+from retrieval.metrics import evaluate
+
+#: Packages whose versions can move a result.
+ENVIRONMENT = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
+
+
+@dataclass(frozen=True)
+class Order:
+    """Everything that a worker needs to do a job, in plain data that travels between processes."""
+
+    key: str
+    gallery: str
+    dataset: str
+    data_root: Path | None
+    identifiers: tuple[str, ...]
+    input: Input
+    method: MethodSpec
+    seed: int
+    results: Path
+    recipe: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
+        """Write the order for a job of the plan."""
+        return cls(
+            key=job.key,
+            gallery=job.gallery.name,
+            dataset=job.gallery.source,
+            data_root=data_root,
+            identifiers=tuple(entry.identifier for entry in job.gallery.entries),
+            input=job.input,
+            method=job.method,
+            seed=seed,
+            results=results,
+            recipe=job.recipe,
+        )
+
+    @property
+    def name(self) -> str:
+        """Data set, input and method, as people name a job."""
+        return f"{self.gallery} {self.input} {self.method.name}"
+
+
+def run(order: Order) -> dict[str, Any]:
+    """Do a job and keep its record, whatever happens.
+
+    Parameters
+    ----------
+    order
+        The job.
+
+    Returns
+    -------
+    dict
+        The record. Its ``status`` is ``ok``; ``unsupported`` when too few shapes could be treated; ``memory`` or
+        ``failed`` with the traceback when the method broke.
+    """
+    store = Store.open(order.results)
+    start = time.perf_counter()
+    try:
+        content = _run(order, store)
+    except MemoryError:
+        content = failure("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
+    except BenchmarkError as error:
+        content = failure("failed", str(error))
+    except Exception as error:
+        content = failure("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
+    return keep(order, store, content, time.perf_counter() - start)
+
+
+def keep(order: Order, store: Store, content: Mapping[str, Any], wall_seconds: float) -> dict[str, Any]:
+    """Complete a record with what every record tells, and write it."""
+    record = {
+        "key": order.key,
+        "gallery": order.gallery,
+        "input": order.input,
+        "method": order.method.name,
+        "recipe": keys.plain(order.recipe),
+        "environment": environment(),
+        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "wall_seconds": round(wall_seconds, 3),
+        **content,
+    }
+    store.write_record(order.key, record)
+    store.forget_progress(order.key)
+    return record
+
+
+def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
+    """Content of the record of a job that brought no scores."""
+    return {"status": status, "reason": reason, "traceback": trace}
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Versions that can move a result."""
+    found = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in ENVIRONMENT:
+        try:
+            found[name] = version(name)
+        except ImportError:
+            continue
+    return found
+
+
+def _run(order: Order, store: Store) -> dict[str, Any]:
+    dataset = open_dataset(order.dataset, order.data_root)
+    by_identifier = {entry.identifier: entry for entry in dataset.entries}
+    entries = [by_identifier[identifier] for identifier in order.identifiers]
+    stages = Stages(store, dataset, order.input, order.seed, CMBOF())
+    method = order.method.create()
+
+    treat = _describe(method, stages) if isinstance(method, Descriptor) else _extract(order.method, method, stages)
+    results, unsupported, notes = _treat_all(order, store, entries, treat)
+    kept = [entry for entry in entries if entry.identifier in results]
+    labels = [entry.subject for entry in kept]
+    if len(set(labels)) < 2 or len(set(labels)) == len(labels):
+        reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {unsupported[0][1]}"
+        return failure("unsupported", reason) | {"unsupported": unsupported}
+
+    values = [results[entry.identifier] for entry in kept]
+    if isinstance(method, Descriptor):
+        matrices = [np.asarray(method.distances(values), dtype=np.float64)]
+    else:
+        matrices = [_score(order, store, stages, kept, values, seed) for seed in CODEBOOK_SEEDS]
+    evaluations = [evaluate(matrix, labels) for matrix in matrices]
+    return {
+        "status": "ok",
+        "scores": {name: float(np.mean([e.mean[name] for e in evaluations])) for name in evaluations[0].mean},
+        "spread": {name: float(np.std([e.mean[name] for e in evaluations])) for name in evaluations[0].mean},
+        "per_query": {
+            name: np.mean([e.per_query[name] for e in evaluations], axis=0).round(6).tolist()
+            for name in evaluations[0].per_query
+        },
+        "queries_with_ties": max(e.queries_with_ties for e in evaluations),
+        "chance": chance_levels(labels),
+        "shapes": [entry.identifier for entry in kept],
+        "labels": labels,
+        "n_shapes": len(kept),
+        "n_classes": len(set(labels)),
+        "unsupported": unsupported,
+        "notes": notes,
+        "seconds": {phase: round(seconds, 4) for phase, seconds in stages.clock.seconds.items()},
+        "from_cache": stages.clock.cached,
+        "peak_mib": round(
+            resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 2**20)
+        ),
+    }
+
+
+def _extract(spec: MethodSpec, method: Any, stages: Stages) -> Any:
+    def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
+        features = stages.features(entry, spec, method)
+        return features, {**stages.preparation_notes(entry), **stages.form(entry, spec, method)[1]}
+
+    return treat
+
+
+def _describe(method: Descriptor, stages: Stages) -> Any:
+    def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
+        descriptor = np.asarray(method.describe(stages.shape(entry)), dtype=np.float64)
+        return descriptor, stages.preparation_notes(entry)
+
+    return treat
+
+
+def _treat_all(
+    order: Order, store: Store, entries: list[Entry], treat: Any
+) -> tuple[dict[str, Any], list[tuple[str, str]], dict[str, dict[str, float]]]:
+    """Treat every shape; those that cannot be treated are listed with the reason.
+
+    Jobs start at different shapes, so that two jobs side by side share the stages that both need instead of doing them
+    twice. The order changes no result.
+    """
+    results: dict[str, Any] = {}
+    unsupported: list[tuple[str, str]] = []
+    notes: dict[str, Mapping[str, float | str]] = {}
+    offset = zlib.crc32(order.method.name.encode()) % len(entries)
+    for done, entry in enumerate(entries[offset:] + entries[:offset]):
+        store.report_progress(order.key, done, len(entries))
+        try:
+            results[entry.identifier], notes[entry.identifier] = treat(entry)
+        except ShapeError as error:
+            unsupported.append((entry.identifier, str(error)))
+    place = {entry.identifier: i for i, entry in enumerate(entries)}
+    unsupported.sort(key=lambda pair: place[pair[0]])
+    return results, unsupported, _summary(notes[entry.identifier] for entry in entries if entry.identifier in notes)
+
+
+def _summary(notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
+    """Mean and largest value of each numeric note, and counts of each text."""
+    collected: dict[str, list[float | str]] = {}
+    for note in notes:
+        for name, value in note.items():
+            collected.setdefault(name, []).append(value)
+    summary: dict[str, Any] = {}
+    for name, values in sorted(collected.items()):
+        if all(isinstance(value, (int, float)) for value in values):
+            numbers = np.asarray(values, dtype=np.float64)
+            summary[name] = (
+                {"mean": float(numbers.mean()), "max": float(numbers.max())} if np.isfinite(numbers).all() else None
+            )
+        else:
+            summary[name] = {str(value): values.count(value) for value in values}
+    return summary
+
+
+def _score(
+    order: Order, store: Store, stages: Stages, entries: list[Entry], features: list[Any], seed: int
+) -> NDArray[np.float64]:
+    """Distance matrix of the gallery under the codebook of one seed."""
+    recipe = {
+        "stage": "distances",
+        "job": {part: value for part, value in order.recipe.items() if part != "code"},
+        "forms": [stages.form_recipe(entry, order.method) for entry in entries],
+        "codebook": seed,
+        "code": keys.code_digest(SCORER),
+    }
+
+    def compute() -> dict[str, NDArray[Any]]:
+        codebook = stages.scorer.train_codebook(features, seed)
+        signatures = [stages.scorer.quantise(feature, codebook) for feature in features]
+        return {"distances": stages.scorer.distances(signatures)}
+
+    return stages.clock.add("match", store.get_or_compute(recipe, compute))["distances"]

@@ -1,0 +1,214 @@
+"""SIFT on depth images in single precision: the local features of the scorer.
+
+The settings are those of vl_sift: no upsampling of the image, three levels per octave, an initial scale of 1.6 pixels
+and a nominal blur of 0.5, edge ratio 10, descriptors as unsigned bytes. Depth is never reduced to eight bits, because a
+staircase of grey levels puts keypoints on contour lines that the surface does not have.
+
+References
+----------
+Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 60, 2004.
+Vedaldi & Fulkerson, "VLFeat: an open and portable library of computer vision algorithms", 2008 (the settings).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from benchmark.errors import InvalidMesh
+from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, orientations
+from retrieval.scale_space import (
+    BASE_SCALE,
+    LEVELS,
+    MARGIN,
+    N_GAUSSIANS,
+    SMALLEST_SIDE,
+    STEP,
+    build_octave,
+    find_extrema,
+)
+
+EDGE_RATIO = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Descriptors of all views of one form.
+
+    Parameters
+    ----------
+    descriptors
+        Shape (k, 128), uint8.
+    view_offsets
+        Shape (number of views + 1,), int32: the descriptors of view v are the rows ``view_offsets[v]`` to
+        ``view_offsets[v + 1]``.
+    """
+
+    descriptors: NDArray[np.uint8]
+    view_offsets: NDArray[np.int32]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Plain arrays for an ``.npz`` file."""
+        return {"descriptors": self.descriptors, "view_offsets": self.view_offsets}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Features:
+        """Rebuild the features from :meth:`to_arrays`."""
+        return cls(arrays["descriptors"], arrays["view_offsets"])
+
+    def mirrored(self, view_permutation: NDArray[np.int32]) -> Features:
+        """Features of the mirror image of the form.
+
+        The mirror image of a view shows every keypoint with its descriptor flipped along its own axis, so nothing has
+        to be rendered.
+
+        Parameters
+        ----------
+        view_permutation
+            Shape (number of views,): the view in which the mirror image of view v is seen.
+        """
+        cells = self.descriptors.reshape(-1, 4, 4, 8)
+        flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
+        per_view = np.split(flipped, self.view_offsets[1:-1])
+        source = np.argsort(view_permutation)
+        offsets = np.concatenate([[0], np.cumsum(np.diff(self.view_offsets)[source])]).astype(np.int32)
+        return Features(np.concatenate([per_view[v] for v in source]), offsets)
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Keypoints of one image with their descriptors.
+
+    Parameters
+    ----------
+    positions
+        Shape (k, 2), float64: x (column) and y (row) in pixels; the centre of the first pixel is (0, 0).
+    scales
+        Shape (k,), float64: standard deviation of the Gaussian, in pixels.
+    angles
+        Shape (k,), float64: radians in [0, 2 pi), from the x axis towards the y axis (downwards).
+    descriptors
+        Shape (k, 128), uint8.
+    """
+
+    positions: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
+
+
+def detect(image: ArrayLike, *, peak_threshold: float, background: float = np.nan) -> Keypoints:
+    """Find and describe the keypoints of one image.
+
+    Parameters
+    ----------
+    image
+        Shape (height, width), single precision, in [0, 1].
+    peak_threshold
+        Smallest absolute difference of Gaussians at a keypoint, in units of the image.
+    background
+        Value of pixels where nothing was seen; the search leaves out what lies far from all other pixels.
+    """
+    stack = _checked(np.asarray(image, dtype=np.float32)[None])
+    frames, descriptors, _ = _detect_all(stack, np.float32(background), peak_threshold, EDGE_RATIO)
+    return Keypoints(frames[:, :2], frames[:, 2], frames[:, 3], descriptors)
+
+
+def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> Features:
+    """Describe every view of a form.
+
+    Parameters
+    ----------
+    images
+        Shape (number of views, height, width), float32.
+    peak_threshold, background
+        As in :func:`detect`.
+    """
+    _, descriptors, offsets = _detect_all(_checked(images), np.float32(background), peak_threshold, EDGE_RATIO)
+    return Features(descriptors, offsets)
+
+
+def _checked(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    if not np.isfinite(images).all():
+        raise InvalidMesh("a depth image has pixels that are NaN or infinite", "check the form that was rendered")
+    return np.ascontiguousarray(images, dtype=np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _detect_all(images, background, peak_threshold, edge_ratio):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128); offsets of the images' keypoints."""
+    n_images = images.shape[0]
+    frames = np.empty((4096, 4))
+    descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
+    offsets = np.zeros(n_images + 1, dtype=np.int32)
+    found = np.empty((1024, 4))
+    angles = np.empty(MAX_ORIENTATIONS)
+    count = 0
+    for index in range(n_images):
+        whole = images[index]
+        top, bottom, left, right = _foreground(whole, background)
+        height, width = whole.shape
+        base, base_row, base_column = whole, 0, 0
+        octave = 0
+        while top < bottom and (min(height, width) >= SMALLEST_SIDE or octave == 0):
+            pixel = 2**octave
+            row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height)
+            column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width)
+            crop = np.full((row1 - row0, column1 - column0), background, dtype=np.float32)
+            _paste(base, base_row, base_column, crop, row0, column0)
+            gaussians = np.empty((N_GAUSSIANS, row1 - row0, column1 - column0), dtype=np.float32)
+            differences = np.empty((N_GAUSSIANS - 1, row1 - row0, column1 - column0), dtype=np.float32)
+            build_octave(crop, gaussians, differences, octave == 0)
+            n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            if n_found > len(found):
+                found = np.empty((2 * n_found, 4))
+                n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            for k in range(n_found):
+                x, y, level = found[k, 0], found[k, 1], int(found[k, 2])
+                sigma = BASE_SCALE * STEP ** (level + 1 + found[k, 3])
+                gaussian = gaussians[level + 1]
+                for a in range(orientations(gaussian, x, y, sigma, angles)):
+                    if count == len(frames):
+                        frames = np.concatenate((frames, np.empty_like(frames)))
+                        descriptors = np.concatenate((descriptors, np.empty_like(descriptors)))
+                    frames[count, 0], frames[count, 1] = pixel * (x + column0), pixel * (y + row0)
+                    frames[count, 2], frames[count, 3] = pixel * sigma, angles[a]
+                    describe(gaussian, x, y, sigma, angles[a], descriptors[count])
+                    count += 1
+            # The level of twice the base scale, every second pixel, starts the next octave.
+            start_row, start_column = row0 % 2, column0 % 2
+            base = gaussians[LEVELS, start_row::2, start_column::2].copy()
+            base_row, base_column = (row0 + 1) // 2, (column0 + 1) // 2
+            height, width = height // 2, width // 2
+            octave += 1
+        offsets[index + 1] = count
+    return frames[:count].copy(), descriptors[:count].copy(), offsets
+
+
+@njit(cache=True, nogil=True)
+def _foreground(image, background):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bounding box (top, bottom, left, right) of all pixels unlike the background, ends excluded; empty: all zero."""
+    height, width = image.shape
+    top, bottom, left, right = height, 0, width, 0
+    for row in range(height):
+        for column in range(width):
+            if image[row, column] != background:
+                top, bottom = min(top, row), row + 1
+                left, right = min(left, column), max(right, column + 1)
+    return (top, bottom, left, right) if bottom else (0, 0, 0, 0)
+
+
+@njit(cache=True, nogil=True)
+def _paste(source, source_row, source_column, target, target_row, target_column):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Copy the overlap of two windows, each given with the position of its first pixel in the octave."""
+    row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
+    column0 = max(source_column, target_column)
+    column1 = min(source_column + source.shape[1], target_column + target.shape[1])
+    for row in range(row0, row1):
+        for column in range(column0, column1):
+            target[row - target_row, column - target_column] = source[row - source_row, column - source_column]

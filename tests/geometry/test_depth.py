@@ -1,0 +1,248 @@
+"""The depth image and the surface behind it, against shapes whose depth is known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.geometry import depth as depth_module
+from benchmark.geometry.depth import (
+    FRONT,
+    SIDE,
+    SPECK,
+    Camera,
+    back_project,
+    depth_surface,
+    fit_half_width,
+    render_depth,
+)
+from benchmark.geometry.mesh import Mesh
+
+TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))
+"""Camera coordinates are the coordinates of the shape."""
+
+
+def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Mesh:
+    corners = [(x - width / 2, -height / 2, z), (x + width / 2, -height / 2, z)]
+    corners += [(x + width / 2, height / 2, z), (x - width / 2, height / 2, z)]
+    return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    offsets = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
+    return Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)]),
+    )
+
+
+def sphere(radius: float = 1.0) -> Mesh:
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    return Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+
+
+def test_axes_are_right_up_and_towards_the_camera() -> None:
+    np.testing.assert_allclose(FRONT.rotation, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
+    np.testing.assert_allclose(SIDE.rotation, [[0, -1, 0], [0, 0, 1], [-1, 0, 0]], atol=1e-15)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 6))
+@settings(deadline=None)
+def test_any_camera_is_a_rotation(numbers: tuple[float, ...]) -> None:
+    direction, up = numbers[:3], numbers[3:]
+    if np.linalg.norm(np.cross(direction, up)) < 1e-3:
+        return
+    rotation = Camera(direction, up).rotation
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (float("nan"), 0.0, 0.0)])
+def test_no_camera_without_a_direction(direction: tuple[float, float, float]) -> None:
+    with pytest.raises(ConfigurationError, match="parallel"):
+        Camera(direction)
+
+
+def test_a_plane_fills_its_pixels_at_half_depth() -> None:
+    # The bounding box centre of a plane lies in it, so its depth is exactly that of the centre.
+    image = render_depth(rectangle(1.0, 0.5), TOWARDS, half_width=1.0, size=100)
+    expected = np.zeros((100, 100), dtype=np.float32)
+    expected[37:62, 25:75] = 0.5
+    assert image.dtype == np.float32
+    assert abs(int(np.count_nonzero(image)) - 25 * 50) <= 50  # the border row lies on pixel centres
+    np.testing.assert_array_equal(image[38:61, 26:74], expected[38:61, 26:74])
+    assert image[:37].max() == image[63:].max() == image[:, :24].max() == image[:, 76:].max() == 0
+
+
+def test_nearer_is_larger_by_the_fixed_scale() -> None:
+    steps = joined(rectangle(0.4, 1.0, z=-0.3, x=-0.4), rectangle(0.4, 1.0, z=0.5, x=0.4))
+    image = render_depth(steps, TOWARDS, half_width=2.0, size=200)
+    # Centred between -0.3 and 0.5, each lies 0.4 from the centre: (2 -+ 0.4) / 4.
+    assert image[100, 80] == pytest.approx(0.4)
+    assert image[100, 120] == pytest.approx(0.6)
+
+
+def test_a_sphere_has_its_analytic_depth() -> None:
+    image = render_depth(sphere(0.8), FRONT, half_width=1.0)
+    y, x = np.meshgrid((np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij")
+    inside = x**2 + y**2 < 0.7**2
+    expected = (1 + np.sqrt(0.64 - x**2 - y**2, where=inside, out=np.zeros_like(x))) / 2
+    assert np.abs(image - expected)[inside].max() < 2e-3
+    assert not image[x**2 + y**2 > 0.8**2].any()
+
+
+@given(st.tuples(*[st.floats(-100, 100)] * 3))
+@settings(deadline=None, max_examples=10)
+def test_the_shape_is_centred(shift: tuple[float, float, float]) -> None:
+    mesh = joined(rectangle(1.0, 1.0), rectangle(0.3, 1.4, z=0.6))
+    here = render_depth(mesh, TOWARDS, 1.0, 64)
+    there = render_depth(mesh.with_vertices(mesh.vertices + shift), TOWARDS, 1.0, 64)
+    differing = np.abs(here - there) > 1e-5
+    assert np.count_nonzero(differing) <= 128  # borders on pixel centres may fall to either side
+
+
+def test_scale_is_fixed_not_fitted_to_the_shape() -> None:
+    large, small = (np.count_nonzero(render_depth(sphere(radius), FRONT, 1.0)) for radius in (0.8, 0.4))
+    assert large / small == pytest.approx(4, rel=0.01)
+
+
+def test_half_width_holds_the_largest_box() -> None:
+    meshes = [rectangle(1.0, 0.2), rectangle(0.3, 1.8), joined(rectangle(1, 1, z=0), rectangle(1, 1, z=1.2))]
+    assert fit_half_width(meshes, TOWARDS) == pytest.approx(1.0)
+    assert fit_half_width(meshes[:1], TOWARDS) == pytest.approx(0.5 / 0.9)
+    assert fit_half_width(meshes, SIDE) == pytest.approx(1.0)
+    image = render_depth(meshes[1], TOWARDS, 1.0)
+    assert np.flatnonzero(image.any(axis=1)).size == pytest.approx(450, abs=1)
+
+
+def test_half_width_of_nothing_is_an_error() -> None:
+    with pytest.raises(DatasetError, match="no shape has an extent"):
+        fit_half_width([], FRONT)
+    with pytest.raises(ConfigurationError, match="margin"):
+        fit_half_width([sphere()], FRONT, fill=1.0)
+
+
+def test_a_shape_beyond_the_frame_is_an_error_that_names_the_half_width() -> None:
+    with pytest.raises(DatasetError, match=r"half width of at least 1\.11111"):
+        render_depth(rectangle(2.0, 1.0), TOWARDS, 1.0)
+    deep = joined(rectangle(0.1, 0.1, z=-3), rectangle(0.1, 0.1, z=3))
+    with pytest.raises(DatasetError, match="extends to"):
+        render_depth(deep, TOWARDS, 1.0)
+
+
+def test_points_cast_no_image() -> None:
+    with pytest.raises(UnsupportedShape, match="without faces"):
+        render_depth(Mesh(np.eye(3), np.empty((0, 3))), FRONT, 2.0)
+
+
+@pytest.mark.parametrize("half_width", [0.0, -1.0, float("nan"), float("inf")])
+def test_half_width_is_positive(half_width: float) -> None:
+    with pytest.raises(ConfigurationError):
+        render_depth(sphere(), FRONT, half_width)
+    with pytest.raises(ConfigurationError):
+        back_project(np.full((20, 20), 0.5, dtype=np.float32), half_width)
+
+
+def test_back_projection_inverts_the_rendering() -> None:
+    half_width = 3.0
+    surface, report = back_project(render_depth(sphere(2.5), FRONT, half_width), half_width)
+    radii = np.linalg.norm(surface.vertices, axis=1)
+    assert np.abs(radii - 2.5).max() < 5e-3
+    assert surface.vertices[:, 2].min() >= 0
+    assert report.pieces == 1
+    assert report.bridges == report.specks == 0
+    assert report.foreground == pytest.approx(np.pi * (250 * 2.5 / 3) ** 2, rel=0.002)
+    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    assert (normals[:, 2] > 0).all()
+    assert ((normals * (a + b + c)).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_back_projection_of_a_tilted_plane_is_exact_at_every_vertex() -> None:
+    mesh = rectangle(1.0, 1.0)
+    mesh = mesh.with_vertices(mesh.vertices @ np.array([[1, 0, 0.5], [0, 1, -0.25], [0, 0, 1]]))
+    view = depth_surface(mesh, TOWARDS, 0.7)
+    x, y, z = view.surface.vertices.T
+    np.testing.assert_allclose(z, 0.5 * x - 0.25 * y, atol=2e-6)
+    assert view.surface.area == pytest.approx(mesh.area, rel=0.03)
+
+
+def test_three_corners_give_one_triangle_and_four_give_two() -> None:
+    image = np.full((16, 16), 0.5, dtype=np.float32)
+    full, _ = back_project(image, 1.0)
+    assert (full.n_vertices, full.n_faces) == (16, 18)
+    for row, column in [(2, 2), (2, 14), (14, 2), (14, 14)]:
+        holed = image.copy()
+        holed[row, column] = 0
+        surface, report = back_project(holed, 1.0)
+        assert (surface.n_vertices, surface.n_faces) == (15, 17)
+        assert report.foreground == 255
+    holed = image.copy()
+    holed[6, 6] = 0
+    surface, _ = back_project(holed, 1.0)
+    assert (surface.n_vertices, surface.n_faces) == (15, 14)
+
+
+def test_edges_across_a_jump_are_cut_and_bridged() -> None:
+    # 0.02 in depth is 0.04 of the half width: below the default jump; 0.03 is 0.06: above it.
+    for step, pieces in [(0.02, 1), (0.03, 2)]:
+        image = np.full((40, 40), 0.4, dtype=np.float32)
+        image[:, 20:] += step
+        surface, report = back_project(image, 1.0)
+        assert report.pieces == pieces
+        assert report.bridges >= pieces - 1
+        assert (report.bridges == 0) == (pieces == 1)
+        assert surface.n_vertices >= 100
+        assert len(trimesh.Trimesh(surface.vertices, surface.faces, process=False).split(only_watertight=False)) == 1
+    _, report = back_project(image, 1.0, jump=0.07)
+    assert report.pieces == 1
+
+
+def test_specks_are_dropped_and_counted() -> None:
+    image = np.zeros((80, 80), dtype=np.float32)
+    image[:40, :40] = 0.5  # 10 x 10 samples
+    image[60:68, 60:68] = 0.5  # 2 x 2 samples: a speck
+    image[50, 10] = 0.5  # a sample without a triangle
+    surface, report = back_project(image, 1.0)
+    assert SPECK == 8
+    assert surface.n_vertices == 100
+    assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (1, 0, 1, 5)
+    image[60:68, 60:76] = 0.5  # 2 x 4 samples: a piece
+    assert back_project(image, 1.0)[1].pieces == 2
+
+
+def test_same_image_same_surface() -> None:
+    first, second = (depth_surface(sphere(0.5), FRONT, 0.6) for _ in range(2))
+    assert first.depth.tobytes() == second.depth.tobytes()
+    assert first.surface.vertices.tobytes() == second.surface.vertices.tobytes()
+    assert first.surface.faces.tobytes() == second.surface.faces.tobytes()
+    assert first.report == second.report
+
+
+@pytest.mark.parametrize(
+    ("image", "error", "message"),
+    [
+        (np.zeros((20, 20)), UnsupportedShape, "empty"),
+        (np.zeros((0, 0)), UnsupportedShape, "empty"),
+        (np.pad([[0.5]], 10), UnsupportedShape, "no piece"),
+        (np.full((20, 30), 0.5), InvalidMesh, "not square"),
+        (np.full((20, 20, 1), 0.5), InvalidMesh, "not square"),
+        (np.full((20, 20), np.nan), InvalidMesh, "NaN"),
+        (np.full((20, 20), 128.0), InvalidMesh, "outside"),
+        (np.full((20, 20), -0.1), InvalidMesh, "outside"),
+    ],
+)
+def test_bad_images_are_named(image: np.ndarray, error: type[BenchmarkError], message: str) -> None:
+    with pytest.raises(error, match=message) as caught:
+        back_project(image.astype(np.float32), 1.0)
+    assert caught.value.mend
+
+
+def test_vertices_at_stride_four_number_about_two_thousand() -> None:
+    # A body that fills 90 % of the height covers about a seventh of the frame.
+    body = depth_module.depth_surface(rectangle(0.3, 1.8), TOWARDS, 1.0).surface
+    assert 1800 < body.n_vertices < 2400
