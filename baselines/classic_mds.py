@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.orientation import canonical_signs, vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import CanonicalForm, FloatArray, Mesh, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +52,7 @@ class ClassicMDS:
 
         require_vertices(shape)
         distances = shape.geodesics(self.solver)
-        points, ratios = classic_scaling(distances)
-        points *= canonical_signs(points, vertex_areas(shape.mesh))
+        points, ratios = oriented_classic_scaling(shape.mesh, distances)
         return shape.form(
             points,
             stress=normalised_stress(points, distances),
@@ -61,6 +60,27 @@ class ClassicMDS:
             eigenvalue_ratio_3=ratios[2],
             eigenvalue_ratio_4=ratios[3],
         )
+
+
+def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatArray, list[float]]:
+    """Classic scaling of the vertices of a mesh, each axis towards positive area-weighted third moment.
+
+    Parameters
+    ----------
+    mesh
+        Gives the vertex areas.
+    distances
+        Geodesic distances, symmetric, shape (n, n) with n at least 4.
+
+    Returns
+    -------
+    points : numpy.ndarray
+        Positions, shape (n, 3).
+    ratios : list of float
+        As from :func:`classic_scaling`.
+    """
+    points, ratios = classic_scaling(distances)
+    return points * canonical_signs(points, vertex_areas(mesh)), ratios
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:

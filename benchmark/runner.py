@@ -35,6 +35,10 @@ from retrieval.metrics import evaluate
 #: Packages whose versions can move a result.
 ENVIRONMENT = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
 
+#: Measures by the name they have in tables, and the attributes of ``Scores`` and of its ``per_query``.
+MEANS = {"NN": "nn", "FT": "ft", "ST": "st", "DCG": "dcg", "E": "e", "nDCG": "ndcg", "mAP": "mean_ap"}
+PER_QUERY = MEANS | {"mAP": "ap"}
+
 
 @dataclass(frozen=True)
 class Order:
@@ -158,13 +162,19 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
     evaluations = [evaluate(matrix, labels) for matrix in matrices]
     return {
         "status": "ok",
-        "scores": {name: float(np.mean([e.mean[name] for e in evaluations])) for name in evaluations[0].mean},
-        "spread": {name: float(np.std([e.mean[name] for e in evaluations])) for name in evaluations[0].mean},
-        "per_query": {
-            name: np.mean([e.per_query[name] for e in evaluations], axis=0).round(6).tolist()
-            for name in evaluations[0].per_query
+        "scores": {
+            name: float(np.mean([getattr(e, attribute) for e in evaluations])) for name, attribute in MEANS.items()
         },
-        "queries_with_ties": max(e.queries_with_ties for e in evaluations),
+        "spread": {
+            name: float(np.std([getattr(e, attribute) for e in evaluations])) for name, attribute in MEANS.items()
+        },
+        "per_query": {
+            name: [None if np.isnan(value) else round(float(value), 6) for value in np.mean(values, axis=0)]
+            for name, attribute in PER_QUERY.items()
+            for values in [[getattr(e.per_query, attribute) for e in evaluations]]
+        },
+        "tied_queries": max(e.tied_queries for e in evaluations),
+        "lone_queries": evaluations[0].lone_queries,
         "chance": chance_levels(labels),
         "shapes": [entry.identifier for entry in kept],
         "labels": labels,
@@ -255,3 +265,9 @@ def _score(
         return {"distances": stages.scorer.distances(signatures)}
 
     return stages.clock.add("match", store.get_or_compute(recipe, compute))["distances"]
+
+
+def _peak_mib() -> int:
+    """Largest resident memory of this process so far; the job's own where each job has a fresh process."""
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
 from retrieval.metrics import E_MEASURE_DEPTH, discounts
@@ -63,7 +65,7 @@ def pose_first_levels(labels: ArrayLike, poses: ArrayLike) -> dict[str, float]:
     return _levels(names, (same_pose & other_class).sum(axis=1))
 
 
-def _levels(labels: np.ndarray, n_leading: np.ndarray) -> dict[str, float]:
+def _levels(labels: NDArray[Any], n_leading: NDArray[np.int64]) -> dict[str, float]:
     """Average over the queries when ``n_leading`` irrelevant results precede a random order of the others."""
     n_results = len(labels) - 1
     n_relevant = (labels[:, None] == labels).sum(axis=1) - 1

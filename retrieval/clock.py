@@ -149,6 +149,7 @@ def _match(
     row_views = np.concatenate([s.views for s in rows])
     row_counts = np.concatenate([s.counts for s in rows])
     row_groups = np.concatenate([s.words for s in rows]) * np.int32(N_ORBITS) + ORBITS[row_views]
+    entries = (row_offsets, row_groups, row_views, row_counts, row_sizes)
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         tasks = []
         for start in range(0, len(columns), BLOCK):
@@ -159,9 +160,9 @@ def _match(
             for thread in range(max(threads, 1)):
                 own_rows = np.arange(thread, last_row, max(threads, 1))
                 first_columns = np.maximum(own_rows + 1 - start, 0) if symmetric else np.zeros_like(own_rows)
-                entries = (row_offsets, row_groups, row_views, row_counts, row_sizes)
                 target = distances[:, start : start + len(block)]
-                tasks.append(pool.submit(_match_rows, own_rows, first_columns, *entries, *index, sizes, target))
+                arguments: tuple[Any, ...] = (own_rows, first_columns, *entries, *index, sizes, target)
+                tasks.append(pool.submit(_match_rows, *arguments))
         for task in tasks:
             task.result()
     return distances
@@ -182,20 +183,20 @@ def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.i
 
 
 @njit(nogil=True, cache=True)
-def _match_rows(  # type: ignore[no-untyped-def]  # noqa: ANN202
-    rows,  # noqa: ANN001
-    first_columns,  # noqa: ANN001
-    row_offsets,  # noqa: ANN001
-    row_groups,  # noqa: ANN001
-    row_views,  # noqa: ANN001
-    row_counts,  # noqa: ANN001
-    row_sizes,  # noqa: ANN001
-    posting_offsets,  # noqa: ANN001
-    posting_targets,  # noqa: ANN001
-    posting_counts,  # noqa: ANN001
-    column_sizes,  # noqa: ANN001
-    distances,  # noqa: ANN001
-):
+def _match_rows(
+    rows: NDArray[np.int64],
+    first_columns: NDArray[np.int64],
+    row_offsets: NDArray[np.int64],
+    row_groups: Counts,
+    row_views: Counts,
+    row_counts: Counts,
+    row_sizes: Counts,
+    posting_offsets: NDArray[np.int64],
+    posting_targets: Counts,
+    posting_counts: Counts,
+    column_sizes: Counts,
+    distances: NDArray[np.float64],
+) -> None:
     """Fill the given rows of one block of columns, from the first column that each row asks for."""
     n_columns = column_sizes.shape[0]
     minima = np.zeros(n_columns * N_PAIRS, dtype=np.int32)

@@ -140,7 +140,9 @@ def _checked(images: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @njit(cache=True, nogil=True)
-def _detect_all(images, background, peak_threshold, edge_ratio):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _detect_all(
+    images: NDArray[np.float32], background: np.float32, peak_threshold: float, edge_ratio: float
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int32]]:
     """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128); offsets of the images' keypoints."""
     n_images = images.shape[0]
     frames = np.empty((4096, 4))
@@ -191,7 +193,7 @@ def _detect_all(images, background, peak_threshold, edge_ratio):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _foreground(image, background):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
     """Bounding box (top, bottom, left, right) of all pixels unlike the background, ends excluded; empty: all zero."""
     height, width = image.shape
     top, bottom, left, right = height, 0, width, 0
@@ -204,7 +206,14 @@ def _foreground(image, background):  # type: ignore[no-untyped-def]  # noqa: ANN
 
 
 @njit(cache=True, nogil=True)
-def _paste(source, source_row, source_column, target, target_row, target_column):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _paste(
+    source: NDArray[np.float32],
+    source_row: int,
+    source_column: int,
+    target: NDArray[np.float32],
+    target_row: int,
+    target_column: int,
+) -> None:
     """Copy the overlap of two windows, each given with the position of its first pixel in the octave."""
     row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)

@@ -1,12 +1,13 @@
 """Orientation and descriptor of a SIFT keypoint: histograms of gradients in a Gaussian window (compiled kernels)."""
 
-# ruff: noqa: ANN001, ANN201, ANN202
-# mypy: disable-error-code="no-untyped-def"
-
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 
 ORIENTATION_BINS = 36
 #: A second peak of the orientation histogram makes a second keypoint when it reaches this share of the highest one.
@@ -24,7 +25,7 @@ TURN = np.float32(2.0 * np.pi)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _angle(gx, gy):
+def _angle(gx: np.float32, gy: np.float32) -> np.float32:
     """Arc tangent of gy / gx in [0, 2 pi), float32, with an error below 3e-4: far below the width of a bin."""
     ax, ay = abs(gx), abs(gy)
     ratio = min(ax, ay) / max(max(ax, ay), np.float32(1e-30))
@@ -38,7 +39,7 @@ def _angle(gx, gy):
 
 
 @njit(cache=True, nogil=True)
-def orientations(gaussian, x, y, sigma, angles):
+def orientations(gaussian: SingleArray, x: float, y: float, sigma: float, angles: FloatArray) -> int:
     """Dominant gradient directions around a keypoint [Lowe 2004, section 5].
 
     Parameters
@@ -98,7 +99,9 @@ def orientations(gaussian, x, y, sigma, angles):
 
 
 @njit(cache=True, nogil=True)
-def describe(gaussian, x, y, sigma, angle, descriptor):
+def describe(
+    gaussian: SingleArray, x: float, y: float, sigma: float, angle: float, descriptor: NDArray[np.uint8]
+) -> None:
     """Gradient histograms over 4 x 4 spatial and 8 angular bins, turned by ``angle`` [Lowe 2004, section 6].
 
     Parameters
@@ -166,7 +169,7 @@ def describe(gaussian, x, y, sigma, angle, descriptor):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _span(constant, slope, reach, first, last):
+def _span(constant: float, slope: float, reach: float, first: float, last: float) -> tuple[float, float]:
     """Narrow the interval [first, last] to where abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:
         return (first, last) if abs(constant) <= reach else (1.0, 0.0)

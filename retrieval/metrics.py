@@ -109,9 +109,19 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", 
     scored = ~np.isnan(values[:, 0])
     if not scored.any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
-    means = values[scored].mean(axis=0).tolist()
-    tied = sum(bool(row[-1]) for row in rows)
-    return Scores(*means, PerQuery(*values.T), tied, int((~scored).sum()))
+    nn, ft, st, e, dcg, ndcg, mean_ap = values[scored].mean(axis=0).tolist()
+    return Scores(
+        nn=nn,
+        ft=ft,
+        st=st,
+        e=e,
+        dcg=dcg,
+        ndcg=ndcg,
+        mean_ap=mean_ap,
+        per_query=PerQuery(*values.T),
+        tied_queries=sum(bool(row[-1]) for row in rows),
+        lone_queries=int((~scored).sum()),
+    )
 
 
 def discounts(count: int) -> FloatArray:

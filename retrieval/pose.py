@@ -15,7 +15,7 @@ from retrieval.views import BACKGROUND, render
 Rotation = NDArray[np.float64]
 
 #: Rotations are searched on a grid of Rodrigues vectors (axis times tan of half the angle) with this many values per
-#: axis; the cube [-tan(pi/8), tan(pi/8)]^3 holds every rotation up to the 24 that map the coordinate axes on themselves.
+#: axis; the cube [-tan(pi/8), tan(pi/8)]^3 holds every rotation up to the 24 rotations of the cube.
 GRID = 9
 #: How many of the best grid rotations are refined, from which step to which, in radians.
 STARTS = 8
@@ -124,7 +124,7 @@ ROTATIONS = {"pca": pca_rotation, "rectilinearity": rectilinearity_rotation}
 
 
 @njit(cache=True, nogil=True)
-def _from_rodrigues(x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _from_rodrigues(x: float, y: float, z: float) -> Rotation:
     """Rotation matrix of the unit quaternion along (1, x, y, z)."""
     scale = 2.0 / (1.0 + x * x + y * y + z * z)
     return np.array(
@@ -137,7 +137,7 @@ def _from_rodrigues(x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _projected_area(area_vectors, rotation):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _projected_area(area_vectors: NDArray[np.float64], rotation: Rotation) -> float:
     total = 0.0
     x, y, z = area_vectors[0], area_vectors[1], area_vectors[2]
     for axis in range(3):
@@ -148,7 +148,9 @@ def _projected_area(area_vectors, rotation):  # type: ignore[no-untyped-def]  # 
 
 
 @njit(cache=True, nogil=True)
-def _refine(area_vectors, rotation, first_step, last_step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _refine(
+    area_vectors: NDArray[np.float64], rotation: Rotation, first_step: float, last_step: float
+) -> tuple[Rotation, float]:
     """Turn by a step about each axis while that helps, then halve the step [Hooke & Jeeves 1961]."""
     area = _projected_area(area_vectors, rotation)
     step = first_step

@@ -4,13 +4,14 @@ Notation of Lowe 2004: three levels per octave; level s of an octave has the sca
 octave. An octave holds the Gaussian levels -1 ... 4, hence five differences and three levels with both neighbours.
 """
 
-# ruff: noqa: ANN001, ANN201, ANN202
-# mypy: disable-error-code="no-untyped-def"
-
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 
 LEVELS = 3
 N_GAUSSIANS = LEVELS + 3
@@ -27,15 +28,16 @@ REFINEMENT_STEPS = 5
 
 
 @njit(cache=True, nogil=True)
-def gaussian_kernel(sigma):
+def gaussian_kernel(sigma: float) -> SingleArray:
     """Right half of a sampled Gaussian of unit sum, float32, shape (radius + 1,)."""
     radius = int(np.ceil(SUPPORT * sigma))
     half = np.exp(-0.5 * (np.arange(radius + 1) / sigma) ** 2)
-    return (half / (2.0 * half.sum() - half[0])).astype(np.float32)
+    half /= 2.0 * half.sum() - half[0]
+    return half.astype(np.float32)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def blur(source, target, kernel):
+def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated.
 
     Parameters
@@ -70,7 +72,7 @@ def blur(source, target, kernel):
 
 
 @njit(cache=True, nogil=True)
-def build_octave(base, gaussians, differences, is_first):
+def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleArray, is_first: bool) -> None:
     """Fill the Gaussian levels and their differences of one octave.
 
     Parameters
@@ -97,7 +99,7 @@ def build_octave(base, gaussians, differences, is_first):
 
 
 @njit(cache=True, nogil=True)
-def find_extrema(differences, peak_threshold, edge_ratio, found):
+def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: float, found: FloatArray) -> int:
     """Sub-pixel extrema of the differences of one octave.
 
     Parameters
@@ -136,7 +138,7 @@ def find_extrema(differences, peak_threshold, edge_ratio, found):
 
 
 @njit(cache=True, nogil=True)
-def _is_extremum(differences, level, row, column, value):
+def _is_extremum(differences: SingleArray, level: int, row: int, column: int, value: np.float32) -> bool:
     sign = np.float32(1.0) if value > 0 else np.float32(-1.0)
     value = sign * value
     # The row neighbours in the same level reject nearly every pixel.
@@ -152,7 +154,9 @@ def _is_extremum(differences, level, row, column, value):
 
 
 @njit(cache=True, nogil=True)
-def _refine(differences, level, row, column, peak_threshold, edge_ratio):
+def _refine(
+    differences: SingleArray, level: int, row: int, column: int, peak_threshold: float, edge_ratio: float
+) -> tuple[bool, float, float, float]:
     """Fit a quadratic [Brown & Lowe 2002] and apply the two tests; returns (good, x, y, offset of the level)."""
     height, width = differences.shape[1:]
     hessian = np.empty((3, 3))
@@ -189,7 +193,7 @@ def _refine(differences, level, row, column, peak_threshold, edge_ratio):
 
 
 @njit(cache=True, nogil=True)
-def _solve_symmetric(matrix, u, v, w):
+def _solve_symmetric(matrix: FloatArray, u: float, v: float, w: float) -> tuple[bool, float, float, float]:
     """Solve a symmetric 3 x 3 system given by its upper triangle; returns (solvable, x, y, z)."""
     a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]

@@ -36,7 +36,7 @@ def _directions() -> NDArray[np.float64]:
 
 
 def _cube_rotations() -> NDArray[np.float64]:
-    """The 24 rotations that map the cube onto itself, shape (24, 3, 3): signed permutation matrices of determinant 1."""
+    """The 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1."""
     signed = [
         np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)
     ]
@@ -116,7 +116,9 @@ def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.floa
 
 
 @njit(cache=True, nogil=True)
-def _draw_views(vertices, faces, cameras, images):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _draw_views(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], cameras: NDArray[np.float64], images: NDArray[np.float32]
+) -> None:
     half = 0.5 * images.shape[1]
     projected = np.empty_like(vertices)
     for v in range(cameras.shape[0]):

@@ -30,7 +30,7 @@ class ContractionFailed(Exception):  # noqa: N818 - named for what happened, lik
     """The surface left the finite numbers or stopped being a surface before it had become thin."""
 
 
-def contract(mesh: Mesh) -> tuple[FloatArray, int]:
+def contract(mesh: Mesh) -> FloatArray:
     r"""Contract a closed surface to (almost) zero volume by constrained Laplacian smoothing (Au et al. 2008, equation 1).
 
     Each iteration solves, in the least-squares sense,
@@ -48,10 +48,8 @@ def contract(mesh: Mesh) -> tuple[FloatArray, int]:
 
     Returns
     -------
-    positions : numpy.ndarray
+    numpy.ndarray
         Contracted vertices, shape (n, 3), in units of the mesh.
-    iterations : int
-        Iterations that were kept.
 
     Raises
     ------
@@ -64,8 +62,9 @@ def contract(mesh: Mesh) -> tuple[FloatArray, int]:
     first_areas = vertex_areas(current)
     contraction = FIRST_CONTRACTION * np.sqrt(current.face_areas.mean())
     attraction = np.ones(current.n_vertices)
-    iterations = 0
-    while iterations < MAX_ITERATIONS and current.area > AREA_RATIO * first_areas.sum():
+    for _ in range(MAX_ITERATIONS):
+        if current.area <= AREA_RATIO * first_areas.sum():
+            break
         positions = _contraction_step(current, contraction, attraction)
         if not np.isfinite(positions).all() or np.abs(positions).max() > 10 * RADIUS:
             break
@@ -77,11 +76,10 @@ def contract(mesh: Mesh) -> tuple[FloatArray, int]:
         current = candidate
         contraction = min(CONTRACTION_GROWTH * contraction, LARGEST_CONTRACTION)
         attraction = np.minimum(np.sqrt(first_areas / areas), LARGEST_ATTRACTION)
-        iterations += 1
     left = current.area / first_areas.sum()
     if left > 10 * AREA_RATIO:
-        raise ContractionFailed(f"{left:.0%} of the area are left after {iterations} iterations")
-    return current.vertices * unit + centre, iterations
+        raise ContractionFailed(f"{left:.0%} of the area is left")
+    return current.vertices * unit + centre
 
 
 def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) -> FloatArray:

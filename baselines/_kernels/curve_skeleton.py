@@ -61,7 +61,10 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
 
     Connectivity surgery gives the joints. Each is moved back by the mean displacement that the contraction gave to the
     border between its part and that of a neighbour, averaged over the neighbours; a leaf, by the mean over its whole
-    part. Finally junctions absorb neighbours as long as that centres them better in their part of the surface.
+    part. Junctions absorb neighbours as long as that centres them better in their part of the surface.
+
+    A pocket, such as an open mouth, grows a branch like a limb, and straightening it would turn it inside out. Leaves
+    whose part of the surface faces its joint are therefore absorbed by their neighbours.
 
     Parameters
     ----------
@@ -76,6 +79,7 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
     edges = surface_edges(mesh)
     joints = contracted[survivors] + _mean_displacements(mesh.vertices - contracted, owners, edges, areas)
     joints, owners = _merge_junctions(mesh.vertices, areas, edges, joints, owners)
+    joints, owners = _absorb_pockets(mesh, edges, joints, owners)
     return CurveSkeleton(joints, owners, _bones(owners, edges))
 
 
@@ -165,6 +169,27 @@ def _merge_junctions(
         owners = np.where(owners == other, junction, owners)
         joints = np.delete(joints, other, axis=0)
         owners = owners - (owners > other)
+
+
+def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    outwards = np.sign(np.einsum("fi,fi->", normals, a))
+    while True:
+        corners = np.sort(owners[mesh.faces], axis=1)
+        joint_of_face = corners[:, 1]
+        flux = outwards * np.einsum("fi,fi->f", normals, (a + b + c) / 3 - joints[joint_of_face])
+        flux = np.bincount(joint_of_face, weights=flux, minlength=len(joints))
+        bones = _bones(owners, edges)
+        degrees = np.bincount(bones.ravel(), minlength=len(joints))
+        pockets = np.flatnonzero((degrees == 1) & (flux < 0))
+        if not len(pockets):
+            return joints, owners
+        pocket = int(pockets[0])
+        mouth = int(bones[(bones == pocket).any(axis=1)].sum()) - pocket
+        owners = np.where(owners == pocket, mouth, owners)
+        owners = owners - (owners > pocket)
+        joints = np.delete(joints, pocket, axis=0)
 
 
 def _spread(points: FloatArray, weights: FloatArray, joint: FloatArray) -> float:

@@ -8,33 +8,6 @@ import numpy as np
 from benchmark.contracts import FloatArray
 
 _BLOCK = 4
-_TILE = 1024
-
-
-def farthest_points(distances: FloatArray, count: int) -> list[int]:
-    """Sample vertices so that each is as far as possible from those before it.
-
-    The first is the vertex with the largest sum of distances. The choice follows any relabelling of the vertices as
-    long as no two candidates tie.
-
-    Parameters
-    ----------
-    distances
-        Distances of all pairs, shape (n, n).
-    count
-        Number of samples.
-
-    Returns
-    -------
-    list of int
-        Vertex indices, at most n of them.
-    """
-    chosen = [int((distances @ np.ones(len(distances))).argmax())]
-    nearest = distances[chosen[0]].copy()
-    while len(chosen) < min(count, len(distances)):
-        chosen.append(int(nearest.argmax()))
-        np.minimum(nearest, distances[chosen[-1]], out=nearest)
-    return chosen
 
 
 def centred_eigenpairs(
@@ -44,8 +17,8 @@ def centred_eigenpairs(
 
     The matrix is :math:`B = -\frac12 J (D \circ D) J` with :math:`J = I - 11^\top/n`. It acts on a block of vectors by
     one product with the squared distances between two subtractions of column means, so neither it nor the squares
-    are ever stored. A block Krylov space grows from the columns of a few farthest points until the Rayleigh-Ritz
-    residuals are small (Golub & Van Loan 2013, section 10.3). The start is fixed, so the result is reproducible.
+    are ever stored. Block Lanczos with full orthogonalisation (Golub & Van Loan 2013, section 10.3) starts from the
+    columns of four points far from each other, so nothing is random.
 
     Parameters
     ----------
@@ -70,56 +43,65 @@ def centred_eigenpairs(
     """
     if len(distances) <= 16 * _BLOCK:
         return _dense_eigenpairs(distances, k)
-    basis = _orthonormal(distances[farthest_points(distances, _BLOCK)].T ** 2)
-    image = _apply(distances, basis)
+    fresh, _ = np.linalg.qr(_centred(distances[_far_apart(distances)].T ** 2))
+    basis = np.empty((len(distances), 0))
+    projected = np.empty((0, 0))
     for _ in range(max_steps):
-        projected = basis.T @ image
-        values, coefficients = np.linalg.eigh((projected + projected.T) / 2)
+        basis = np.hstack([basis, fresh])
+        image = _apply(distances, fresh)
+        coupling = basis.T @ image
+        remainder = image - basis @ coupling
+        # Once more, because a single pass of Gram-Schmidt leaves rounding errors that grow with every block.
+        fresh, factor = np.linalg.qr(remainder - basis @ (basis.T @ remainder))
+        projected = np.block([[projected, coupling[:-_BLOCK]], [coupling.T]])
+        values, coefficients = np.linalg.eigh(projected)
         values, coefficients = values[: -k - 1 : -1], coefficients[:, : -k - 1 : -1]
-        vectors = basis @ coefficients
-        residuals = np.linalg.norm(image @ coefficients - vectors * values, axis=0)
+        residuals = np.linalg.norm(factor @ coefficients[-_BLOCK:], axis=0)
         if residuals[:accurate].max() <= tolerance * values[0]:
             break
-        fresh = image[:, -_BLOCK:]
-        # Twice, because one pass of Gram-Schmidt leaves rounding errors that grow with every block.
-        for _ in range(2):
-            fresh = _orthonormal(fresh - basis @ (basis.T @ fresh))
-        basis = np.hstack([basis, fresh])
-        image = np.hstack([image, _apply(distances, fresh)])
-    return values, vectors
+    return values, basis @ coefficients
 
 
-def _orthonormal(block: FloatArray) -> FloatArray:
-    return np.linalg.qr(block - block.mean(axis=0))[0]
+def _far_apart(distances: FloatArray) -> list[int]:
+    chosen = [int(distances[0].argmax())]
+    while len(chosen) < _BLOCK:
+        chosen.append(int(distances[chosen].min(axis=0).argmax()))
+    return chosen
+
+
+def _centred(block: FloatArray) -> FloatArray:
+    return np.asarray(block - block.mean(axis=0))
 
 
 def _apply(distances: FloatArray, block: FloatArray) -> FloatArray:
-    product = np.zeros((_BLOCK, len(block)))
-    _add_squared_product(distances, np.ascontiguousarray((block - block.mean(axis=0)).T), product)
-    product -= product.mean(axis=1, keepdims=True)
-    return -0.5 * product.T
+    product = np.empty((_BLOCK, len(block)))
+    _multiply_squared(distances, np.ascontiguousarray(_centred(block).T), product)
+    return -0.5 * _centred(product.T)
 
 
-# A matrix product with four columns is too thin for BLAS: this loop is twice as fast and needs no matrix of squares.
+# Four columns are too few for BLAS: this loop is more than twice as fast, and needs no matrix of squares.
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _add_squared_product(distances, rows, product):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _multiply_squared(distances, rows, product):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     n = len(distances)
-    for first in range(0, n, _TILE):  # four tiles of that many numbers fit into the innermost cache
-        last = min(n, first + _TILE)
-        a, b, c, d = rows[0, first:last], rows[1, first:last], rows[2, first:last], rows[3, first:last]
-        for i in range(n):
-            tile = distances[i, first:last]
-            sum_a = sum_b = sum_c = sum_d = 0.0
-            for j in range(last - first):
-                squared = tile[j] * tile[j]
-                sum_a += squared * a[j]
-                sum_b += squared * b[j]
-                sum_c += squared * c[j]
-                sum_d += squared * d[j]
-            product[0, i] += sum_a
-            product[1, i] += sum_b
-            product[2, i] += sum_c
-            product[3, i] += sum_d
+    a, b, c, d = rows[0], rows[1], rows[2], rows[3]
+    for i in range(0, n, 2):
+        # Two rows share each number that is loaded; the last row of an odd count is done twice.
+        k = min(i + 1, n - 1)
+        upper, lower = distances[i], distances[k]
+        upper_a = upper_b = upper_c = upper_d = lower_a = lower_b = lower_c = lower_d = 0.0
+        for j in range(n):
+            square = upper[j] * upper[j]
+            upper_a += square * a[j]
+            upper_b += square * b[j]
+            upper_c += square * c[j]
+            upper_d += square * d[j]
+            square = lower[j] * lower[j]
+            lower_a += square * a[j]
+            lower_b += square * b[j]
+            lower_c += square * c[j]
+            lower_d += square * d[j]
+        product[0, i], product[1, i], product[2, i], product[3, i] = upper_a, upper_b, upper_c, upper_d
+        product[0, k], product[1, k], product[2, k], product[3, k] = lower_a, lower_b, lower_c, lower_d
 
 
 def _dense_eigenpairs(distances: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:

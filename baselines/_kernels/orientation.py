@@ -10,7 +10,8 @@ from benchmark.geometry.mesh import Mesh
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
     """Return the barycentric area of each vertex, a third of its triangles, shape (n,), in squared mesh units."""
-    return np.bincount(mesh.faces.ravel(), weights=np.repeat(mesh.face_areas / 3, 3), minlength=mesh.n_vertices)
+    shares = np.repeat(mesh.face_areas / 3, 3)
+    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices), dtype=np.float64)
 
 
 def canonical_signs(coordinates: FloatArray, weights: FloatArray) -> FloatArray:

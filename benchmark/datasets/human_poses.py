@@ -245,7 +245,7 @@ POSES: Mapping[str, Pose] = {
     ),
     "thinking": Pose(
         left_arm=Arm(raised=45, forward=75, roll=-15, bend=80),
-        right_arm=Arm(raised=62, forward=72, roll=10, bend=125),
+        right_arm=Arm(raised=60, forward=68, roll=5, bend=118),
         left_leg=Leg(abduction=6),
         right_leg=Leg(flexion=12, abduction=8, roll=20, bend=20),
         trunk=Column(bend=8, lean=-4),

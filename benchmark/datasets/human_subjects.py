@@ -33,21 +33,21 @@ class Subject:
 
 
 SUBJECTS: Mapping[str, Subject] = {
-    "man-1": Subject(gender=0.0, age=0.90, muscle=0.24, weight=0.06, height=0.53, proportions=0.35),
-    "woman-1": Subject(gender=1.0, age=0.66, muscle=0.08, weight=0.06, height=0.33, proportions=0.23),
-    "child-1": Subject(gender=0.0, age=0.34, muscle=0.78, weight=0.53, height=0.33, proportions=0.91),
-    "man-2": Subject(gender=0.0, age=0.95, muscle=0.09, weight=0.81, height=0.23, proportions=0.80),
-    "woman-2": Subject(gender=1.0, age=0.82, muscle=0.19, weight=0.88, height=0.23, proportions=0.24),
-    "child-2": Subject(gender=0.0, age=0.30, muscle=0.22, weight=0.39, height=0.07, proportions=0.16),
-    "man-3": Subject(gender=0.0, age=0.98, muscle=0.94, weight=0.13, height=0.29, proportions=0.72),
-    "woman-3": Subject(gender=1.0, age=0.60, muscle=0.75, weight=0.35, height=0.28, proportions=0.32),
-    "child-3": Subject(gender=1.0, age=0.40, muscle=0.11, weight=0.96, height=0.07, proportions=0.18),
-    "child-4": Subject(gender=1.0, age=0.33, muscle=0.15, weight=0.37, height=0.17, proportions=0.07),
-    "man-4": Subject(gender=0.0, age=0.75, muscle=0.15, weight=0.73, height=0.31, proportions=0.09),
-    "woman-4": Subject(gender=1.0, age=0.96, muscle=0.11, weight=0.23, height=0.48, proportions=0.33),
-    "child-5": Subject(gender=0.0, age=0.39, muscle=0.11, weight=0.96, height=0.08, proportions=0.31),
-    "man-5": Subject(gender=0.0, age=0.69, muscle=0.17, weight=0.09, height=0.18, proportions=0.23),
-    "woman-5": Subject(gender=1.0, age=0.98, muscle=0.14, weight=0.67, height=0.53, proportions=0.69),
+    "man-1": Subject(gender=0.0, age=0.90, muscle=0.31, weight=0.15, height=0.54, proportions=0.39),
+    "woman-1": Subject(gender=1.0, age=0.63, muscle=0.23, weight=0.14, height=0.39, proportions=0.22),
+    "child-1": Subject(gender=0.0, age=0.33, muscle=0.25, weight=0.36, height=0.31, proportions=0.71),
+    "man-2": Subject(gender=0.0, age=0.95, muscle=0.19, weight=0.80, height=0.25, proportions=0.78),
+    "woman-2": Subject(gender=1.0, age=0.95, muscle=0.17, weight=0.94, height=0.37, proportions=0.87),
+    "child-2": Subject(gender=0.0, age=0.33, muscle=0.81, weight=0.52, height=0.10, proportions=0.52),
+    "man-3": Subject(gender=0.0, age=0.76, muscle=0.70, weight=0.75, height=0.19, proportions=0.13),
+    "woman-3": Subject(gender=1.0, age=0.95, muscle=0.86, weight=0.26, height=0.31, proportions=0.89),
+    "child-3": Subject(gender=1.0, age=0.40, muscle=0.20, weight=0.93, height=0.10, proportions=0.24),
+    "child-4": Subject(gender=1.0, age=0.37, muscle=0.55, weight=0.18, height=0.14, proportions=0.77),
+    "man-4": Subject(gender=0.0, age=0.97, muscle=0.78, weight=0.76, height=0.51, proportions=0.88),
+    "woman-4": Subject(gender=1.0, age=0.60, muscle=0.64, weight=0.83, height=0.60, proportions=0.24),
+    "child-5": Subject(gender=1.0, age=0.32, muscle=0.91, weight=0.24, height=0.23, proportions=0.16),
+    "man-5": Subject(gender=0.0, age=0.68, muscle=0.44, weight=0.21, height=0.35, proportions=0.39),
+    "woman-5": Subject(gender=1.0, age=0.63, muscle=0.17, weight=0.79, height=0.31, proportions=0.15),
 }
 """The bodies, in the order of the data set.
 
@@ -57,6 +57,8 @@ exchange search over random bodies of usual height for the largest smallest dist
 
 _CHILDREN = (0.26, 0.48)
 _ADULTS = (0.60, 1.0)
+_LOWEST, _HIGHEST = (0.15, 0.14, 0.08, 0.12), (0.95, 0.95, 0.60, 0.95)
+"""Ranges of muscle, weight, height and proportions: no walking skeletons, and nobody above two metres."""
 _CLEARANCE = 0.25
 """Smallest Euclidean distance in phenotype space between a sampled body and those of the data set."""
 
@@ -77,6 +79,6 @@ def new_subject(random: np.random.Generator) -> Subject:
         kind = random.integers(3)
         gender = random.uniform() if kind == 2 else float(kind)
         age = random.uniform(*(_CHILDREN if kind == 2 else _ADULTS))
-        candidate = Subject(gender, age, *random.uniform(0.1, 0.95, 4).tolist())
+        candidate = Subject(gender, age, *random.uniform(_LOWEST, _HIGHEST).tolist())
         if np.linalg.norm(taken - astuple(candidate), axis=1).min() >= _CLEARANCE:
             return candidate

@@ -19,9 +19,11 @@ def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
 
     The distance of two components is the shortest Euclidean distance between their vertices, of which an open
     component offers those on its boundary. Each link of the tree becomes a strip of two triangles between a boundary
-    edge at either end, so every edge keeps at most two faces. Where two ends coincide they are welded and one triangle
-    closes the gap between their boundary edges. An end on a closed component is opened first by taking away
-    one triangle at the anchor.
+    edge at either end, so every edge keeps at most two faces; an edge that one bridge uses is replaced by the edges of
+    that bridge, so another can start at the same vertex. Of the boundary edges at the two ends those are joined that
+    run in opposite directions, so orientation carries over. Where two ends coincide they are welded and one triangle
+    closes the gap between their boundary edges. A closed component is opened first by taking away the smallest
+    triangle at the anchor.
 
     Parameters
     ----------
@@ -67,11 +69,12 @@ def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
     candidates = _anchor_candidates(mesh, labels)
     members = [candidates[labels[candidates] == component] for component in range(count)]
     trees = [cKDTree(mesh.vertices[member]) for member in members]
-    lower, upper = (np.array([pick(tree) for tree in trees]) for pick in (lambda t: t.mins, lambda t: t.maxes))
+    lower, upper = np.array([tree.mins for tree in trees]), np.array([tree.maxes for tree in trees])
     distance = np.full(count, np.inf)
     link: list[_Edge] = [(-1, -1)] * count
     outside = np.ones(count, dtype=bool)
-    current, links = 0, []
+    links: list[_Edge] = []
+    current = 0
     while True:
         outside[current] = False
         if not outside.any():
@@ -169,18 +172,26 @@ class _Builder:
         """Join two vertices of different components."""
         first, second = self._resolve(first), self._resolve(second)
         pairs = [(a, b) for a in self._free_neighbours(first) for b in self._free_neighbours(second)]
-        vertices = self._vertices
-        a, b = min(pairs, key=lambda pair: (float(np.linalg.norm(vertices[pair[0]] - vertices[pair[1]])), pair))
-        # The new triangles run along the free side against the direction of its own face: orientation is kept.
-        forward = self._runs(first, a)
-        if np.array_equal(vertices[first], vertices[second]):
+        a, b = min(
+            pairs, key=lambda pair: (self._runs(first, pair[0]) == self._runs(second, pair[1]), self._gap(*pair))
+        )
+        if self._gap(first, second) == 0:
             self._weld(second, first)
-            self._add((a, first, b) if forward else (first, a, b))
-            return
-        diagonal_first = np.linalg.norm(vertices[first] - vertices[b]) <= np.linalg.norm(vertices[a] - vertices[second])
-        quad = ((a, first, b), (first, second, b)) if diagonal_first else ((a, first, second), (a, second, b))
-        for x, y, z in quad:
+            if self._gap(a, b) == 0:
+                self._weld(b, a)
+                return
+            strip = [(a, first, b)]
+        elif self._gap(first, b) <= self._gap(a, second):
+            strip = [(a, first, b), (first, second, b)]
+        else:
+            strip = [(a, first, second), (a, second, b)]
+        # A side that runs from first to a must be met by a triangle in which it runs from a to first.
+        forward = self._runs(first, a)
+        for x, y, z in strip:
             self._add((x, y, z) if forward else (y, x, z))
+
+    def _gap(self, first: int, second: int) -> float:
+        return float(np.linalg.norm(self._vertices[first] - self._vertices[second]))
 
     def _runs(self, start: int, end: int) -> bool:
         """Say whether the one face at this side runs from start to end."""

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components as graph_components
 
-from benchmark.geometry.mesh import Faces, Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points
 
 IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,9 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
         What was found.
     """
     distinct, place = _merge_duplicates(mesh.vertices)
-    faces = place[mesh.faces.astype(np.int64)].reshape(-1, 3)
+    faces = place[mesh.faces]
     proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    proper &= Mesh(distinct, faces).face_areas > 0
+    proper &= mesh.face_areas > 0
     degenerate = len(faces) - int(proper.sum())
     faces = faces[proper]
     single = _first_of_each(np.sort(faces, axis=1))
@@ -118,7 +119,7 @@ def make_manifold(mesh: Mesh) -> Mesh:
     order = np.argsort(owner, kind="stable")
     rank_of_fan = np.empty_like(order)
     rank_of_fan[order] = np.arange(len(order))
-    return Mesh(mesh.vertices[owner[order]], rank_of_fan[fan].reshape(-1, 3))
+    return Mesh(mesh.vertices[owner[order]], rank_of_fan[fan].reshape(-1, 3).astype(np.int32))
 
 
 def connected_components(mesh: Mesh) -> IntArray:
@@ -140,11 +141,12 @@ def largest_component(mesh: Mesh) -> Mesh:
     return compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
 
 
-def component_areas(mesh: Mesh) -> tuple[NDArray[np.float64], IntArray]:
+def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     """Return the area of each component, shape (c,), and the component of each face, shape (m,)."""
     labels = connected_components(mesh)
     of_face = labels[mesh.faces[:, 0]]
-    return np.bincount(of_face, weights=mesh.face_areas, minlength=int(labels.max(initial=-1)) + 1), of_face
+    areas: FloatArray = np.bincount(of_face, weights=mesh.face_areas, minlength=int(labels.max(initial=-1)) + 1)
+    return areas, of_face
 
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
@@ -152,10 +154,10 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     place = np.cumsum(used) - 1
-    return Mesh(vertices[used], place[faces])
+    return Mesh(vertices[used], place[faces].astype(np.int32))
 
 
-def edge_counts(faces: Faces | IntArray) -> IntArray:
+def edge_counts(faces: NDArray[np.integer]) -> IntArray:
     """Return the number of faces at each undirected edge."""
     return _edges_of_sides(faces.astype(np.int64))[1]
 
@@ -189,7 +191,7 @@ def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
 
 
 def _edges_of_sides(faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the edge of each side (corner k to k + 1 of face f is side 3 f + k) and the number of sides of each edge."""
+    """Return the edge of each side (3 f + k is corner k to k + 1 of face f) and the number of sides of each edge."""
     start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
     key = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
     _, edge, counts = np.unique(key, return_inverse=True, return_counts=True)
@@ -217,4 +219,4 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
     tails, heads = np.concatenate(links_from), np.concatenate(links_to)
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(3 * len(faces), 3 * len(faces)))
     _, labels = graph_components(graph.tocsr(), directed=False)
-    return labels.astype(np.int64)
+    return np.asarray(labels, dtype=np.int64)

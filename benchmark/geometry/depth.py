@@ -9,6 +9,7 @@ set, which declares one half width, are therefore comparable pixel by pixel.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -27,8 +28,8 @@ DepthImage = NDArray[np.float32]
 SIZE = 500
 """Pixels per side of a depth image."""
 
-STRIDE = 4
-"""Every how many pixels the back-projection samples the image: about 2000 vertices for a body that fills the frame."""
+SAMPLES = 2000
+"""Vertices that a back-projected surface should have, like a prepared mesh."""
 
 JUMP = 0.05
 """Largest depth difference along an edge of the back-projected surface, as a share of the half width."""
@@ -37,7 +38,7 @@ FILL = 0.9
 """Share of the frame that the largest shape of a data set fills."""
 
 SPECK = 8
-"""Pieces of fewer vertices than this are dropped: at stride 4 they are slivers at grazing silhouettes, not limbs."""
+"""Pieces of fewer vertices than this are dropped: they are slivers at grazing silhouettes, not limbs."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,8 @@ class ViewReport:
     ----------
     foreground
         Pixels that show the shape.
+    stride
+        Pixels between samples.
     pieces
         Connected pieces that were kept; 1 means that nothing had to be joined.
     bridges
@@ -109,6 +112,7 @@ class ViewReport:
     """
 
     foreground: int
+    stride: int
     pieces: int
     bridges: int
     specks: int
@@ -242,7 +246,7 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
 
 
 def back_project(
-    depth: DepthImage, half_width: float, stride: int = STRIDE, jump: float = JUMP
+    depth: DepthImage, half_width: float, stride: int | None = None, jump: float = JUMP
 ) -> tuple[Mesh, ViewReport]:
     """Surface behind a depth image, in one connected piece.
 
@@ -258,7 +262,8 @@ def back_project(
     half_width
         Half width that the image was rendered with.
     stride
-        Pixels between samples; the first sample lies at ``stride // 2``.
+        Pixels between samples, the first at ``stride // 2``; None takes the one that gives about 2000 samples. A small
+        body in the frame of a large one is then sampled as finely as that.
     jump
         Largest depth difference along an edge, as a share of the half width.
 
@@ -279,13 +284,15 @@ def back_project(
         If the image shows nothing, or too little for a surface.
     """
     depth = _checked(depth)
+    foreground = int(np.count_nonzero(depth))
+    if foreground == 0:
+        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
+    if stride is None:
+        stride = max(1, round(math.sqrt(foreground / SAMPLES)))
     if not (np.isfinite(half_width) and half_width > 0 and stride > 0 and jump > 0):
         raise ConfigurationError(
             f"half width {half_width}, stride {stride} and jump {jump} give no surface", "pass positive numbers"
         )
-    foreground = int(np.count_nonzero(depth))
-    if foreground == 0:
-        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
     points = _sample_positions(samples, depth.shape[0], stride)
     faces = _triangulate(samples, jump / 2)
@@ -297,7 +304,7 @@ def back_project(
         )
     lost = int(np.count_nonzero(samples)) - mesh.n_vertices
     mesh, bridges = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    return mesh, ViewReport(foreground=foreground, pieces=pieces, bridges=bridges, specks=specks, lost_samples=lost)
+    return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost)
 
 
 def depth_surface(mesh: Mesh, camera: Camera, half_width: float) -> View:

@@ -13,7 +13,6 @@ from benchmark.geometry.cleaning import (
     clean,
     compact,
     component_areas,
-    connected_components,
     edge_counts,
     make_manifold,
 )
@@ -23,6 +22,7 @@ from benchmark.geometry.mesh import Mesh
 SMALLEST_SHARE = 0.01
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
+_FEWEST_VERTICES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,26 +71,31 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     InvalidMesh
         If nothing usable is left: no area, or fewer than four vertices.
     """
-    cleaned, found = clean(mesh)
-    if cleaned.n_vertices < 4 or not cleaned.area > 0:
+    extent = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
+    if not 0 < extent < np.inf:
+        raise InvalidMesh(
+            f"the bounding box of the mesh has extent {extent}", "pass a surface of finite, positive size"
+        )
+    # Areas must not underflow, whatever the unit of the file; a power of two changes no digit, so duplicates stay equal.
+    unit = 2.0 ** np.floor(np.log2(extent))
+    cleaned, found = clean(mesh.with_vertices(mesh.vertices / unit))
+    if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
         raise InvalidMesh(
             f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
-            "pass a surface of at least four vertices, not a point cloud or a single triangle",
+            f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
         )
-    # Unit size first: the repair below and the decimation then see the same numbers whatever the unit of the file.
-    extent = float(np.ptp(cleaned.vertices, axis=0).max())
-    work = make_manifold(cleaned.with_vertices((cleaned.vertices - cleaned.vertices.mean(axis=0)) / extent))
+    work = make_manifold(cleaned.with_vertices(cleaned.vertices - cleaned.vertices.mean(axis=0)))
     areas, of_face = component_areas(work)
     kept = areas >= SMALLEST_SHARE * areas.sum()
     kept[np.argmax(areas)] = True
     work = compact(work.vertices, work.faces[kept[of_face]])
-    source_area = work.area * extent**2
-    work = make_manifold(clean(decimate(work, n_vertices))[0])
-    work, bridges = bridge_components(work, min_faces=1)
-    if work.n_vertices < 4:
-        raise InvalidMesh(f"only {work.n_vertices} vertices remain", "pass a surface of at least four vertices")
-    components = int(connected_components(work).max()) + 1
-    assert components == 1  # noqa: S101 -- bridging joins all that it is given
+    source_area = work.area * unit**2
+    work, bridges = bridge_components(make_manifold(clean(decimate(work, n_vertices))[0]))
+    if work.n_vertices < _FEWEST_VERTICES:
+        raise InvalidMesh(
+            f"only {work.n_vertices} vertices remain after preparation",
+            f"pass a connected surface of at least {_FEWEST_VERTICES} vertices",
+        )
     result = work.with_vertices(work.vertices / np.sqrt(work.area))
     edges = edge_counts(result.faces)
     report = {

@@ -59,7 +59,7 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
 
 
 @njit(cache=True, nogil=True)
-def draw_triangles(points, faces, image):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image: DepthImage) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
 
     Parameters
@@ -108,7 +108,7 @@ def draw_triangles(points, faces, image):  # type: ignore[no-untyped-def]  # noq
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _draw_span(image, row, width, x0, z0, x1, z1):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _draw_span(image: DepthImage, row: int, width: int, x0: float, z0: float, x1: float, z1: float) -> None:
     if x1 < x0:
         x0, x1, z0, z1 = x1, x0, z1, z0
     first = max(0, int(np.ceil(x0 - 0.5)))

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
-from benchmark.geometry import depth as depth_module
 from benchmark.geometry.depth import (
     FRONT,
     SIDE,
@@ -173,17 +172,17 @@ def test_back_projection_of_a_tilted_plane_is_exact_at_every_vertex() -> None:
 
 def test_three_corners_give_one_triangle_and_four_give_two() -> None:
     image = np.full((16, 16), 0.5, dtype=np.float32)
-    full, _ = back_project(image, 1.0)
+    full, _ = back_project(image, 1.0, stride=4)
     assert (full.n_vertices, full.n_faces) == (16, 18)
     for row, column in [(2, 2), (2, 14), (14, 2), (14, 14)]:
         holed = image.copy()
         holed[row, column] = 0
-        surface, report = back_project(holed, 1.0)
+        surface, report = back_project(holed, 1.0, stride=4)
         assert (surface.n_vertices, surface.n_faces) == (15, 17)
         assert report.foreground == 255
     holed = image.copy()
     holed[6, 6] = 0
-    surface, _ = back_project(holed, 1.0)
+    surface, _ = back_project(holed, 1.0, stride=4)
     assert (surface.n_vertices, surface.n_faces) == (15, 14)
 
 
@@ -192,13 +191,13 @@ def test_edges_across_a_jump_are_cut_and_bridged() -> None:
     for step, pieces in [(0.02, 1), (0.03, 2)]:
         image = np.full((40, 40), 0.4, dtype=np.float32)
         image[:, 20:] += step
-        surface, report = back_project(image, 1.0)
+        surface, report = back_project(image, 1.0, stride=4)
         assert report.pieces == pieces
         assert report.bridges >= pieces - 1
         assert (report.bridges == 0) == (pieces == 1)
         assert surface.n_vertices >= 100
         assert len(trimesh.Trimesh(surface.vertices, surface.faces, process=False).split(only_watertight=False)) == 1
-    _, report = back_project(image, 1.0, jump=0.07)
+    _, report = back_project(image, 1.0, stride=4, jump=0.07)
     assert report.pieces == 1
 
 
@@ -207,12 +206,12 @@ def test_specks_are_dropped_and_counted() -> None:
     image[:40, :40] = 0.5  # 10 x 10 samples
     image[60:68, 60:68] = 0.5  # 2 x 2 samples: a speck
     image[50, 10] = 0.5  # a sample without a triangle
-    surface, report = back_project(image, 1.0)
+    surface, report = back_project(image, 1.0, stride=4)
     assert SPECK == 8
     assert surface.n_vertices == 100
     assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (1, 0, 1, 5)
     image[60:68, 60:76] = 0.5  # 2 x 4 samples: a piece
-    assert back_project(image, 1.0)[1].pieces == 2
+    assert back_project(image, 1.0, stride=4)[1].pieces == 2
 
 
 def test_same_image_same_surface() -> None:
@@ -242,7 +241,8 @@ def test_bad_images_are_named(image: np.ndarray, error: type[BenchmarkError], me
     assert caught.value.mend
 
 
-def test_vertices_at_stride_four_number_about_two_thousand() -> None:
-    # A body that fills 90 % of the height covers about a seventh of the frame.
-    body = depth_module.depth_surface(rectangle(0.3, 1.8), TOWARDS, 1.0).surface
-    assert 1800 < body.n_vertices < 2400
+@pytest.mark.parametrize("scale", [0.2, 0.5, 1.0])
+def test_large_and_small_shapes_have_about_two_thousand_vertices(scale: float) -> None:
+    view = depth_surface(rectangle(0.4 * scale, 1.8 * scale), TOWARDS, 1.0)
+    assert 1000 < view.surface.n_vertices < 3000
+    assert view.report.stride == {0.2: 1, 0.5: 2, 1.0: 5}[scale]

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.animals.body import Field, surface
 from benchmark.datasets.animals.poses import POSES
+from benchmark.datasets.animals.relaxation import Relaxation
 from benchmark.datasets.animals.skeleton import Pose, Skeleton
-from benchmark.datasets.animals.skinning import Relaxation, blend, bone_weights
+from benchmark.datasets.animals.skinning import blend, bone_weights
 from benchmark.datasets.animals.species import SPECIES
 from benchmark.geometry.mesh import Mesh
 
 N_VERTICES = 7500
 """Vertices that a generated animal has, about."""
 
-RELAXATIONS = 12
+RELAXATIONS = 30
 """Local and global steps that spread the strain of the joints."""
 
 
@@ -35,8 +36,8 @@ class Animal:
         """Return the skin in a pose, standing on z = 0 with the middle of its extent above the origin."""
         vertices = np.array(self.mesh.vertices)
         if pose:
-            rotations, translations = self.skeleton.transforms(pose)
-            vertices = self.relaxation(blend(vertices, self.weights, rotations, translations), RELAXATIONS)
+            blended = blend(vertices, self.weights, *self.skeleton.transforms(pose))
+            vertices = self.relaxation(*blended, RELAXATIONS)
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         middle = 0.5 * (low + high)
         return self.mesh.with_vertices(vertices - [middle[0], middle[1], low[2]])

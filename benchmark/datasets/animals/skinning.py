@@ -1,9 +1,6 @@
-"""Skin on bones: smooth weights, dual quaternion blending, and a relaxation that keeps edges as long as they were."""
+"""Skin on bones: smooth weights, and blending of the motions of the bones."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +11,8 @@ from scipy.spatial.transform import Rotation
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.geometry.mesh import Mesh
 
-HEAT = 0.5
-"""Heat that flows from a bone to the skin above it, against the flow along the skin; Baran and Popović use 1."""
-
-ANCHOR = 0.02
-"""Stiffness of the springs that hold the relaxed skin to the blended one, against the stiffness of the skin."""
+HEAT = 1.0
+"""Heat that flows from a bone to the skin above it, against the flow along the skin."""
 
 
 def bone_weights(mesh: Mesh, owners: NDArray[np.int64], skeleton: Skeleton) -> NDArray[np.float64]:
@@ -58,7 +52,7 @@ def bone_weights(mesh: Mesh, owners: NDArray[np.int64], skeleton: Skeleton) -> N
 
 def blend(
     vertices: NDArray[np.float64], weights: NDArray[np.float64], rotations: Rotation, translations: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Dual quaternion blending (Kavan, Collins, Žára and O'Sullivan, 2008, section 4).
 
     Parameters
@@ -72,8 +66,8 @@ def blend(
 
     Returns
     -------
-    numpy.ndarray
-        Shape (n, 3).
+    numpy.ndarray, numpy.ndarray
+        Positions, shape (n, 3), and rotations of the skin, shape (n, 3, 3).
     """
     real = rotations.as_quat()
     shift = np.column_stack([translations, np.zeros(len(translations))])
@@ -85,7 +79,8 @@ def blend(
     length = np.linalg.norm(blended, axis=1, keepdims=True)
     blended, moved = blended / length, moved / length
     shift = 2.0 * _multiply(moved, blended * [-1.0, -1.0, -1.0, 1.0])[:, :3]
-    return np.asarray(Rotation.from_quat(blended).apply(vertices) + shift)
+    turned = Rotation.from_quat(blended)
+    return np.asarray(turned.apply(vertices) + shift), np.asarray(turned.as_matrix())
 
 
 def _multiply(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,54 +88,3 @@ def _multiply(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.floa
     vector = p[:, 3:] * q[:, :3] + q[:, 3:] * p[:, :3] + np.cross(p[:, :3], q[:, :3])
     scalar = p[:, 3] * q[:, 3] - (p[:, :3] * q[:, :3]).sum(axis=1)
     return np.column_stack([vector, scalar])
-
-
-@dataclass(frozen=True)
-class Relaxation:
-    """As-rigid-as-possible relaxation (Sorkine and Alexa, 2007) around anchors, factorised once per skin.
-
-    Minimises sum_ij w_ij |(x_i - x_j) - R_i (p_i - p_j)|^2 + sum_i s_i |x_i - y_i|^2 over positions x and rotations R,
-    with rest positions p, anchors y and cotangent weights w.
-    """
-
-    rest: NDArray[np.float64]
-    start: NDArray[np.int64]
-    end: NDArray[np.int64]
-    stiffness: NDArray[np.float64]
-    springs: NDArray[np.float64]
-    gather: Any
-    factor: Any
-
-    @classmethod
-    def of(cls, mesh: Mesh, weights: NDArray[np.float64]) -> Relaxation:
-        """Prepare the relaxation of a skin; the springs are strong where one bone rules and weak at the joints."""
-        import igl
-
-        rest, faces = np.array(mesh.vertices), mesh.faces.astype(np.int64)
-        laplacian = -igl.cotmatrix(rest, faces)
-        off = sparse.triu(laplacian, k=1).tocoo()
-        positive = np.maximum(-off.data, 1e-3)
-        start, end = np.r_[off.row, off.col].astype(np.int64), np.r_[off.col, off.row].astype(np.int64)
-        stiffness = np.r_[positive, positive]
-        n = mesh.n_vertices
-        gather = sparse.csr_matrix((np.ones(len(start)), (start, np.arange(len(start)))), shape=(n, len(start)))
-        springs = ANCHOR * weights.max(axis=1) ** 4
-        system = sparse.diags(np.bincount(start, stiffness, n) + springs) - sparse.csr_matrix(
-            (stiffness, (start, end)), shape=(n, n)
-        )
-        return cls(rest, start, end, stiffness, springs, gather, splu(system.tocsc()))
-
-    def __call__(self, anchors: NDArray[np.float64], iterations: int) -> NDArray[np.float64]:
-        """Relax from the anchors, shape (n, 3), by alternating local and global steps."""
-        edges = self.rest[self.start] - self.rest[self.end]
-        x = anchors
-        for _ in range(iterations):
-            now = self.stiffness[:, None] * (x[self.start] - x[self.end])
-            covariance = (self.gather @ (now[:, :, None] * edges[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
-            u, _, vt = np.linalg.svd(covariance)
-            u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-            rotation = u @ vt
-            mean = 0.5 * (rotation[self.start] + rotation[self.end])
-            force = self.gather @ (self.stiffness[:, None] * np.einsum("eij,ej->ei", mean, edges))
-            x = self.factor.solve(force + self.springs[:, None] * anchors)
-        return np.asarray(x)

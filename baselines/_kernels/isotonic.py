@@ -1,0 +1,127 @@
+"""Isotonic regression over pairs of vertices that are sorted once and kept in that order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RankedPairs:
+    """All pairs of vertices in the order of their dissimilarity.
+
+    Parameters
+    ----------
+    first, second
+        Vertices of each pair, shape (n (n - 1) / 2,).
+    tie_ends
+        For each group of equal dissimilarities, the place after its last pair, ascending.
+    """
+
+    first: NDArray[np.int32]
+    second: NDArray[np.int32]
+    tie_ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, dissimilarities: FloatArray) -> RankedPairs:
+        """Sort the pairs of a symmetric matrix, shape (n, n)."""
+        first, second = (part.astype(np.int32) for part in np.triu_indices(len(dissimilarities), 1))
+        values = dissimilarities[first, second]
+        order = values.argsort()
+        values = values[order]
+        last = np.append(np.flatnonzero(values[1:] > values[:-1]), len(values) - 1)
+        return cls(first[order], second[order], last + 1)
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Euclidean distance of each pair, for positions of shape (n, 3)."""
+        result = np.empty(len(self.first))
+        _fill_distances(points, self.first, self.second, result)
+        return result
+
+    def attractions(self, points: FloatArray, distances: FloatArray, targets: FloatArray) -> FloatArray:
+        r"""Return :math:`\sum_j (t_{ij} / d_{ij}) (x_i - x_j)` of each vertex, shape (n, 3).
+
+        Parameters
+        ----------
+        points
+            Positions x, shape (n, 3).
+        distances, targets
+            Distances d and targets t of each pair; coincident points contribute nothing.
+        """
+        sums = np.zeros_like(points)
+        _add_attractions(points, self.first, self.second, distances, targets, sums)
+        return sums
+
+
+def isotonic_regression(values: FloatArray, tie_ends: NDArray[np.int64]) -> FloatArray:
+    """Non-decreasing sequence nearest to the values in the least-squares sense.
+
+    Pool adjacent violators (Kruskal 1964; Barlow et al. 1972). Tied places share one fitted value (Kruskal's
+    secondary approach), so the result does not depend on the order inside a tie.
+
+    Parameters
+    ----------
+    values
+        Sequence to fit, shape (m,).
+    tie_ends
+        For each group of tied places, the place after its last, ascending and ending with m.
+
+    Returns
+    -------
+    numpy.ndarray
+        Fitted values, shape (m,).
+    """
+    fitted = np.empty_like(values)
+    _pool_adjacent_violators(values, tie_ends, fitted)
+    return fitted
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _pool_adjacent_violators(values, tie_ends, fitted):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    groups = len(tie_ends)
+    means = np.empty(groups)
+    ends = np.empty(groups, np.int64)
+    blocks = 0
+    begin = 0
+    for group in range(groups):
+        end = tie_ends[group]
+        mean = values[begin:end].mean()
+        start = begin
+        while blocks > 0 and means[blocks - 1] >= mean:
+            blocks -= 1
+            previous = ends[blocks - 1] if blocks > 0 else 0
+            mean = (means[blocks] * (start - previous) + mean * (end - start)) / (end - previous)
+            start = previous
+        means[blocks] = mean
+        ends[blocks] = end
+        blocks += 1
+        begin = end
+    begin = 0
+    for block in range(blocks):
+        fitted[begin : ends[block]] = means[block]
+        begin = ends[block]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_distances(points, first, second, distances):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    for pair in range(len(first)):
+        i, j = first[pair], second[pair]
+        dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+        distances[pair] = np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_attractions(points, first, second, distances, targets, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    for pair in range(len(first)):
+        if distances[pair] > 0.0:
+            i, j = first[pair], second[pair]
+            ratio = targets[pair] / distances[pair]
+            for axis in range(3):
+                pull = ratio * (points[i, axis] - points[j, axis])
+                sums[i, axis] += pull
+                sums[j, axis] -= pull

@@ -1,0 +1,102 @@
+"""Least-squares scaling of the geodesic distances by stress majorisation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from baselines._kernels.checks import require_vertices
+from baselines._kernels.orientation import vertex_areas
+from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeastSquaresMDS:
+    r"""Least-squares scaling of the geodesic distances (SMACOF).
+
+    Lowers the stress :math:`\sum_{i<j} w_{ij} (\|x_i - x_j\| - \delta_{ij})^2` between the form and the geodesic
+    distances :math:`\delta` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`, none of which raises it. Elad and
+    Kimmel (2003), "On bending invariant signatures for surfaces"; de Leeuw (1977), "Applications of convex analysis
+    to multidimensional scaling"; Borg and Groenen (2005), chapter 8.
+
+    Parameters
+    ----------
+    start
+        ``"mesh"`` starts from the surface itself, so that limbs unfold from where they are and the form keeps some of
+        the pose and the position in space of the input; ``"classic"`` starts from classic scaling, which knows
+        nothing of the pose.
+    weights
+        ``"uniform"`` counts every pair of vertices once; ``"area"`` weighs a pair by the product of the two vertex
+        areas, so that the stress is an integral over the surface and does not depend on the sampling.
+    max_iterations
+        Largest number of Guttman transforms.
+    rtol
+        Stop when a transform lowers the stress by less than this fraction.
+    solver
+        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="least-squares-mds",
+        title="Least Square MDS",
+        cite="elad2003bending",
+        family="paper",
+        summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
+    )
+
+    start: Literal["mesh", "classic"] = "mesh"
+    weights: Literal["uniform", "area"] = "uniform"
+    max_iterations: int = 100
+    rtol: float = 1e-3
+    solver: str = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the least-squares scaling of the geodesic distances, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices, no face, or several pieces.
+        """
+        from baselines._kernels.smacof import smacof
+
+        require_vertices(shape)
+        distances = shape.geodesics(self.solver)
+        scaling = smacof(
+            distances,
+            start_positions(shape, distances, self.start),
+            weights=_area_weights(shape) if self.weights == "area" else None,
+            max_iterations=self.max_iterations,
+            rtol=self.rtol,
+        )
+        return shape.form(
+            scaling.points,
+            stress=scaling.stress[-1],
+            stress_of_start=scaling.stress[0],
+            iterations=scaling.iterations,
+        )
+
+
+def start_positions(shape: Shape, distances: FloatArray, start: Literal["mesh", "classic"]) -> FloatArray:
+    """Positions from which an iterative scaling sets out, shape (n, 3).
+
+    Raises
+    ------
+    ConfigurationError
+        If the start is neither ``"mesh"`` nor ``"classic"``.
+    """
+    from baselines.classic_mds import oriented_classic_scaling
+    from benchmark.errors import did_you_mean
+
+    if start == "mesh":
+        return shape.mesh.vertices
+    if start == "classic":
+        return oriented_classic_scaling(shape.mesh, distances)[0]
+    raise did_you_mean("start", start, ("mesh", "classic"))
+
+
+def _area_weights(shape: Shape) -> FloatArray:
+    areas = vertex_areas(shape.mesh)
+    return np.outer(areas, areas)

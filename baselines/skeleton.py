@@ -1,0 +1,205 @@
+"""The canonical pose of a curve skeleton, transferred back to the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.orientation import vertex_areas
+from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape, UnsupportedShape
+from benchmark.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from baselines._kernels.curve_skeleton import CurveSkeleton
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skeleton:
+    r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
+
+    1. A curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
+       centred (Au et al. 2008). An open surface, such as one that a depth camera sees, would be eaten from its borders:
+       there the joints are the pieces of bands between level sets of the geodesic distance from an extremity. A closed
+       surface whose contraction fails is treated so too.
+    2. The pose. Shortest paths along the bones are the distances between joints, and least-squares MDS, started at the
+       joints, places the joints anew.
+    3. The surface. Each bone turns by the least rotation from its old to its new direction, each triangle with the bone
+       that it belongs to, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
+
+    Parameters
+    ----------
+    max_iterations, rtol
+        End of the scaling of the joints: number of Guttman transforms, and relative fall of the stress.
+    bands
+        Number of level bands of an open surface.
+    open_border
+        A surface is open if its border is longer than this multiple of the root of its area. A hemisphere has 2.5; the
+        pinholes of a scan stay far below 1.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="skeleton",
+        title="Skeleton-based",
+        cite="pickup2016skeleton",
+        family="paper",
+        summary="curve skeleton scaled by its path lengths, surface transferred",
+    )
+
+    max_iterations: int = 100
+    rtol: float = 1e-3
+    bands: int = 24
+    open_border: float = 1.0
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the surface in the pose of its scaled skeleton.
+
+        The notes name the skeleton (``"contraction"`` or ``"level-set"``) and give the reason for a level-set one, the
+        numbers of joints, bones and leaves, the stress of the joints, and the mean edge strain.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices or no face, is in several pieces, or its skeleton has no bone.
+        """
+        from baselines._kernels.arap import AsRigidAsPossible, edge_weights
+        from baselines._kernels.deformation_transfer import follow_rotations
+        from baselines._kernels.smacof import smacof
+
+        require_vertices(shape)
+        require_connected(shape)
+        order = _canonical_order(shape.mesh)
+        mesh = _relabelled(shape.mesh, order)
+        skeleton, kind, reason = self._skeleton(shape, mesh, order)
+        if not len(skeleton.bones):
+            raise UnsupportedShape(
+                f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without a bone",
+                "leave this shape to methods that need no skeleton",
+            )
+        scaling = smacof(
+            skeleton.path_lengths(), skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol
+        )
+        rotations = bone_rotations(skeleton.joints, scaling.points, skeleton.bones)
+        moved = follow_rotations(mesh, rotations[bones_of_triangles(mesh, skeleton)])
+        vertices = np.empty_like(moved)
+        vertices[order] = moved
+        surface = AsRigidAsPossible(rest=shape.mesh.vertices, weights=edge_weights(shape.laplacian()))
+        return shape.form(
+            vertices,
+            skeleton=kind,
+            skeleton_reason=reason,
+            joints=len(skeleton.joints),
+            bones=len(skeleton.bones),
+            leaves=int((skeleton.degrees == 1).sum()),
+            joint_stress=scaling.stress[-1],
+            mean_edge_strain=float(surface.edge_strains(vertices).mean()),
+        )
+
+    def _skeleton(
+        self, shape: Shape, mesh: Mesh, order: NDArray[np.int64]
+    ) -> tuple[CurveSkeleton, str, str]:
+        from baselines._kernels.contraction import ContractionFailed, contract
+        from baselines._kernels.curve_skeleton import contraction_skeleton, level_set_skeleton
+
+        if border_length(mesh) > self.open_border * np.sqrt(mesh.area):
+            reason = "open surface"
+        else:
+            try:
+                skeleton = contraction_skeleton(mesh, contract(mesh))
+            except ContractionFailed as failure:
+                reason = f"contraction failed: {failure}"
+            else:
+                if len(skeleton.bones):
+                    return skeleton, "contraction", ""
+                reason = "contraction left a single joint"
+        levels = geodesics_from_extremity(shape)[order]
+        return level_set_skeleton(mesh, levels, self.bands), "level-set", reason
+
+
+def geodesics_from_extremity(shape: Shape) -> FloatArray:
+    """Return the geodesic distances from an extremity of the surface, shape (n,), in units of the mesh.
+
+    The extremity is the vertex farthest along the surface from the one that is farthest in space from the centroid.
+    """
+    areas = vertex_areas(shape.mesh)
+    centroid = areas @ shape.mesh.vertices / areas.sum()
+    outermost = int(np.linalg.norm(shape.mesh.vertices - centroid, axis=1).argmax())
+    extremity = int(shape.geodesics_from([outermost])[0].argmax())
+    return shape.geodesics_from([extremity])[0]
+
+
+def border_length(mesh: Mesh) -> float:
+    """Return the total length of the edges that belong to one triangle only, in units of the mesh."""
+    directed = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    edges, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    border = edges[counts == 1]
+    return float(np.linalg.norm(mesh.vertices[border[:, 0]] - mesh.vertices[border[:, 1]], axis=1).sum())
+
+
+def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int64]) -> FloatArray:
+    """Return the least rotation of each bone, without twist, shape (b, 3, 3) (Rodrigues' formula).
+
+    Parameters
+    ----------
+    before, after
+        Joint positions, shape (k, 3).
+    bones
+        Pairs of joints, shape (b, 2).
+    """
+    old, new = (_unit(joints[bones[:, 1]] - joints[bones[:, 0]]) for joints in (before, after))
+    cosine = np.einsum("bi,bi->b", old, new)
+    axis = np.cross(old, new)
+    # A bone that turns right round has no least rotation; any half turn about a perpendicular axis will do.
+    reversed_ = cosine < -1 + 1e-12
+    axis[reversed_] = 0.0
+    skew = np.zeros((len(bones), 3, 3))
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
+    skew -= skew.transpose(0, 2, 1)
+    rotations = np.eye(3) + skew + skew @ skew / np.where(reversed_, 1.0, 1.0 + cosine)[:, None, None]
+    for b in np.flatnonzero(reversed_):
+        perpendicular = _unit(np.cross(old[b], np.eye(3)[np.abs(old[b]).argmin()])[None])[0]
+        rotations[b] = 2 * np.outer(perpendicular, perpendicular) - np.eye(3)
+    return rotations
+
+
+def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]:
+    """Return the bone that each triangle follows, shape (m,).
+
+    A triangle across the border of two parts follows the bone between their joints. Any other follows, among the bones
+    at its joint, that whose direction is nearest to the direction of the triangle's centroid: the planes of bisection
+    between the bones part the triangles of a joint.
+    """
+    bones, k = skeleton.bones, len(skeleton.joints)
+    corners = np.sort(skeleton.owners[mesh.faces], axis=1)
+    low, middle, high = corners.T
+    across = (low != high) & ((low == middle) | (middle == high))
+    chosen = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high) * across
+    offsets = mesh.vertices[mesh.faces].mean(axis=1) - skeleton.joints[middle]
+    for joint in np.unique(middle[~across]):
+        incident = np.flatnonzero((bones == joint).any(axis=1))
+        directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
+        own = np.flatnonzero(~across & (middle == joint))
+        chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
+    return chosen
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)
+
+
+def _canonical_order(mesh: Mesh) -> NDArray[np.int64]:
+    """Order the vertices by their coordinates, so that no tie and no rounding depends on how they were numbered."""
+    return np.lexsort(mesh.vertices.T[::-1])
+
+
+def _relabelled(mesh: Mesh, order: NDArray[np.int64]) -> Mesh:
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    faces = rank[mesh.faces]
+    # Turning a triangle so that its smallest corner leads keeps its orientation.
+    lead = faces.argmin(axis=1)
+    faces = np.take_along_axis(faces, (lead[:, None] + np.arange(3)) % 3, axis=1)
+    return Mesh(mesh.vertices[order], faces[np.lexsort(faces.T[::-1])])

@@ -1,0 +1,139 @@
+"""Reading and writing mesh files; every problem names the file and the mend."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.geometry import mesh_formats
+from benchmark.geometry.mesh import Mesh
+
+_READERS: dict[str, Callable[[bytes], mesh_formats.Arrays]] = {
+    ".off": mesh_formats.read_off,
+    ".obj": mesh_formats.read_obj,
+    ".ply": mesh_formats.read_ply,
+    ".stl": mesh_formats.read_stl,
+    ".mat": mesh_formats.read_mat,
+}
+READABLE: tuple[str, ...] = (*_READERS, ".vert")
+WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")
+
+# Everything that a reader may meet in a damaged file; MATLAB 7.3 files raise NotImplementedError.
+_DAMAGE = (
+    ValueError,
+    IndexError,
+    KeyError,
+    AttributeError,
+    TypeError,
+    OverflowError,
+    EOFError,
+    StopIteration,
+    NotImplementedError,
+    MemoryError,
+    struct.error,
+)
+
+
+def read_mesh(path: Path | str) -> Mesh:
+    """Read a triangle mesh; vertices and faces keep the order of the file.
+
+    Parameters
+    ----------
+    path
+        An ``.off``, ``.obj``, ``.ply``, ``.stl`` or ``.mat`` file, or a ``.vert`` file beside its ``.tri``. Polygons
+        are cut into fans of triangles. The corners of an STL file are merged where they coincide exactly.
+
+    Returns
+    -------
+    Mesh
+        In units of the file; neither cleaned nor scaled.
+
+    Raises
+    ------
+    UnreadableMesh
+        If the file is missing, empty, truncated, not numeric, or of an unknown kind.
+    InvalidMesh
+        If a coordinate is not finite, a face names a vertex that does not exist, or there is no face at all.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in READABLE:
+        raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
+    data = _load(path)
+    try:
+        if suffix == ".vert":
+            vertices, faces = mesh_formats.read_vert_tri(data, _load(path.with_suffix(".tri")))
+        else:
+            vertices, faces = _READERS[suffix](data)
+    except _DAMAGE as error:
+        reason = str(error) or type(error).__name__
+        raise UnreadableMesh(
+            f"{path}: not a readable {suffix[1:]} file: {reason}", "fetch or export the file again"
+        ) from error
+    if not len(faces):
+        raise InvalidMesh(f"{path}: there are no faces", "export a surface, not a point cloud")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InvalidMesh(
+            f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}, from 0",
+            "check whether the file counts from 1 or was truncated",
+        )
+    try:
+        return Mesh(vertices, faces.astype(np.int32))
+    except InvalidMesh as error:
+        raise InvalidMesh(f"{path}: {error.problem}", error.mend) from error
+
+
+def write_mesh(path: Path | str, mesh: Mesh) -> None:
+    """Write a mesh as OFF, OBJ or binary PLY, by extension; coordinates survive to the last bit.
+
+    Raises
+    ------
+    ConfigurationError
+        If the extension is none of ``.off``, ``.obj``, ``.ply``, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".off":
+        content = f"OFF\n{mesh.n_vertices} {mesh.n_faces} 0\n" + _rows("", mesh.vertices) + _rows("3 ", mesh.faces)
+        data = content.encode("ascii")
+    elif suffix == ".obj":
+        data = (_rows("v ", mesh.vertices) + _rows("f ", mesh.faces + 1)).encode("ascii")
+    elif suffix == ".ply":
+        data = _ply(mesh)
+    else:
+        raise ConfigurationError(f"{path}: cannot write '{suffix}' files", f"choose one of {', '.join(WRITABLE)}")
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: {error.strerror}", "choose a file in a folder that can be written"
+        ) from error
+
+
+def _load(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UnreadableMesh(f"{path}: {error.strerror}", "check the path and its permissions") from error
+    if not data.strip():
+        raise UnreadableMesh(f"{path}: the file is empty", "fetch or export the file again")
+    return data
+
+
+def _rows(prefix: str, table: np.ndarray) -> str:
+    return "".join(f"{prefix}{a!r} {b!r} {c!r}\n" for a, b, c in table.tolist())
+
+
+def _ply(mesh: Mesh) -> bytes:
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {mesh.n_vertices}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {mesh.n_faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(mesh.n_faces, dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    return header.encode("ascii") + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()

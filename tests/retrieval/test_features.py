@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from benchmark.errors import InvalidMesh
+from retrieval.features import Features, Keypoints, detect, detect_views
+from retrieval.scale_space import blur, gaussian_kernel
+
+PEAK = 0.04 / 3  # OpenCV divides its contrast threshold by the levels per octave.
+
+
+@pytest.fixture(scope="module")
+def photograph() -> np.ndarray:
+    from sklearn.datasets import load_sample_image
+
+    return load_sample_image("china.jpg")[80:380, 100:500].mean(axis=2).astype(np.uint8)
+
+
+def find(image: np.ndarray) -> Keypoints:
+    return detect(image.astype(np.float32) / 255, peak_threshold=PEAK)
+
+
+def matched(expected: Keypoints, found: Keypoints, inside: np.ndarray) -> tuple[float, float]:
+    """Share of expected keypoints that are found, and the median cosine of their descriptors."""
+    hits, cosines = 0, []
+    for position, scale, angle, descriptor in zip(
+        expected.positions[inside], expected.scales[inside], expected.angles[inside], expected.descriptors[inside], strict=True
+    ):
+        near = np.linalg.norm(found.positions - position, axis=1) < 0.5 * scale
+        near &= np.abs(np.log2(found.scales / scale)) < 0.25
+        near &= np.abs((found.angles - angle + np.pi) % (2 * np.pi) - np.pi) < 0.3
+        if near.any():
+            hits += 1
+            others = found.descriptors[near].astype(float)
+            norms = np.linalg.norm(others, axis=1) * np.linalg.norm(descriptor.astype(float))
+            cosines.append((others @ descriptor / norms).max())
+    return hits / max(inside.sum(), 1), float(np.median(cosines))
+
+
+def test_blur_agrees_with_scipy():
+    image = np.random.default_rng(0).uniform(size=(40, 33)).astype(np.float32)
+    result = np.empty_like(image)
+    blur(image, result, gaussian_kernel(1.7))
+    np.testing.assert_allclose(result, gaussian_filter(image, 1.7, mode="nearest", truncate=4.2), atol=2e-6)
+
+
+@pytest.mark.parametrize("sigma", [3.0, 5.0, 9.0])
+def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma):
+    rows, columns = np.mgrid[:128, :128]
+    blob = 1 - np.exp(-((columns - 70.3) ** 2 + (rows - 58.8) ** 2) / (2 * sigma**2)).astype(np.float32)
+    found = detect(blob, peak_threshold=0.02)
+    strongest = np.unique(np.round(found.positions, 1), axis=0)
+    assert len(strongest) == 1
+    np.testing.assert_allclose(strongest[0], [70.3, 58.8], atol=0.1)
+    # Of G(k s) - G(s) over a blob of width b the extremum lies where s^2 = (b^2 + nominal blur^2) / k, k = 2^(1/3).
+    assert found.scales[0] == pytest.approx(np.sqrt((sigma**2 + 0.25) / 2 ** (1 / 3)), rel=0.03)
+
+
+def test_descriptor_of_a_ramp_lies_in_one_angular_bin():
+    from retrieval.gradient_histograms import describe, orientations
+
+    ramp = np.tile(np.linspace(0, 1, 64, dtype=np.float32), (64, 1))
+    angles, descriptor = np.empty(4), np.empty(128, np.uint8)
+    assert orientations(ramp, 32.0, 32.0, 2.0, angles) == 1
+    assert angles[0] % (2 * np.pi) == pytest.approx(0, abs=0.02) or angles[0] == pytest.approx(2 * np.pi, abs=0.02)
+    describe(ramp, 32.0, 32.0, 2.0, 0.0, descriptor)
+    cells = descriptor.reshape(4, 4, 8)
+    assert (cells[..., 1:] == 0).all()
+    assert (cells[..., 0] > 100).all()
+    np.testing.assert_array_equal(cells[..., 0], cells[::-1, :, 0])
+    # Turned by a right angle the same gradients point to bin 6: minus a quarter of a turn.
+    describe(ramp, 32.0, 32.0, 2.0, np.pi / 2, descriptor)
+    assert descriptor.reshape(4, 4, 8)[..., 6].min() > 100
+
+
+def test_agrees_with_opencv(photograph):
+    cv2 = pytest.importorskip("cv2")
+    points, descriptors = cv2.SIFT_create().detectAndCompute(photograph, None)
+    # OpenCV counts gradient angles the other way round.
+    flipped = descriptors.reshape(-1, 4, 4, 8)[..., (-np.arange(8)) % 8].reshape(-1, 128)
+    theirs = Keypoints(
+        np.array([p.pt for p in points]),
+        np.array([p.size / 2 for p in points]),
+        np.deg2rad([p.angle for p in points]),
+        flipped.astype(np.uint8),
+    )
+    # OpenCV doubles the image: smaller keypoints than these exist only there.
+    rate, cosine = matched(theirs, find(photograph), theirs.scales > 2.4)
+    assert rate > 0.8
+    assert cosine > 0.99
+
+
+@pytest.mark.parametrize(("degrees", "zoom", "least"), [(30, 1.0, 0.8), (135, 1.0, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)])
+def test_keypoints_follow_rotation_and_scale(photograph, degrees, zoom, least):
+    cv2 = pytest.importorskip("cv2")
+    height, width = photograph.shape
+    motion = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, zoom)
+    moved = cv2.warpAffine(photograph, motion, (width, height), flags=cv2.INTER_CUBIC)
+    original = find(photograph)
+    expected = Keypoints(
+        original.positions @ motion[:, :2].T + motion[:, 2],
+        original.scales * zoom,
+        original.angles - np.deg2rad(degrees),
+        original.descriptors,
+    )
+    x, y = expected.positions.T
+    inside = (x > 20) & (y > 20) & (x < width - 20) & (y < height - 20) & (expected.scales > 2.4)
+    rate, cosine = matched(expected, find(moved), inside)
+    assert rate > least
+    assert cosine > 0.99
+
+
+def test_a_mirrored_image_has_the_mirrored_features(photograph):
+    # An odd width keeps the sampling of the octaves symmetric under reflection.
+    image = photograph[:257, :257].astype(np.float32) / 255
+    original = detect_views(image[None], peak_threshold=PEAK, background=np.nan)
+    mirrored = detect_views(image[None, :, ::-1].copy(), peak_threshold=PEAK, background=np.nan)
+    flipped = original.mirrored(np.array([0], dtype=np.int32)).descriptors.astype(float)
+    difference = np.linalg.norm(flipped[:, None] - mirrored.descriptors[None], axis=2).min(axis=1)
+    assert np.quantile(difference, 0.8) < 20
+    unflipped = np.linalg.norm(original.descriptors.astype(float)[:, None] - mirrored.descriptors[None], axis=2).min(axis=1)
+    assert np.median(unflipped) > 150
+
+
+def test_leaving_out_the_background_changes_nothing():
+    rng = np.random.default_rng(5)
+    image = np.ones((256, 256), np.float32)
+    image[70:171, 93:150] = 0.3 + 0.4 * gaussian_filter(rng.uniform(size=(101, 57)), 3)
+    cropped = detect(image, peak_threshold=1e-3, background=1.0)
+    whole = detect(image, peak_threshold=1e-3)
+    assert len(cropped.scales) > 20
+    rate, cosine = matched(whole, cropped, np.ones(len(whole.scales), bool))
+    assert rate == 1
+    assert cosine > 0.9999
+
+
+def test_images_without_keypoints_are_fine():
+    images = np.ones((3, 64, 64), np.float32)
+    images[2, 20:40, 25:35] = 0.5
+    features = detect_views(images, peak_threshold=1e-3, background=1.0)
+    assert features.view_offsets[:3].tolist() == [0, 0, 0]
+    assert features.view_offsets[3] == len(features.descriptors) > 0
+    assert detect(np.zeros((8, 8)), peak_threshold=1e-3).descriptors.shape == (0, 128)
+
+
+def test_descriptors_are_unit_vectors_of_bytes(photograph):
+    descriptors = find(photograph).descriptors
+    assert descriptors.dtype == np.uint8
+    # Twice normalised with clipping at 0.2 in between, times 512.
+    np.testing.assert_allclose(np.linalg.norm(descriptors.astype(float), axis=1), 512, rtol=0.05)
+
+
+def test_arrays_round_trip():
+    features = Features(np.ones((3, 128), np.uint8), np.array([0, 1, 3], np.int32))
+    again = Features.from_arrays(features.to_arrays())
+    np.testing.assert_array_equal(again.descriptors, features.descriptors)
+    np.testing.assert_array_equal(again.view_offsets, features.view_offsets)
+
+
+def test_nan_images_are_refused():
+    with pytest.raises(InvalidMesh, match="NaN"):
+        detect(np.full((32, 32), np.nan), peak_threshold=1e-3)

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry.mesh import Mesh
+from retrieval.pose import (
+    normalise,
+    pca_rotation,
+    projected_area,
+    rectilinearity_rotation,
+    to_unit_sphere,
+)
+from tests.retrieval.figures import figure, turned
+
+
+def test_unit_sphere_ignores_unused_vertices():
+    mesh = figure()
+    stray = Mesh(np.concatenate([mesh.vertices, [[1e3, 0, 0]]]), mesh.faces)
+    used = to_unit_sphere(mesh).vertices
+    np.testing.assert_allclose(used.mean(axis=0), 0, atol=1e-12)
+    assert np.linalg.norm(used, axis=1).max() == pytest.approx(1)
+    np.testing.assert_allclose(to_unit_sphere(stray).vertices[:-1], used, atol=1e-12)
+
+
+def test_a_turned_box_is_set_upright():
+    box = trimesh.creation.box([1.0, 0.6, 0.3])
+    mesh = Mesh(box.vertices, box.faces)
+    away = turned(mesh, Rotation.random(rng=4).as_matrix())
+    upright = turned(away, rectilinearity_rotation(away))
+    # The normals are the axes again; the area of a rectilinear mesh is the sum of its projections.
+    assert projected_area(upright) == pytest.approx(mesh.area, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_rotation_is_the_minimiser(seed):
+    mesh = turned(figure(seed), Rotation.random(rng=seed).as_matrix())
+    rotation = rectilinearity_rotation(mesh)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    reached = projected_area(turned(mesh, rotation))
+
+    corners = mesh.vertices[mesh.faces]
+    area_vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    rng = np.random.default_rng(seed)
+    references = [
+        minimize(
+            lambda angles: np.abs(area_vectors @ Rotation.from_euler("xyz", angles).as_matrix().T).sum(),
+            rng.uniform(-np.pi, np.pi, 3),
+            method="Nelder-Mead",
+        ).fun
+        for _ in range(30)
+    ]
+    assert reached <= min(references) * (1 + 1e-6)
+
+
+def test_pca_axes_are_ordered_and_right_handed():
+    for seed in range(5):
+        mesh = figure(seed)
+        rotation = pca_rotation(mesh)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+        covariance = np.cov(turned(mesh, rotation).vertices.T)
+        assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 1e-10
+        assert (np.diff(np.diag(covariance)) < 0).all()
+
+
+def test_the_smaller_silhouette_wins():
+    box = trimesh.creation.box([1.0, 0.98, 0.96])
+    # Crowded vertices in one corner pull the principal axes away from the faces of the box.
+    dense = trimesh.remesh.subdivide_loop(box.vertices, box.faces, 0)
+    mesh = turned(Mesh(*dense[:2]), Rotation.from_euler("xyz", [0.3, 0.5, 0.2]).as_matrix())
+    both = normalise(mesh, ("pca", "rectilinearity"), 128)
+    alone = normalise(mesh, ("rectilinearity",), 128)
+    np.testing.assert_allclose(both.vertices, alone.vertices)
+    assert projected_area(both) == pytest.approx(both.area, rel=1e-4)
+    np.testing.assert_array_equal(normalise(mesh, (), 128).vertices, to_unit_sphere(mesh).vertices)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        (Mesh(np.zeros((3, 3)), np.zeros((0, 3))), "no triangles"),
+        (Mesh(np.full((3, 3), 7.3), [[0, 1, 2]]), "zero extent"),
+    ],
+)
+def test_faults_are_named(mesh, message):
+    with pytest.raises(InvalidMesh, match=message):
+        normalise(mesh, ("pca", "rectilinearity"), 64)
+
+
+def test_unknown_candidate_is_named():
+    with pytest.raises(ConfigurationError, match="upside-down"):
+        normalise(figure(), ("upside-down",), 64)
