@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class ConstrainedMDS:
         Number of values of :math:`\lambda`.
     iterations
         Local and global steps per cascade.
+    start
+        Start of the scaling that gives the targets, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -57,12 +59,13 @@ class ConstrainedMDS:
     last_pull: float = 0.01
     cascades: int = 5
     iterations: int = 20
+    start: Literal["mesh", "classic"] = "mesh"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the deformed surface.
 
-        The notes give the mean edge strain, the final energy, that of the rejected mirror image (both over the mean edge
-        weight, in squared units of the mesh), and whether the mirror image was kept.
+        The notes give the mean and the largest edge strain, the final energy, that of the rejected mirror image (both
+        over the mean edge weight, in squared units of the mesh), and whether the mirror image was kept.
 
         Raises
         ------
@@ -73,7 +76,7 @@ class ConstrainedMDS:
 
         require_vertices(shape)
         require_connected(shape)
-        return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
+        return self.deform_towards(shape, LeastSquaresMDS(start=self.start).canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
         """Deform the surface towards given positions of its vertices or towards their mirror image.
@@ -89,23 +92,24 @@ class ConstrainedMDS:
 
         surface = AsRigidAsPossible(rest=shape.mesh.vertices, weights=edge_weights(shape.laplacian()))
         areas = vertex_areas(shape.mesh)
-        candidates = []
-        for image in (targets, targets * [-1.0, 1.0, 1.0]):
-            candidates.append(self._deform(surface, _aligned(image, shape.mesh.vertices, areas), areas))
+        candidates = [
+            self._deform(surface, _aligned(image, shape.mesh.vertices, areas), areas)
+            for image in (targets, targets * [-1.0, 1.0, 1.0])
+        ]
         energies = [energy for _, energy in candidates]
         kept = int(energies[1] < energies[0])
         vertices, energy = candidates[kept]
+        strains = surface.edge_strains(vertices)
         return shape.form(
             vertices,
-            mean_edge_strain=float(surface.edge_strains(vertices).mean()),
+            mean_edge_strain=float(strains.mean()),
+            largest_edge_strain=float(strains.max()),
             energy=energy,
             rejected_energy=energies[1 - kept],
             mirrored="yes" if kept else "no",
         )
 
-    def _deform(
-        self, surface: AsRigidAsPossible, targets: FloatArray, areas: FloatArray
-    ) -> tuple[FloatArray, float]:
+    def _deform(self, surface: AsRigidAsPossible, targets: FloatArray, areas: FloatArray) -> tuple[FloatArray, float]:
         mean_weight = surface.weights.data.mean()
         unit_pull = mean_weight * areas / areas.mean()
         positions = surface.rest

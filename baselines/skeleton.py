@@ -79,9 +79,7 @@ class Skeleton:
                 f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without a bone",
                 "leave this shape to methods that need no skeleton",
             )
-        scaling = smacof(
-            skeleton.path_lengths(), skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol
-        )
+        scaling = smacof(skeleton.path_lengths(), skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol)
         rotations = bone_rotations(skeleton.joints, scaling.points, skeleton.bones)
         moved = follow_rotations(mesh, rotations[bones_of_triangles(mesh, skeleton)])
         vertices = np.empty_like(moved)
@@ -98,9 +96,7 @@ class Skeleton:
             mean_edge_strain=float(surface.edge_strains(vertices).mean()),
         )
 
-    def _skeleton(
-        self, shape: Shape, mesh: Mesh, order: NDArray[np.int64]
-    ) -> tuple[CurveSkeleton, str, str]:
+    def _skeleton(self, shape: Shape, mesh: Mesh, order: NDArray[np.int64]) -> tuple[CurveSkeleton, str, str]:
         from baselines._kernels.contraction import ContractionFailed, contract
         from baselines._kernels.curve_skeleton import contraction_skeleton, level_set_skeleton
 
@@ -128,7 +124,7 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
     centroid = areas @ shape.mesh.vertices / areas.sum()
     outermost = int(np.linalg.norm(shape.mesh.vertices - centroid, axis=1).argmax())
     extremity = int(shape.geodesics_from([outermost])[0].argmax())
-    return shape.geodesics_from([extremity])[0]
+    return np.asarray(shape.geodesics_from([extremity])[0])
 
 
 def border_length(mesh: Mesh) -> float:
@@ -187,17 +183,17 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
 def _canonical_order(mesh: Mesh) -> NDArray[np.int64]:
     """Order the vertices by their coordinates, so that no tie and no rounding depends on how they were numbered."""
-    return np.lexsort(mesh.vertices.T[::-1])
+    return np.asarray(np.lexsort(mesh.vertices.T[::-1]))
 
 
 def _relabelled(mesh: Mesh, order: NDArray[np.int64]) -> Mesh:
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order))
+    rank = np.empty(len(order), dtype=np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
     faces = rank[mesh.faces]
     # Turning a triangle so that its smallest corner leads keeps its orientation.
     lead = faces.argmin(axis=1)

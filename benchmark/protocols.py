@@ -32,18 +32,18 @@ class Table:
     stand_in
         Generated set that takes its place when it is absent; "" if there is none.
     subjects
-        Subjects in the gallery; empty for all.
+        Subjects in the gallery, by their place in the data set; empty for all.
     """
 
     identifier: str
     caption: str
     dataset: str
     stand_in: str = ""
-    subjects: tuple[str, ...] = ()
+    subjects: tuple[int, ...] = ()
 
 
 #: Subjects 0-9 are for training, 10-14 for testing; the paper tells the numbers of subjects but not which.
-TEST_SUBJECTS = tuple(str(subject) for subject in range(10, 15))
+TEST_SUBJECTS = tuple(range(10, 15))
 
 TABLES: tuple[Table, ...] = (
     Table("I", "Retrieval of synthetic humans, test subjects only", "shrec14-synthetic", "humans", TEST_SUBJECTS),
@@ -151,7 +151,9 @@ def _table_of(name: str, known: dict[str, Table]) -> Table:
 def _gallery(table: Table, name: str, data_root: Path | None, quick: bool) -> Gallery:
     dataset = open_dataset(name, data_root)
     check_retrievable(dataset)
-    entries = tuple(entry for entry in dataset.entries if not table.subjects or entry.subject in table.subjects)
+    subjects = list(dict.fromkeys(entry.subject for entry in dataset.entries))
+    kept = [subject for place, subject in enumerate(subjects) if not table.subjects or place in table.subjects]
+    entries = tuple(entry for entry in dataset.entries if entry.subject in kept)
     return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick)
 
 

@@ -91,7 +91,8 @@ def orientations(gaussian: SingleArray, x: float, y: float, sigma: float, angles
     count = 0
     for i in range(ORIENTATION_BINS):
         h, before, after = histogram[i], histogram[i - 1], histogram[(i + 1) % ORIENTATION_BINS]
-        if h > SECONDARY_PEAK * highest and h > before and h > after and count < MAX_ORIENTATIONS:
+        # Of two equal neighbours, as gradients along an axis make them, the first is the peak.
+        if h > SECONDARY_PEAK * highest and h > before and h >= after and count < MAX_ORIENTATIONS:
             offset = -0.5 * (after - before) / (after + before - 2.0 * h)
             angles[count] = (2.0 * np.pi * (i + offset + 0.5) / ORIENTATION_BINS) % (2.0 * np.pi)
             count += 1

@@ -29,7 +29,6 @@ FLOORS = {
 }
 
 
-
 def floor(module: str) -> int:
     parts = module.split(".")
     while ".".join(parts) not in FLOORS:
@@ -60,7 +59,9 @@ def known(name: str) -> bool:
 
 @pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: value if isinstance(value, str) else "")
 def test_a_room_imports_only_from_its_floor_or_below(name, path):
-    ours = [target for target in imports(path) if target.split(".")[0] in ("benchmark", "baselines", "learned", "retrieval")]
+    ours = [
+        target for target in imports(path) if target.split(".")[0] in ("benchmark", "baselines", "learned", "retrieval")
+    ]
     above = sorted(target for target in ours if known(target) and target != "benchmark" and floor(target) > floor(name))
     assert above == []
 

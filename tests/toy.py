@@ -23,8 +23,12 @@ def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
     angle = np.arange(sides) * 2 * np.pi / sides
     # A club rather than a cylinder, so that no two ends look alike.
     width = radius * (1 + 0.6 * along)
-    ring = width[:, None, None] * (np.cos(angle)[None, :, None] * normal[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0])
-    vertices = np.concatenate([(centre[:, None] + ring).reshape(-1, 3), centre[[0, -1]] - [[radius / 2, 0, 0], [0, 0, 0]]])
+    ring = width[:, None, None] * (
+        np.cos(angle)[None, :, None] * normal[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0]
+    )
+    vertices = np.concatenate(
+        [(centre[:, None] + ring).reshape(-1, 3), centre[[0, -1]] - [[radius / 2, 0, 0], [0, 0, 0]]]
+    )
     faces = []
     for i in range(rings - 1):
         for j in range(sides):

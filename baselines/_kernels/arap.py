@@ -48,11 +48,13 @@ class AsRigidAsPossible:
 
     def rotations(self, positions: FloatArray) -> FloatArray:
         """Return the proper rotation that fits each cell best, shape (n, 3, 3)."""
-        return _cell_rotations(self.weights.indptr, self.weights.indices, self.weights.data, self.rest, positions)
+        graph = self.weights
+        return np.asarray(_cell_rotations(graph.indptr, graph.indices, graph.data, self.rest, positions))
 
     def load(self, rotations: FloatArray) -> FloatArray:
         """Return the right-hand side that belongs to given rotations, shape (n, 3)."""
-        return _cell_loads(self.weights.indptr, self.weights.indices, self.weights.data, self.rest, rotations)
+        graph = self.weights
+        return np.asarray(_cell_loads(graph.indptr, graph.indices, graph.data, self.rest, rotations))
 
     def energy(self, positions: FloatArray, rotations: FloatArray) -> float:
         """Return the energy of positions under given rotations, in squared units of the positions."""
@@ -74,7 +76,7 @@ class AsRigidAsPossible:
         start, end = _edges(self.weights)
         before = np.linalg.norm(self.rest[start] - self.rest[end], axis=1)
         after = np.linalg.norm(positions[start] - positions[end], axis=1)
-        return np.abs(after - before) / np.maximum(before, np.finfo(float).tiny)
+        return np.asarray(np.abs(after - before) / np.maximum(before, np.finfo(float).tiny))
 
 
 def edge_weights(laplacian: Laplacian) -> csr_array:
@@ -90,9 +92,7 @@ def edge_weights(laplacian: Laplacian) -> csr_array:
 
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
     """Factorise a symmetric positive definite sparse matrix once; the result solves for any number of columns."""
-    factors = splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
     def solve(right: FloatArray) -> FloatArray:
         return np.ascontiguousarray(factors.solve(np.asfortranarray(right)))
@@ -106,7 +106,7 @@ def _edges(weights: csr_array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return rows[upper], weights.indices[upper]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def nearest_rotation(covariance: FloatArray, rotation: FloatArray) -> None:
     """Write into ``rotation`` the proper rotation R that maximises trace(R covariance).
 
@@ -170,7 +170,7 @@ def nearest_rotation(covariance: FloatArray, rotation: FloatArray) -> None:
     rotation[1, 2], rotation[2, 1] = 2.0 * (y * z - w * x), 2.0 * (y * z + w * x)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _cell_rotations(
     starts: NDArray[np.int32], ends: NDArray[np.int32], weights: FloatArray, rest: FloatArray, positions: FloatArray
 ) -> FloatArray:
@@ -188,7 +188,7 @@ def _cell_rotations(
     return rotations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _cell_loads(
     starts: NDArray[np.int32], ends: NDArray[np.int32], weights: FloatArray, rest: FloatArray, rotations: FloatArray
 ) -> FloatArray:
@@ -204,7 +204,7 @@ def _cell_loads(
     return loads
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _energy(
     starts: NDArray[np.int32],
     ends: NDArray[np.int32],

@@ -124,7 +124,9 @@ def _collapse(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _append(first: NDArray[np.int64], last: NDArray[np.int64], following: NDArray[np.int64], v: int, entry: int) -> None:
+def _append(
+    first: NDArray[np.int64], last: NDArray[np.int64], following: NDArray[np.int64], v: int, entry: int
+) -> None:
     if first[v] == -1:
         first[v] = entry
     else:
@@ -133,7 +135,9 @@ def _append(first: NDArray[np.int64], last: NDArray[np.int64], following: NDArra
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _chain(first: NDArray[np.int64], last: NDArray[np.int64], following: NDArray[np.int64], source: int, v: int) -> None:
+def _chain(
+    first: NDArray[np.int64], last: NDArray[np.int64], following: NDArray[np.int64], source: int, v: int
+) -> None:
     if first[source] == -1:
         return
     if first[v] == -1:

@@ -26,12 +26,12 @@ AREA_RATIO = 0.01
 """The contraction ends when this share of the area is left."""
 
 
-class ContractionFailed(Exception):  # noqa: N818 - named for what happened, like the errors that users see
+class ContractionFailed(Exception):
     """The surface left the finite numbers or stopped being a surface before it had become thin."""
 
 
 def contract(mesh: Mesh) -> FloatArray:
-    r"""Contract a closed surface to (almost) zero volume by constrained Laplacian smoothing (Au et al. 2008, equation 1).
+    r"""Contract a closed surface to (almost) zero volume by constrained smoothing (Au et al. 2008, equation 1).
 
     Each iteration solves, in the least-squares sense,
 
@@ -70,7 +70,7 @@ def contract(mesh: Mesh) -> FloatArray:
             break
         candidate = current.with_vertices(positions)
         areas = vertex_areas(candidate)
-        # A vertex whose whole ring has lost its area cannot be smoothed further: the mesh before it is the last sound one.
+        # A vertex whose ring has lost its area cannot be smoothed further: the surface before was the last sound one.
         if areas.min() <= 0.0 or candidate.area > current.area:
             break
         current = candidate
@@ -84,6 +84,6 @@ def contract(mesh: Mesh) -> FloatArray:
 
 def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) -> FloatArray:
     laplacian = cotangent_laplacian(mesh).stiffness
-    squared = attraction**2
+    squared: FloatArray = attraction**2
     normal_matrix = csr_array(contraction**2 * (laplacian @ laplacian) + diags_array(squared))
     return factorise_definite(normal_matrix)(squared[:, None] * mesh.vertices)

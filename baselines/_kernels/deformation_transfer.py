@@ -13,17 +13,14 @@ from benchmark.geometry.mesh import Mesh
 SLIVER = 1e-6
 """Areas below this share of the mean one count as that share, so that cotangents stay finite."""
 
-HOLD = 1e-9
-"""Diagonal that fixes the free translation, as a share of the mean diagonal of the system."""
-
 
 def follow_rotations(mesh: Mesh, rotations: FloatArray) -> FloatArray:
     r"""Return the positions whose triangles turn most nearly as prescribed.
 
     Each triangle becomes a simplex by a fourth vertex off its plane (Sumner & Popović 2004; Yan et al. 2008), and the
-    positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation gradients :math:`F_f`. The fourth vertex
-    occurs in one simplex only, where it meets the prescribed normal exactly; eliminating it leaves the tangential part
-    of the gradient, and with it the Poisson system of the cotangent Laplacian
+    positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation gradients :math:`F_f`. The fourth
+    vertex occurs in one simplex only, where it meets the prescribed normal exactly; eliminating it leaves the
+    tangential part of the gradient, and with it the Poisson system of the cotangent Laplacian
 
     .. math:: L x = b, \qquad b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
 
@@ -57,7 +54,9 @@ def follow_rotations(mesh: Mesh, rotations: FloatArray) -> FloatArray:
         entries += [-0.5 * cotangents] * 2
     off_diagonal = coo_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     diagonal = -off_diagonal.sum(axis=1)
-    system = csr_array(diags_array(diagonal + HOLD * diagonal.mean()) + off_diagonal)
+    # The load sums to zero, so a spring at one vertex settles the free translation without any other effect.
+    diagonal[0] += diagonal.mean()
+    system = csr_array(diags_array(diagonal) + off_diagonal)
     areas = vertex_areas(mesh)
     positions = factorise_definite(system)(load)
     return np.asarray(positions + areas @ (vertices - positions) / areas.sum())

@@ -18,8 +18,8 @@ def relax(
 ) -> tuple[FloatArray, FloatArray]:
     r"""Let the vertices of a surface push each other apart until the surface holds them.
 
-    The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step replaces the concave first
-    term by its tangent and the rotations by the best ones, both upper bounds that touch the energy at the present
+    The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step replaces the concave
+    first term by its tangent and the rotations by the best ones, both upper bounds that touch the energy at the present
     positions, and minimises their sum exactly by one sparse solve: the energy never rises (majorisation; Hunter &
     Lange 2004). It is bounded below, since the repulsion grows linearly and the elastic energy quadratically.
 
@@ -81,7 +81,7 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, fl
     return np.ascontiguousarray(forces.T), float(spread)
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
 def _repulsion(coordinates: FloatArray, masses: FloatArray, forces: FloatArray) -> float:
     x, y, z = coordinates[0], coordinates[1], coordinates[2]
     fx, fy, fz = forces[0], forces[1], forces[2]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -116,57 +118,16 @@ def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
 
 
 class _Builder:
-    """A list of faces that grows by bridges, with the free sides of each vertex kept up to date."""
+    """The faces of a mesh while bridges are added; only the surroundings of the anchors are ever looked at."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._vertices = mesh.vertices
-        self._faces: list[tuple[int, int, int] | None] = [(a, b, c) for a, b, c in mesh.faces.tolist()]
-        self._sides: dict[_Edge, list[int]] = {}
-        self._around: dict[int, set[int]] = {}
-        for index, face in enumerate(self._faces):
-            assert face is not None  # noqa: S101 -- for the type checker
-            self._register(index, face)
+        self._faces: list[list[int] | None] = mesh.faces.tolist()
+        corners = mesh.faces.ravel()
+        self._by_vertex = np.argsort(corners, kind="stable") // 3
+        self._first = np.concatenate(([0], np.cumsum(np.bincount(corners, minlength=mesh.n_vertices))))
+        self._changed: dict[int, list[int]] = {}
         self._welded: dict[int, int] = {}
-
-    def _register(self, index: int, face: tuple[int, int, int]) -> None:
-        for corner in range(3):
-            start, end = face[corner], face[(corner + 1) % 3]
-            self._sides.setdefault((min(start, end), max(start, end)), []).append(index)
-            self._around.setdefault(start, set()).add(index)
-
-    def _remove(self, index: int) -> None:
-        face = self._faces[index]
-        assert face is not None  # noqa: S101 -- for the type checker
-        for corner in range(3):
-            start, end = face[corner], face[(corner + 1) % 3]
-            self._sides[min(start, end), max(start, end)].remove(index)
-            self._around[start].discard(index)
-        self._faces[index] = None
-
-    def _add(self, face: tuple[int, int, int]) -> None:
-        self._faces.append(face)
-        self._register(len(self._faces) - 1, face)
-
-    def _resolve(self, vertex: int) -> int:
-        while vertex in self._welded:
-            vertex = self._welded[vertex]
-        return vertex
-
-    def _free_neighbours(self, vertex: int) -> list[int]:
-        """Return the far ends of the boundary edges at a vertex, opening a closed fan by its smallest face."""
-        neighbours = self._boundary(vertex)
-        if not neighbours:
-            self._remove(min(self._around[vertex], key=lambda index: (self._area(index), index)))
-            neighbours = self._boundary(vertex)
-        return neighbours
-
-    def _boundary(self, vertex: int) -> list[int]:
-        ends = {end for index in self._around[vertex] for end in self._faces[index] or () if end != vertex}
-        return sorted(end for end in ends if len(self._sides[min(vertex, end), max(vertex, end)]) == 1)
-
-    def _area(self, index: int) -> float:
-        a, b, c = self._vertices[list(self._faces[index] or ())]
-        return float(np.linalg.norm(np.cross(b - a, c - a)))
 
     def bridge(self, first: int, second: int) -> None:
         """Join two vertices of different components."""
@@ -175,6 +136,7 @@ class _Builder:
         a, b = min(
             pairs, key=lambda pair: (self._runs(first, pair[0]) == self._runs(second, pair[1]), self._gap(*pair))
         )
+        forward = self._runs(first, a)
         if self._gap(first, second) == 0:
             self._weld(second, first)
             if self._gap(a, b) == 0:
@@ -185,31 +147,64 @@ class _Builder:
             strip = [(a, first, b), (first, second, b)]
         else:
             strip = [(a, first, second), (a, second, b)]
-        # A side that runs from first to a must be met by a triangle in which it runs from a to first.
-        forward = self._runs(first, a)
+        # A side that runs from first to a is met by a triangle in which it runs from a to first.
         for x, y, z in strip:
-            self._add((x, y, z) if forward else (y, x, z))
-
-    def _gap(self, first: int, second: int) -> float:
-        return float(np.linalg.norm(self._vertices[first] - self._vertices[second]))
-
-    def _runs(self, start: int, end: int) -> bool:
-        """Say whether the one face at this side runs from start to end."""
-        face = self._faces[self._sides[min(start, end), max(start, end)][0]]
-        assert face is not None  # noqa: S101 -- for the type checker
-        return face[(face.index(start) + 1) % 3] == end
-
-    def _weld(self, vertex: int, onto: int) -> None:
-        for index in sorted(self._around[vertex]):
-            face = self._faces[index]
-            assert face is not None  # noqa: S101 -- for the type checker
-            self._remove(index)
-            x, y, z = (onto if corner == vertex else corner for corner in face)
-            self._faces[index] = (x, y, z)
-            self._register(index, (x, y, z))
-        self._welded[vertex] = onto
+            self._add([x, y, z] if forward else [y, x, z])
 
     def result(self) -> Mesh:
         """Return the mesh with its bridges."""
-        faces = np.array([face for face in self._faces if face is not None], dtype=np.int64)
-        return compact(self._vertices, faces)
+        return compact(self._vertices, np.array([face for face in self._faces if face is not None], dtype=np.int64))
+
+    def _around(self, vertex: int) -> list[int]:
+        """Return the faces at a vertex."""
+        if vertex not in self._changed:
+            self._changed[vertex] = self._by_vertex[self._first[vertex] : self._first[vertex + 1]].tolist()
+        return self._changed[vertex]
+
+    def _corners(self, index: int) -> list[int]:
+        return self._faces[index] or []
+
+    def _add(self, face: list[int]) -> None:
+        self._faces.append(face)
+        for vertex in face:
+            self._around(vertex).append(len(self._faces) - 1)
+
+    def _remove(self, index: int) -> None:
+        for vertex in self._corners(index):
+            self._around(vertex).remove(index)
+        self._faces[index] = None
+
+    def _weld(self, vertex: int, onto: int) -> None:
+        for index in self._around(vertex):
+            self._faces[index] = [onto if corner == vertex else corner for corner in self._corners(index)]
+        self._changed[onto] = self._around(onto) + self._around(vertex)
+        self._welded[vertex] = onto
+
+    def _resolve(self, vertex: int) -> int:
+        while vertex in self._welded:
+            vertex = self._welded[vertex]
+        return vertex
+
+    def _free_neighbours(self, vertex: int) -> list[int]:
+        """Return the far ends of the boundary edges at a vertex, opening a closed fan by its smallest face."""
+        neighbours = self._boundary(vertex)
+        if not neighbours:
+            self._remove(min(self._around(vertex), key=lambda index: (self._area(index), index)))
+            neighbours = self._boundary(vertex)
+        return neighbours
+
+    def _boundary(self, vertex: int) -> list[int]:
+        ends = [end for index in self._around(vertex) for end in self._corners(index) if end != vertex]
+        return sorted(end for end in set(ends) if ends.count(end) == 1)
+
+    def _runs(self, start: int, end: int) -> bool:
+        """Say whether the one face at this side runs from start to end."""
+        face = next(corners for index in self._around(start) if end in (corners := self._corners(index)))
+        return face[(face.index(start) + 1) % 3] == end
+
+    def _gap(self, first: int, second: int) -> float:
+        return math.dist(self._vertices[first], self._vertices[second])
+
+    def _area(self, index: int) -> float:
+        a, b, c = self._vertices[self._corners(index)]
+        return float(np.linalg.norm(np.cross(b - a, c - a)))

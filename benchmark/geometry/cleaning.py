@@ -145,7 +145,8 @@ def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     """Return the area of each component, shape (c,), and the component of each face, shape (m,)."""
     labels = connected_components(mesh)
     of_face = labels[mesh.faces[:, 0]]
-    areas: FloatArray = np.bincount(of_face, weights=mesh.face_areas, minlength=int(labels.max(initial=-1)) + 1)
+    areas = np.zeros(int(labels.max(initial=-1)) + 1)
+    np.add.at(areas, of_face, mesh.face_areas)
     return areas, of_face
 
 

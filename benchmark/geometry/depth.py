@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
+from benchmark.geometry.cleaning import compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
@@ -253,7 +252,7 @@ def back_project(
     Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples gives two triangles, split along the
     diagonal with the smaller depth difference, or one if a sample is background. Triangles with an edge across a depth
     jump are left out: they would join an arm to the chest behind it. What falls apart is bridged, so that no limb is
-    lost.
+    lost, and the result is a manifold with boundary.
 
     Parameters
     ----------
@@ -302,7 +301,7 @@ def back_project(
             f"{foreground} pixels of foreground hold no piece of {SPECK} samples",
             "check the half width of the data set or sample with a smaller stride",
         )
-    lost = int(np.count_nonzero(samples)) - mesh.n_vertices
+    lost = int(np.count_nonzero(samples)) - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, bridges = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
     return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost)
 
@@ -356,14 +355,9 @@ def _triangulate(samples: Points, jump: float) -> Faces:
 
 def _without_specks(points: Points, faces: Faces) -> tuple[Mesh, int, int]:
     """Mesh without stray samples and small pieces; how many pieces stay, and how many were dropped."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(len(points),) * 2)
-    _, piece = connected_components(graph, directed=False)
-    used = np.zeros(len(points), dtype=bool)
-    used[faces] = True
-    sizes = np.bincount(piece[used], minlength=int(piece.max()) + 1)
-    kept = used & (sizes[piece] >= SPECK)
-    renumbered = np.cumsum(kept, dtype=np.int32) - 1
-    mesh = Mesh(points[kept], renumbered[faces[kept[faces].all(axis=1)]])
-    pieces = int(np.count_nonzero(sizes >= SPECK))
-    return mesh, pieces, int(np.count_nonzero(sizes)) - pieces
+    # Where two patches touch in one sample they count as two: a surface pinched to a point is not a manifold.
+    surface = make_manifold(compact(points, faces))
+    labels = connected_components(surface)
+    large = np.bincount(labels) >= SPECK
+    mesh = compact(surface.vertices, surface.faces[large[labels[surface.faces[:, 0]]]])
+    return mesh, int(large.sum()), int((~large).sum())

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.geometry.cleaning import edge_counts, fans_per_vertex
 from benchmark.geometry.depth import (
     FRONT,
     SIDE,
@@ -180,10 +181,10 @@ def test_three_corners_give_one_triangle_and_four_give_two() -> None:
         surface, report = back_project(holed, 1.0, stride=4)
         assert (surface.n_vertices, surface.n_faces) == (15, 17)
         assert report.foreground == 255
-    holed = image.copy()
-    holed[6, 6] = 0
+    holed = np.full((24, 24), 0.5, dtype=np.float32)
+    holed[10, 10] = 0
     surface, _ = back_project(holed, 1.0, stride=4)
-    assert (surface.n_vertices, surface.n_faces) == (15, 14)
+    assert (surface.n_vertices, surface.n_faces) == (35, 46)
 
 
 def test_edges_across_a_jump_are_cut_and_bridged() -> None:
@@ -212,6 +213,16 @@ def test_specks_are_dropped_and_counted() -> None:
     assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (1, 0, 1, 5)
     image[60:68, 60:76] = 0.5  # 2 x 4 samples: a piece
     assert back_project(image, 1.0, stride=4)[1].pieces == 2
+
+
+def test_a_pinch_is_opened_and_bridged() -> None:
+    # Two squares of 4 x 4 samples that share one corner sample, half-way between their depths.
+    image = np.zeros((40, 40), dtype=np.float32)
+    image[:16, :16], image[12:28, 12:28], image[14, 14] = 0.52, 0.48, 0.5
+    surface, report = back_project(image, 1.0, stride=4)
+    assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (2, 1, 0, 0)
+    assert fans_per_vertex(surface).max() == 1
+    assert edge_counts(surface.faces).max() == 2
 
 
 def test_same_image_same_surface() -> None:

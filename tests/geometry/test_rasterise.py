@@ -6,6 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.rasterise import depth_buffer
@@ -38,7 +39,7 @@ def test_agrees_with_ray_casting():
     knot = trimesh.creation.torus(30, 12, major_sections=40, minor_sections=20)
     blob = trimesh.creation.icosphere(subdivisions=3, radius=22)
     scene = trimesh.util.concatenate([knot, blob.apply_translation([20.3, 7.1, 5.0])])
-    turned = scene.vertices @ trimesh.transformations.random_rotation_matrix([0.3, 0.5, 0.1])[:3, :3].T
+    turned = scene.vertices @ Rotation.random(rng=1).as_matrix().T
     points = turned * [1, 1, 0.5] + [SIZE / 2 + 0.013, SIZE / 2 - 0.027, 0]
     image = depth_buffer(points, scene.faces, SIZE, np.nan)
 
@@ -73,9 +74,9 @@ def test_parts_outside_are_cut_off_and_shifts_move_pixels():
     rng = np.random.default_rng(3)
     points, faces = rng.uniform(-10, 40, (30, 3)), rng.integers(0, 30, (20, 3))
     image = depth_buffer(points, faces, 32, -1.0)
-    shifted = depth_buffer(points + [5, 3, 0], faces, 32, -1.0)
+    shifted = depth_buffer(points + np.array([5, 3, 0]), faces, 32, -1.0)
     np.testing.assert_allclose(shifted[3:, 5:], image[:-3, :-5], atol=1e-4)
-    assert (depth_buffer(points + [500, 0, 0], faces, 32, -1.0) == -1).all()
+    assert (depth_buffer(points + np.array([500, 0, 0]), faces, 32, -1.0) == -1).all()
 
 
 def test_edge_on_and_empty_meshes_leave_the_background():

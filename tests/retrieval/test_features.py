@@ -26,7 +26,11 @@ def matched(expected: Keypoints, found: Keypoints, inside: np.ndarray) -> tuple[
     """Share of expected keypoints that are found, and the median cosine of their descriptors."""
     hits, cosines = 0, []
     for position, scale, angle, descriptor in zip(
-        expected.positions[inside], expected.scales[inside], expected.angles[inside], expected.descriptors[inside], strict=True
+        expected.positions[inside],
+        expected.scales[inside],
+        expected.angles[inside],
+        expected.descriptors[inside],
+        strict=True,
     ):
         near = np.linalg.norm(found.positions - position, axis=1) < 0.5 * scale
         near &= np.abs(np.log2(found.scales / scale)) < 0.25
@@ -92,7 +96,9 @@ def test_agrees_with_opencv(photograph):
     assert cosine > 0.99
 
 
-@pytest.mark.parametrize(("degrees", "zoom", "least"), [(30, 1.0, 0.8), (135, 1.0, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)])
+@pytest.mark.parametrize(
+    ("degrees", "zoom", "least"), [(30, 1.0, 0.8), (135, 1.0, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)]
+)
 def test_keypoints_follow_rotation_and_scale(photograph, degrees, zoom, least):
     cv2 = pytest.importorskip("cv2")
     height, width = photograph.shape
@@ -120,7 +126,9 @@ def test_a_mirrored_image_has_the_mirrored_features(photograph):
     flipped = original.mirrored(np.array([0], dtype=np.int32)).descriptors.astype(float)
     difference = np.linalg.norm(flipped[:, None] - mirrored.descriptors[None], axis=2).min(axis=1)
     assert np.quantile(difference, 0.8) < 20
-    unflipped = np.linalg.norm(original.descriptors.astype(float)[:, None] - mirrored.descriptors[None], axis=2).min(axis=1)
+    unflipped = np.linalg.norm(original.descriptors.astype(float)[:, None] - mirrored.descriptors[None], axis=2).min(
+        axis=1
+    )
     assert np.median(unflipped) > 150
 
 

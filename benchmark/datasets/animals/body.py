@@ -14,7 +14,7 @@ from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
 
-SUBDIVISIONS = 4
+SUBDIVISIONS = 6
 """Straight pieces between two cross sections."""
 
 VOXELS_PER_EDGE = 1.6
@@ -147,7 +147,8 @@ def _evaluate(
                     least, owner = d, p
             overlap = max(blend - abs(value - distance), 0.0)
             value = min(value, distance) - 0.25 * overlap * overlap / blend
-        values[i] = value
+        # Soles and hooves are flat on the ground.
+        values[i] = max(value, -z)
         nearest[i] = owner
     return values, nearest
 

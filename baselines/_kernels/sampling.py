@@ -1,0 +1,75 @@
+"""Vertices that are spread over a surface, from distances along its edges."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from benchmark.contracts import FloatArray, Shape
+
+
+def farthest_points(shape: Shape, count: int) -> list[int]:
+    """Sample vertices so that each is as far as possible, along edges, from those before it.
+
+    The first vertex is the one that :func:`farthest_from_centre` gives. The choice follows any relabelling of the
+    vertices, as long as no two candidates tie, and any rigid motion.
+
+    Parameters
+    ----------
+    shape
+        A shape in one piece.
+    count
+        Number of samples.
+
+    Returns
+    -------
+    list of int
+        At most n vertex indices.
+    """
+    graph = _edge_graph(shape)
+    return _spread(graph, _farthest_from_centre(graph, _outermost(shape)), count)[0]
+
+
+def farthest_from_centre(shape: Shape) -> int:
+    """Return the vertex farthest, along edges, from the geodesic centre.
+
+    The centre is the vertex whose largest distance to four mutually far vertices is smallest: five rows of distances
+    instead of all.
+    """
+    return _farthest_from_centre(_edge_graph(shape), _outermost(shape))
+
+
+def _farthest_from_centre(graph: csr_array, outermost: int) -> int:
+    _, distances = _spread(graph, outermost, 4)
+    centre = int(distances.max(axis=0).argmin())
+    return int(_row(graph, centre).argmax())
+
+
+def _outermost(shape: Shape) -> int:
+    vertices = shape.mesh.vertices
+    return int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
+
+
+def _spread(graph: csr_array, first: int, count: int) -> tuple[list[int], FloatArray]:
+    chosen = [first]
+    rows = [_row(graph, first)]
+    nearest = rows[0].copy()
+    while len(chosen) < min(count, len(nearest)):
+        chosen.append(int(nearest.argmax()))
+        rows.append(_row(graph, chosen[-1]))
+        np.minimum(nearest, rows[-1], out=nearest)
+    return chosen, np.stack(rows)
+
+
+def _row(graph: csr_array, vertex: int) -> FloatArray:
+    return np.asarray(dijkstra(graph, directed=False, indices=vertex))
+
+
+def _edge_graph(shape: Shape) -> csr_array:
+    vertices, faces, n = shape.mesh.vertices, shape.mesh.faces.astype(np.int64), shape.mesh.n_vertices
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    # An edge of two triangles comes once from each; a second entry would be added to the first.
+    start, end = np.divmod(np.unique(np.minimum(start, end) * n + np.maximum(start, end)), n)
+    lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
+    return coo_array((lengths, (start, end)), shape=(n, n)).tocsr()

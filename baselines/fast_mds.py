@@ -1,0 +1,108 @@
+"""FastMap: an embedding from the distances to a few pivots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from baselines._kernels.checks import require_vertices
+from baselines._kernels.orientation import canonical_signs, vertex_areas
+from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class FastMDS:
+    r"""FastMap of the geodesic distances.
+
+    Each of three axes runs through two pivots a and b that are far apart. Vertex i lands on it, by the law of
+    cosines, at
+
+    .. math:: x_i = \frac{d_{ai}^2 + d_{ab}^2 - d_{bi}^2}{2 d_{ab}},
+
+    and the next axis works with the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`, where a negative
+    square counts as zero. Pivots are found by walking to the farthest vertex, and on to the one farthest from that,
+    a few times. Only the rows of the pivots are computed, never all pairs. The walk starts at the vertex farthest
+    from the geodesic centre, which is the vertex whose largest distance to four mutually far vertices is smallest;
+    distances along edges are good enough for that. At the end each axis is turned to the side of positive
+    area-weighted third moment. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing, data-mining and
+    visualization of traditional and multimedia datasets".
+
+    Parameters
+    ----------
+    sweeps
+        Largest number of steps from a pivot to the vertex farthest from it, per axis.
+    solver
+        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics_from`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="fast-mds",
+        title="Fast MDS",
+        cite="faloutsos1995fastmap",
+        family="paper",
+        summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
+    )
+
+    sweeps: int = 5
+    solver: str = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the FastMap embedding, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices, no face, or several pieces.
+        """
+        from baselines._kernels.sampling import farthest_from_centre
+
+        require_vertices(shape)
+        rows = _Rows(shape, self.solver)
+        start = farthest_from_centre(shape)
+        points = np.zeros((shape.mesh.n_vertices, 3))
+        for axis in range(3):
+            first, second = self._pivots(rows, points, start)
+            to_first = rows.residual(first, points)
+            to_second = rows.residual(second, points)
+            apart = to_first[second]
+            if apart > 0.0:
+                points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
+        points -= points.mean(axis=0)
+        points *= canonical_signs(points, vertex_areas(shape.mesh))
+        return shape.form(points, rows=len(rows.known), stress_of_rows=rows.stress(points))
+
+    def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
+        near, far = start, start
+        for _ in range(self.sweeps):
+            near, far = far, int(rows.residual(far, points).argmax())
+            if rows.residual(far, points).argmax() == near:
+                break
+        return near, far
+
+
+class _Rows:
+    """Geodesic distances from single vertices, each computed once."""
+
+    def __init__(self, shape: Shape, solver: str) -> None:
+        self._shape = shape
+        self._solver = solver
+        self.known: dict[int, FloatArray] = {}
+
+    def distances(self, vertex: int) -> FloatArray:
+        """Geodesic distances of all vertices from one, shape (n,)."""
+        if vertex not in self.known:
+            self.known[vertex] = self._shape.geodesics_from([vertex], self._solver)[0]
+        return self.known[vertex]
+
+    def residual(self, vertex: int, points: FloatArray) -> FloatArray:
+        """Squared distances that the axes so far leave to be explained, shape (n,)."""
+        explained = ((points - points[vertex]) ** 2).sum(axis=1)
+        return np.maximum(self.distances(vertex) ** 2 - explained, 0.0)
+
+    def stress(self, points: FloatArray) -> float:
+        """Normalised stress over the rows that are known."""
+        wanted = np.stack(list(self.known.values()))
+        found = np.linalg.norm(points[list(self.known)][:, None] - points, axis=2)
+        return float(((found - wanted) ** 2).sum() / (wanted**2).sum())

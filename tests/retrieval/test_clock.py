@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from retrieval.clock import BLOCK, Signature, count_words, match_across, match_all
+from retrieval.views import N_VIEWS, VIEW_PERMUTATIONS
+
+
+def random_signature(rng: np.random.Generator, n_words: int, keypoints: float = 12, empty: float = 0.1) -> Signature:
+    sizes = rng.poisson(keypoints, N_VIEWS) * (rng.uniform(size=N_VIEWS) > empty)
+    # Words as unequal as real ones.
+    words = (n_words * rng.beta(0.4, 1.0, sizes.sum())).astype(np.int32)
+    return count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words)
+
+
+def histograms(signature: Signature, n_words: int) -> np.ndarray:
+    dense = np.zeros((N_VIEWS, n_words), dtype=np.int64)
+    dense[signature.views, signature.words] = signature.counts
+    return dense
+
+
+def dense_distance(first: np.ndarray, second: np.ndarray) -> float:
+    """The definition, with the documented rounding of each ratio to multiples of 2^-45."""
+    shared = np.minimum(first[:, None], second[None]).sum(axis=2)
+    larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
+    ratio = np.where(larger == 0, 1.0, shared / np.maximum(larger, 1))
+    dissimilarity = 1 - np.round(ratio * 2.0**45) / 2.0**45
+    return min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in VIEW_PERMUTATIONS)
+
+
+def test_equals_the_dense_definition_exactly():
+    rng = np.random.default_rng(0)
+    signatures = [random_signature(rng, 60) for _ in range(9)]
+    dense = [histograms(s, 60) for s in signatures]
+    expected = np.array([[dense_distance(a, b) for b in dense] for a in dense])
+    np.testing.assert_array_equal(match_all(signatures), expected)
+    np.testing.assert_array_equal(match_across(signatures[:3], signatures), expected[:3])
+    unrounded = 1 - np.minimum(dense[0], dense[1][VIEW_PERMUTATIONS]).sum(axis=2) / np.maximum(
+        np.maximum(dense[0].sum(axis=1), dense[1][VIEW_PERMUTATIONS].sum(axis=2)), 1
+    )
+    unrounded[(dense[0].sum(axis=1) == 0) & (dense[1][VIEW_PERMUTATIONS].sum(axis=2) == 0)] = 0
+    assert match_all(signatures)[0, 1] == pytest.approx(unrounded.sum(axis=1).min(), abs=1e-10)
+
+
+@pytest.mark.parametrize("count", [1, 2, BLOCK, BLOCK + 1, 2 * BLOCK + 7])
+def test_blocks_threads_and_order_change_nothing(count):
+    rng = np.random.default_rng(count)
+    signatures = [random_signature(rng, 40, keypoints=3) for _ in range(count)]
+    alone = match_all(signatures)
+    assert alone.shape == (count, count)
+    np.testing.assert_array_equal(match_all(signatures, threads=3), alone)
+    np.testing.assert_array_equal(
+        match_across(signatures, signatures, threads=2)[np.triu_indices(count, 1)], alone[np.triu_indices(count, 1)]
+    )
+    order = rng.permutation(count)
+    np.testing.assert_array_equal(match_all([signatures[i] for i in order]), alone[np.ix_(order, order)])
+
+
+def test_symmetric_with_zero_diagonal_and_bounded():
+    rng = np.random.default_rng(4)
+    distances = match_all([random_signature(rng, 30) for _ in range(12)])
+    np.testing.assert_array_equal(distances, distances.T)
+    assert (np.diag(distances) == 0).all()
+    assert 0 < distances[distances > 0].min() <= distances.max() <= N_VIEWS
+    np.testing.assert_array_equal(
+        np.diag(match_across(twice := [random_signature(rng, 30) for _ in range(3)], twice)), 0
+    )
+
+
+def test_all_24_turns_are_found():
+    rng = np.random.default_rng(5)
+    dense = histograms(random_signature(rng, 50), 50)
+
+    def sparse(table: np.ndarray) -> Signature:
+        views, words = np.nonzero(table)
+        offsets = np.searchsorted(views, np.arange(N_VIEWS + 1))
+        return Signature(words.astype(np.int32), table[views, words].astype(np.int32), offsets.astype(np.int32))
+
+    turned = [sparse(dense[turn]) for turn in VIEW_PERMUTATIONS]
+    assert (match_all(turned) == 0).all()
+    assert match_all([turned[0], sparse(dense[::-1])])[0, 1] > 10
+
+
+def test_empty_views():
+    nothing = Signature(*(np.zeros(0, np.int32),) * 2, np.zeros(N_VIEWS + 1, np.int32))
+    offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
+    everything = Signature(np.zeros(N_VIEWS, np.int32), np.ones(N_VIEWS, np.int32), offsets)
+    one_view = Signature(np.zeros(1, np.int32), np.ones(1, np.int32), np.minimum(offsets, 1))
+    # Both empty: 0. One empty: 1 for each such view.
+    expected = [[0, 0, 66, 1], [0, 0, 66, 1], [66, 66, 0, 65], [1, 1, 65, 0]]
+    np.testing.assert_array_equal(match_all([nothing, nothing, everything, one_view]), expected)
+    assert match_all([]).shape == (0, 0)
+
+
+def test_raw_counts_are_compared_with_the_larger_view():
+    offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
+    zeros = np.zeros(N_VIEWS, np.int32)
+    three, one = (Signature(zeros, np.full(N_VIEWS, count, np.int32), offsets) for count in (3, 1))
+    assert match_all([three, one])[0, 1] == pytest.approx(66 * (1 - 1 / 3))
+
+
+def test_counting_words_by_hand():
+    offsets = np.full(N_VIEWS + 1, 5, np.int32)
+    offsets[:2] = 0, 3
+    signature = count_words(np.array([7, 2, 7, 1, 1], np.int32), offsets, 10)
+    assert signature.words.tolist() == [2, 7, 1]
+    assert signature.counts.tolist() == [1, 2, 2]
+    assert signature.view_offsets[:3].tolist() == [0, 2, 3]
+    assert signature.view_sizes[:3].tolist() == [3, 2, 0]
+
+
+def test_arrays_round_trip():
+    rng = np.random.default_rng(6)
+    plain, mirrored = random_signature(rng, 20), random_signature(rng, 20)
+    both = Signature(plain.words, plain.counts, plain.view_offsets, mirrored)
+    again = Signature.from_arrays(both.to_arrays())
+    assert again.mirrored is not None
+    np.testing.assert_array_equal(again.mirrored.words, mirrored.words)
+    np.testing.assert_array_equal(again.counts, plain.counts)
+    assert Signature.from_arrays(plain.to_arrays()).mirrored is None

@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from benchmark.errors import DatasetError, InvalidMesh
+from benchmark.geometry.mesh import Mesh
+from retrieval.cmbof import CMBOF, Features, Signature
+from retrieval.metrics import evaluate
+from retrieval.views import CUBE_ROTATIONS
+from tests.retrieval.figures import figure, turned
+
+MIRROR = np.diag([1.0, -1.0, 1.0])
+SMALL = CMBOF(n_words=300, image_size=128)
+FIXED = CMBOF(n_words=300, image_size=128, pose=())
+
+
+def signatures(scorer: CMBOF, meshes: list[Mesh]) -> list[Signature]:
+    features = [scorer.extract(mesh) for mesh in meshes]
+    codebook = scorer.train_codebook(features)
+    return [scorer.quantise(part, codebook) for part in features]
+
+
+def distances(scorer: CMBOF, meshes: list[Mesh]) -> np.ndarray:
+    return scorer.distances(signatures(scorer, meshes))
+
+
+@pytest.fixture(scope="module")
+def figures() -> list[Mesh]:
+    return [figure(seed) for seed in range(6)]
+
+
+def test_features_of_a_form(figures):
+    features = SMALL.extract(figures[0])
+    assert features.descriptors.dtype == np.uint8
+    assert features.view_offsets.shape == (67,)
+    assert features.view_offsets[-1] == len(features.descriptors) > 66 * 5
+
+
+def test_a_form_equals_itself_and_differs_from_others(figures):
+    matrix = distances(SMALL, [*figures, figures[0]])
+    assert (np.diag(matrix) == 0).all()
+    assert matrix[0, 6] == 0
+    assert matrix[:6, :6][~np.eye(6, dtype=bool)].min() > 15
+
+
+def test_cube_rotations_hardly_matter_even_without_pose_normalisation(figures):
+    meshes = [turned(figures[0], rotation) for rotation in CUBE_ROTATIONS] + figures[1:]
+    matrix = distances(FIXED, meshes)
+    others = matrix[0, 24:]
+    assert matrix[0, 1:24].max() < 0.4 * others.min()
+
+
+def test_any_rotation_translation_and_scale_hardly_matter_with_pose_normalisation(figures):
+    moved = turned(figures[0], Rotation.random(rng=1).as_matrix())
+    moved = moved.with_vertices(7.3 * moved.vertices + np.array([100.0, -3, 20]))
+    matrix = distances(SMALL, [*figures, moved])
+    assert matrix[0, 6] < 0.4 * matrix[0, 1:6].min()
+
+
+def test_a_mirror_image_is_another_form_unless_allowed(figures):
+    meshes = [*figures, turned(figures[0], MIRROR)]
+    plain = distances(SMALL, meshes)
+    allowed = distances(CMBOF(n_words=300, image_size=128, allow_mirror=True), meshes)
+    assert plain[0, 6] > 0.7 * plain[0, 1:6].min()
+    assert allowed[0, 6] < 0.4 * allowed[0, 1:6].min()
+    np.testing.assert_array_equal(allowed, allowed.T)
+    assert (np.diag(allowed) == 0).all()
+    assert (allowed <= plain).all()
+
+
+def test_relabelling_vertices_and_faces_changes_nothing(figures):
+    mesh = figures[0]
+    rng = np.random.default_rng(0)
+    order, faces = rng.permutation(mesh.n_vertices), rng.permutation(mesh.n_faces)
+    place = np.argsort(order)
+    relabelled = Mesh(mesh.vertices[order], place[mesh.faces[faces]])
+    matrix = distances(SMALL, [*figures, relabelled])
+    assert matrix[0, 6] < 0.1 * matrix[0, 1:6].min()
+
+
+def test_order_of_the_gallery_and_threads_change_nothing(figures):
+    labels = np.array([0, 0, 1, 1, 2, 2])
+    matrix = distances(SMALL, figures)
+    order = np.array([3, 5, 0, 2, 4, 1])
+    parts = signatures(SMALL, [figures[i] for i in order])
+    again = SMALL.distances(parts, threads=2)
+    np.testing.assert_array_equal(again, matrix[np.ix_(order, order)])
+    first, second = evaluate(matrix, labels), evaluate(again, labels[order])
+    assert (first.nn, first.st, first.dcg) == pytest.approx((second.nn, second.st, second.dcg))
+
+
+def test_extraction_is_deterministic(figures):
+    first, second = SMALL.extract(figures[1]), SMALL.extract(figures[1])
+    np.testing.assert_array_equal(first.descriptors, second.descriptors)
+
+
+def test_codebook_seed(figures):
+    features = [SMALL.extract(mesh) for mesh in figures[:2]]
+    default = SMALL.train_codebook(features)
+    np.testing.assert_array_equal(SMALL.train_codebook(features, seed=0), default)
+    assert (SMALL.train_codebook(features, seed=1) != default).any()
+
+
+def test_stages_survive_storage(figures, tmp_path):
+    features = [SMALL.extract(mesh) for mesh in figures[:3]]
+    np.savez(tmp_path / "features.npz", **features[0].to_arrays())
+    with np.load(tmp_path / "features.npz", allow_pickle=False) as stored:
+        again = Features.from_arrays(dict(stored))
+    codebook = SMALL.train_codebook([again, *features[1:]])
+    first = [SMALL.quantise(part, codebook) for part in features]
+    stored_signatures = [Signature.from_arrays(part.to_arrays()) for part in first]
+    np.testing.assert_array_equal(SMALL.distances(stored_signatures), SMALL.distances(first))
+
+
+def test_a_flat_sheet_and_a_needle_are_scored():
+    sheet = figure(2).vertices * [1, 1, 0]
+    needle = figure(2).vertices * [1, 0, 0]
+    faces = figure(2).faces
+    features = [SMALL.extract(Mesh(vertices, faces)) for vertices in (figure(2).vertices, sheet, needle)]
+    codebook = SMALL.train_codebook(features)
+    matrix = SMALL.distances([SMALL.quantise(part, codebook) for part in features])
+    assert np.isfinite(matrix).all()
+    assert len(features[2].descriptors) == 0
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.zeros((4, 3)), [[0, 1, 2]], "zero extent"),
+        (np.eye(3), np.zeros((0, 3)), "no triangles"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], "NaN"),
+    ],
+)
+def test_bad_forms_are_named(vertices, faces, message):
+    with pytest.raises(InvalidMesh, match=message):
+        SMALL.extract(Mesh(vertices, faces))
+
+
+def test_a_gallery_without_keypoints_is_named():
+    features = SMALL.extract(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), [[0, 1, 2]]))
+    with pytest.raises(DatasetError, match="keypoint"):
+        SMALL.train_codebook([features])

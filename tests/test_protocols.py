@@ -1,0 +1,68 @@
+import pytest
+
+from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.protocols import QUICK_POSES, TABLES, galleries
+from benchmark.reference import paper
+from tests.toy import write_rods
+
+
+def test_without_data_the_stand_ins_run_and_say_so():
+    first, third = galleries()
+    assert (first.table.identifier, first.dataset.name, first.dataset.stand_in_for) == (
+        "I",
+        "humans",
+        "shrec14-synthetic",
+    )
+    assert (third.table.identifier, third.dataset.name, third.dataset.stand_in_for) == ("III", "animals", "tosca")
+    assert len(first.entries) == 100
+    assert {entry.subject for entry in first.entries} == {entry.subject for entry in first.dataset.entries[200:]}
+    assert len(third.entries) == 80
+
+
+@pytest.mark.data
+def test_official_data_replaces_its_stand_in_and_is_never_mixed_with_it(data_root):
+    (third,) = galleries(["III"], data_root=data_root)
+    assert (third.dataset.name, third.dataset.stand_in_for, len(third.entries)) == ("tosca", "", 80)
+    assert len({entry.subject for entry in third.entries}) == 9
+    (named,) = galleries(["III"], ["animals"], data_root)
+    assert named.dataset.name == "animals"
+
+
+def test_quick_thins_the_poses_of_each_subject_evenly():
+    (gallery,) = galleries(["I"], quick=True)
+    poses = [entry.pose for entry in gallery.entries if entry.subject == gallery.entries[0].subject]
+    assert 2 < len(poses) <= QUICK_POSES
+    assert poses[0] == gallery.dataset.entries[0].pose
+    assert gallery.name.endswith("(quick)")
+
+
+def test_a_folder_gets_a_table_of_its_own(tmp_path):
+    folder = write_rods(tmp_path / "rods")
+    (gallery,) = galleries([], [str(folder)])
+    assert (gallery.table.identifier, len(gallery.entries)) == ("rods", 6)
+    assert paper.rows("rods") == {}
+
+
+@pytest.mark.parametrize(
+    ("tables", "datasets", "error", "message"),
+    [
+        (["V"], [], ConfigurationError, "unknown table 'V'"),
+        (["II"], [], ConfigurationError, "table II cannot be made"),
+        ([], ["tosk"], ConfigurationError, "unknown data set 'tosk'; did you mean tosca"),
+        ([], ["tosca"], DatasetError, "is not at DATA_ROOT/tosca; put it there"),
+        (["I"], ["animals"], ConfigurationError, "no selected table uses animals"),
+        ([], ["./nowhere"], ConfigurationError, "is not a folder"),
+    ],
+)
+def test_what_cannot_be_selected_is_named(tables, datasets, error, message):
+    with pytest.raises(error, match=message):
+        galleries(tables, datasets)
+
+
+def test_every_table_of_the_paper_has_rows_with_all_measures():
+    for table in TABLES:
+        rows = paper.rows(table.identifier)
+        assert next(iter(rows)) == "classic-mds"
+        assert all(set(row.values[table.identifier]) == set(paper.METRICS) for row in rows.values())
+    assert paper.rows("I")["gps"].values["I"] == {"NN": 0.40, "FT": 0.20, "ST": 0.32, "DCG": 0.56}
+    assert list(paper.rows("IV")) == ["learned-strict", "learned-without-srf", "learned-without-lrf", "learned"]

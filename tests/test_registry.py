@@ -1,0 +1,92 @@
+import pickle
+
+import pytest
+
+from benchmark import registry
+from benchmark.contracts import Descriptor, Method
+from benchmark.errors import ConfigurationError
+
+PLUGIN = '''
+from benchmark.contracts import canonical_form
+
+
+@canonical_form(name="{name}", title="Flattened")
+def flatten(shape):
+    """Drop one axis."""
+    return shape.mesh.vertices * [1, 1, 0.5]
+'''
+
+
+def write_plugin(folder, name="flatten", file="mine.py"):
+    path = folder / file
+    path.write_text(PLUGIN.format(name=name))
+    return path
+
+
+@pytest.mark.parametrize("name", list(registry.BUILT_IN))
+def test_a_built_in_method_carries_its_own_name_and_can_be_made(name):
+    spec = registry.methods()[name]
+    assert spec.info.name == name
+    assert isinstance(spec.create(), (Method, Descriptor))
+    assert pickle.loads(pickle.dumps(spec.create())) == spec.create()  # noqa: S301
+
+
+def test_an_unknown_method_is_answered_with_the_nearest_name():
+    with pytest.raises(ConfigurationError, match="unknown method 'clasic-mds'; did you mean classic-mds"):
+        registry.select(["clasic-mds"], registry.methods())
+
+
+def test_selection_keeps_the_order_of_the_tables():
+    known = registry.methods()
+    assert [spec.name for spec in registry.select(["gps", "identity"], known)] == ["identity", "gps"]
+    assert len(registry.select([], known)) == len(known)
+
+
+def test_a_plugin_file_adds_its_methods_and_is_kept_beside_named_ones(tmp_path):
+    path = write_plugin(tmp_path)
+    known = registry.methods([path])
+    assert list(known)[-1] == "flatten"
+    assert [spec.name for spec in registry.select(["gps"], known, [path])] == ["gps", "flatten"]
+    assert known["flatten"].info.title == "Flattened"
+
+
+def test_two_methods_of_one_name_are_an_error(tmp_path):
+    with pytest.raises(ConfigurationError, match="two methods are called 'gps'.*rename one"):
+        registry.methods([write_plugin(tmp_path, name="gps")])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = (", "cannot be imported: SyntaxError"),
+        ("raise RuntimeError('boom')", "cannot be imported: RuntimeError: boom"),
+        ("x = 1", "defines no method"),
+    ],
+)
+def test_a_broken_plugin_is_named(tmp_path, text, message):
+    path = tmp_path / "broken.py"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=message):
+        registry.methods([path])
+
+
+def test_a_missing_plugin_is_named(tmp_path):
+    with pytest.raises(ConfigurationError, match="is not a Python file"):
+        registry.methods([tmp_path / "nothing.py"])
+
+
+def test_a_class_without_behaviour_is_refused(tmp_path):
+    path = tmp_path / "lazy.py"
+    path.write_text(
+        "from benchmark.contracts import MethodInfo\nclass Lazy:\n    info = MethodInfo(name='lazy', title='Lazy')\n"
+    )
+    with pytest.raises(ConfigurationError, match="neither 'canonicalise' nor 'describe'"):
+        registry.methods([path])["lazy"].create()
+
+
+def test_a_missing_package_makes_a_method_unavailable_not_broken(tmp_path):
+    path = tmp_path / "needy.py"
+    path.write_text(
+        PLUGIN.format(name="needy").replace('title="Flattened"', 'title="Needy", requires=("no_such_package",)')
+    )
+    assert registry.methods([path])["needy"].missing_packages() == ("no_such_package",)
