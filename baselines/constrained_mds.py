@@ -23,11 +23,11 @@ class ConstrainedMDS:
     :math:`p`, moves to the least-squares MDS positions :math:`m` of its own vertices while an as-rigid-as-possible
     energy keeps the details:
 
-    .. math:: E(x) = E_\mathrm{ARAP}(x; p) + \lambda \bar w \sum_i \frac{a_i}{\bar a} \|x_i - m_i\|^2
+    .. math:: E(x) = E_\mathrm{ARAP}(x; p) + \lambda \sum_i a_i \|x_i - m_i\|^2
 
-    with vertex areas :math:`a`, edge weights :math:`w` and bars for means. Starting from :math:`x = p`, local steps
-    (one rotation per cell) alternate with global steps (one sparse solve), and :math:`\lambda` rises geometrically in
-    cascades, so that large parts swing first and small ones settle later.
+    with vertex areas :math:`a` of sum 1, so that :math:`\lambda` has no unit and does not depend on the sampling.
+    Starting from :math:`x = p`, local steps (one rotation per cell) alternate with global steps (one sparse solve), and
+    :math:`\lambda` rises geometrically in cascades, so that large parts swing first and small ones settle later.
 
     MDS cannot tell a pose from its mirror image, and pulled towards the wrong one a surface turns inside out. Both
     images of :math:`m` are therefore aligned to :math:`p` by a proper rotation, both deformations run to their end,
@@ -55,8 +55,8 @@ class ConstrainedMDS:
         summary="the surface deformed towards its least-squares MDS pose, details kept",
     )
 
-    first_pull: float = 0.001
-    last_pull: float = 0.01
+    first_pull: float = 1.0
+    last_pull: float = 10.0
     cascades: int = 5
     iterations: int = 20
     start: Literal["mesh", "classic"] = "mesh"
@@ -64,8 +64,8 @@ class ConstrainedMDS:
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the deformed surface.
 
-        The notes give the mean and the largest edge strain, the final energy, that of the rejected mirror image (both
-        over the mean edge weight, in squared units of the mesh), and whether the mirror image was kept.
+        The notes give the mean and the largest edge strain, the final energy and that of the rejected mirror image,
+        both in squared units of the mesh, and whether the mirror image was kept.
 
         Raises
         ------
@@ -88,9 +88,9 @@ class ConstrainedMDS:
         targets
             One position per vertex, shape (n, 3), in units of the mesh and in any orientation.
         """
-        from baselines._kernels.arap import AsRigidAsPossible, edge_weights
+        from baselines._kernels.arap import AsRigidAsPossible
 
-        surface = AsRigidAsPossible(rest=shape.mesh.vertices, weights=edge_weights(shape.laplacian()))
+        surface = AsRigidAsPossible.of(shape)
         areas = vertex_areas(shape.mesh)
         candidates = [
             self._deform(surface, _aligned(image, shape.mesh.vertices, areas), areas)
@@ -110,18 +110,16 @@ class ConstrainedMDS:
         )
 
     def _deform(self, surface: AsRigidAsPossible, targets: FloatArray, areas: FloatArray) -> tuple[FloatArray, float]:
-        mean_weight = surface.weights.data.mean()
-        unit_pull = mean_weight * areas / areas.mean()
+        masses = areas / areas.sum()
         positions = surface.rest
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
-            pull = strength * unit_pull
+            pull = strength * masses
             solve = surface.factorise(pull)
             for _ in range(self.iterations):
                 rotations = surface.rotations(positions)
                 positions = solve(surface.load(rotations) + pull[:, None] * targets)
         distance = ((positions - targets) ** 2).sum(axis=1)
-        energy = surface.energy(positions, surface.rotations(positions)) + float(pull @ distance)
-        return positions, energy / float(mean_weight)
+        return positions, surface.energy(positions, surface.rotations(positions)) + float(pull @ distance)
 
 
 def _aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:

@@ -56,7 +56,7 @@ class FastMDS:
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.sampling import farthest_from_centre
+        from baselines._kernels.sampling import farthest_from_centre, stress_of_rows
 
         require_vertices(shape)
         rows = _Rows(shape, self.solver)
@@ -71,7 +71,9 @@ class FastMDS:
                 points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
         points -= points.mean(axis=0)
         points *= canonical_signs(points, vertex_areas(shape.mesh))
-        return shape.form(points, rows=len(rows.known), stress_of_rows=rows.stress(points))
+        known = list(rows.known)
+        stress = stress_of_rows(points, known, np.stack([rows.known[vertex] for vertex in known]))
+        return shape.form(points, rows=len(known), stress_of_rows=stress)
 
     def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
         near, far = start, start
@@ -100,9 +102,3 @@ class _Rows:
         """Squared distances that the axes so far leave to be explained, shape (n,)."""
         explained = ((points - points[vertex]) ** 2).sum(axis=1)
         return np.maximum(self.distances(vertex) ** 2 - explained, 0.0)
-
-    def stress(self, points: FloatArray) -> float:
-        """Normalised stress over the rows that are known."""
-        wanted = np.stack(list(self.known.values()))
-        found = np.linalg.norm(points[list(self.known)][:, None] - points, axis=2)
-        return float(((found - wanted) ** 2).sum() / (wanted**2).sum())

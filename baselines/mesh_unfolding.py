@@ -67,14 +67,14 @@ class MeshUnfolding:
         UnsupportedShape
             If the shape has fewer than four vertices or no face, or is in several pieces.
         """
-        from baselines._kernels.arap import AsRigidAsPossible, edge_weights
+        from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.repulsion import relax
 
         require_vertices(shape)
         require_connected(shape)
         areas = vertex_areas(shape.mesh)
-        unit = np.sqrt(areas.sum())
-        surface = AsRigidAsPossible(rest=shape.mesh.vertices / unit, weights=edge_weights(shape.laplacian()))
+        unit = float(np.sqrt(areas.sum()))
+        surface = AsRigidAsPossible.of(shape, unit)
         masses = areas / areas.sum()
         stiffness = self.first_stiffness
         positions, _ = relax(surface, masses, surface.rest, stiffness, self.iterations)

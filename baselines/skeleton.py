@@ -65,7 +65,7 @@ class Skeleton:
         UnsupportedShape
             If the shape has fewer than four vertices or no face, is in several pieces, or its skeleton has no bone.
         """
-        from baselines._kernels.arap import AsRigidAsPossible, edge_weights
+        from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.deformation_transfer import follow_rotations
         from baselines._kernels.smacof import smacof
 
@@ -84,7 +84,6 @@ class Skeleton:
         moved = follow_rotations(mesh, rotations[bones_of_triangles(mesh, skeleton)])
         vertices = np.empty_like(moved)
         vertices[order] = moved
-        surface = AsRigidAsPossible(rest=shape.mesh.vertices, weights=edge_weights(shape.laplacian()))
         return shape.form(
             vertices,
             skeleton=kind,
@@ -93,7 +92,7 @@ class Skeleton:
             bones=len(skeleton.bones),
             leaves=int((skeleton.degrees == 1).sum()),
             joint_stress=scaling.stress[-1],
-            mean_edge_strain=float(surface.edge_strains(vertices).mean()),
+            mean_edge_strain=float(AsRigidAsPossible.of(shape).edge_strains(vertices).mean()),
         )
 
     def _skeleton(self, shape: Shape, mesh: Mesh, order: NDArray[np.int64]) -> tuple[CurveSkeleton, str, str]:
@@ -172,8 +171,9 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
     low, middle, high = corners.T
     across = (low != high) & ((low == middle) | (middle == high))
-    chosen = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high) * across
+    chosen: NDArray[np.int64] = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
     offsets = mesh.vertices[mesh.faces].mean(axis=1) - skeleton.joints[middle]
+    # Bones are sorted, so the search finds each pair that exists; the other triangles are dealt with joint by joint.
     for joint in np.unique(middle[~across]):
         incident = np.flatnonzero((bones == joint).any(axis=1))
         directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])

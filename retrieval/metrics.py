@@ -105,7 +105,7 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", 
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
     rows = [_score_query(matrix[query], classes, query, ties) for query in range(len(classes))]
-    values = np.array([row[:-1] for row in rows])
+    values = np.array([row[:-1] for row in rows]).reshape(-1, len(fields(PerQuery)))
     scored = ~np.isnan(values[:, 0])
     if not scored.any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")

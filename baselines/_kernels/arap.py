@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from benchmark.contracts import FloatArray
+from benchmark.contracts import FloatArray, Shape
 from benchmark.geometry.laplacian import Laplacian
 
 WEIGHT_FLOOR = 1e-2
@@ -40,6 +40,11 @@ class AsRigidAsPossible:
 
     rest: FloatArray
     weights: csr_array
+
+    @classmethod
+    def of(cls, shape: Shape, unit: float = 1.0) -> AsRigidAsPossible:
+        """Build the energy of a shape at rest, measured in the given unit of length."""
+        return cls(rest=shape.mesh.vertices / unit, weights=edge_weights(shape.laplacian()))
 
     @property
     def stiffness(self) -> csr_array:
@@ -92,7 +97,7 @@ def edge_weights(laplacian: Laplacian) -> csr_array:
 
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
     """Factorise a symmetric positive definite sparse matrix once; the result solves for any number of columns."""
-    factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factors = splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
     def solve(right: FloatArray) -> FloatArray:
         return np.ascontiguousarray(factors.solve(np.asfortranarray(right)))

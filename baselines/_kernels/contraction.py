@@ -79,7 +79,7 @@ def contract(mesh: Mesh) -> FloatArray:
     left = current.area / first_areas.sum()
     if left > 10 * AREA_RATIO:
         raise ContractionFailed(f"{left:.0%} of the area is left")
-    return current.vertices * unit + centre
+    return np.asarray(current.vertices * unit + centre)
 
 
 def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) -> FloatArray:

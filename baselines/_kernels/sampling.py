@@ -40,6 +40,22 @@ def farthest_from_centre(shape: Shape) -> int:
     return _farthest_from_centre(_edge_graph(shape), _outermost(shape))
 
 
+def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
+    """Normalised stress over the pairs whose geodesic distance is known.
+
+    Parameters
+    ----------
+    points
+        Positions of all vertices, shape (n, 3).
+    sources
+        Vertices from which the distances are known, k of them.
+    rows
+        Their distances to all vertices, shape (k, n).
+    """
+    found = np.linalg.norm(points[sources][:, None] - points, axis=2)
+    return float(((found - rows) ** 2).sum() / (rows**2).sum())
+
+
 def _farthest_from_centre(graph: csr_array, outermost: int) -> int:
     _, distances = _spread(graph, outermost, 4)
     centre = int(distances.max(axis=0).argmin())

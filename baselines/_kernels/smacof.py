@@ -88,7 +88,7 @@ def normalised_stress(points: FloatArray, distances: FloatArray) -> float:
         Distances delta to be met, symmetric, shape (n, n).
     """
     rows = np.ascontiguousarray(points.T)
-    return _Problem(distances, None).stress(rows, attractions(rows, distances))
+    return StressProblem(distances, None).stress(rows, attractions(rows, distances))
 
 
 def smacof(
@@ -122,7 +122,7 @@ def smacof(
     Scaling
         Centred positions and the course of the stress.
     """
-    problem = _Problem(distances, weights)
+    problem = StressProblem(distances, weights)
     points = np.ascontiguousarray((start - start.mean(axis=0)).T)
     sums = attractions(points, problem.targets)
     course = [problem.stress(points, sums)]
@@ -135,8 +135,16 @@ def smacof(
     return Scaling(np.ascontiguousarray(points.T), tuple(course))
 
 
-class _Problem:
-    """What stays the same over the iterations: weighted targets, the matrix V and its factor."""
+class StressProblem:
+    """What stays the same over the iterations: weighted targets, the matrix V and its factor.
+
+    Parameters
+    ----------
+    distances
+        Distances delta to be met, symmetric, shape (n, n).
+    weights
+        Weights of the pairs, shape (n, n), or None for equal ones.
+    """
 
     def __init__(self, distances: FloatArray, weights: FloatArray | None) -> None:
         self.n = len(distances)
@@ -152,7 +160,7 @@ class _Problem:
             self.factor = cho_factor(self.laplacian + self.laplacian.trace() / self.n**2)
 
     def solve(self, sums: FloatArray) -> FloatArray:
-        """Apply the pseudo-inverse of V, shape (3, n)."""
+        """Apply the pseudo-inverse of V to rows of coordinates, shape (3, n): the second half of a transform."""
         if self.laplacian is None:
             return sums / self.n
         from scipy.linalg import cho_solve
@@ -160,7 +168,11 @@ class _Problem:
         return np.ascontiguousarray(cho_solve(self.factor, sums.T).T)
 
     def stress(self, points: FloatArray, sums: FloatArray) -> float:
-        """Normalised stress, from sum w delta d = tr(X'BX) and sum w d^2 = tr(X'VX), without a pass over the pairs."""
+        """Normalised stress of positions X, shape (3, n), given their :func:`attractions` B(X) X.
+
+        The sum of ``w delta d`` is the trace of X'BX and that of ``w d^2`` the trace of X'VX, so that no second pass
+        over the pairs is needed.
+        """
         if self.laplacian is None:
             centred = points - points.mean(axis=1, keepdims=True)
             spread = self.n * float(np.vdot(centred, centred))

@@ -22,7 +22,7 @@ SMALLEST_SHARE = 0.01
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
 _FEWEST_VERTICES = 4
-_DENSE = 25
+_DENSE = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,13 +25,9 @@ def find(image: np.ndarray) -> Keypoints:
 def matched(expected: Keypoints, found: Keypoints, inside: np.ndarray) -> tuple[float, float]:
     """Share of expected keypoints that are found, and the median cosine of their descriptors."""
     hits, cosines = 0, []
-    for position, scale, angle, descriptor in zip(
-        expected.positions[inside],
-        expected.scales[inside],
-        expected.angles[inside],
-        expected.descriptors[inside],
-        strict=True,
-    ):
+    for k in np.flatnonzero(inside):
+        position, scale, angle = expected.positions[k], expected.scales[k], expected.angles[k]
+        descriptor = expected.descriptors[k]
         near = np.linalg.norm(found.positions - position, axis=1) < 0.5 * scale
         near &= np.abs(np.log2(found.scales / scale)) < 0.25
         near &= np.abs((found.angles - angle + np.pi) % (2 * np.pi) - np.pi) < 0.3
@@ -58,8 +54,8 @@ def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma):
     strongest = np.unique(np.round(found.positions, 1), axis=0)
     assert len(strongest) == 1
     np.testing.assert_allclose(strongest[0], [70.3, 58.8], atol=0.1)
-    # Of G(k s) - G(s) over a blob of width b the extremum lies where s^2 = (b^2 + nominal blur^2) / k, k = 2^(1/3).
-    assert found.scales[0] == pytest.approx(np.sqrt((sigma**2 + 0.25) / 2 ** (1 / 3)), rel=0.03)
+    # Of G(k s) - G(s) over a blob of width b the extremum lies where s^2 = (b^2 - nominal blur^2) / k, k = 2^(1/3).
+    assert found.scales[0] == pytest.approx(np.sqrt((sigma**2 - 0.25) / 2 ** (1 / 3)), rel=0.02)
 
 
 def test_descriptor_of_a_ramp_lies_in_one_angular_bin():
@@ -68,7 +64,7 @@ def test_descriptor_of_a_ramp_lies_in_one_angular_bin():
     ramp = np.tile(np.linspace(0, 1, 64, dtype=np.float32), (64, 1))
     angles, descriptor = np.empty(4), np.empty(128, np.uint8)
     assert orientations(ramp, 32.0, 32.0, 2.0, angles) == 1
-    assert angles[0] % (2 * np.pi) == pytest.approx(0, abs=0.02) or angles[0] == pytest.approx(2 * np.pi, abs=0.02)
+    assert np.cos(angles[0]) > 0.999
     describe(ramp, 32.0, 32.0, 2.0, 0.0, descriptor)
     cells = descriptor.reshape(4, 4, 8)
     assert (cells[..., 1:] == 0).all()
@@ -96,9 +92,7 @@ def test_agrees_with_opencv(photograph):
     assert cosine > 0.99
 
 
-@pytest.mark.parametrize(
-    ("degrees", "zoom", "least"), [(30, 1.0, 0.8), (135, 1.0, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)]
-)
+@pytest.mark.parametrize(("degrees", "zoom", "least"), [(30, 1, 0.8), (135, 1, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)])
 def test_keypoints_follow_rotation_and_scale(photograph, degrees, zoom, least):
     cv2 = pytest.importorskip("cv2")
     height, width = photograph.shape
@@ -123,13 +117,14 @@ def test_a_mirrored_image_has_the_mirrored_features(photograph):
     image = photograph[:257, :257].astype(np.float32) / 255
     original = detect_views(image[None], peak_threshold=PEAK, background=np.nan)
     mirrored = detect_views(image[None, :, ::-1].copy(), peak_threshold=PEAK, background=np.nan)
-    flipped = original.mirrored(np.array([0], dtype=np.int32)).descriptors.astype(float)
-    difference = np.linalg.norm(flipped[:, None] - mirrored.descriptors[None], axis=2).min(axis=1)
-    assert np.quantile(difference, 0.8) < 20
-    unflipped = np.linalg.norm(original.descriptors.astype(float)[:, None] - mirrored.descriptors[None], axis=2).min(
-        axis=1
-    )
-    assert np.median(unflipped) > 150
+    flipped = original.mirrored(np.array([0], dtype=np.int32))
+
+    def nearest(descriptors: np.ndarray) -> np.ndarray:
+        differences = descriptors[:, None].astype(float) - mirrored.descriptors[None]
+        return np.linalg.norm(differences, axis=2).min(axis=1)
+
+    assert np.quantile(nearest(flipped.descriptors), 0.8) < 20
+    assert np.median(nearest(original.descriptors)) > 150
 
 
 def test_leaving_out_the_background_changes_nothing():

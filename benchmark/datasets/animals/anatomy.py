@@ -70,6 +70,8 @@ class Tube:
         Width of the fillet to the rest of the body.
     flat
         World axis along which ``breadth`` is measured.
+    hollow
+        Whether the tube is taken away from the body instead of added: eye sockets.
     """
 
     part: str
@@ -78,6 +80,7 @@ class Tube:
     paired: bool = False
     blend: float
     flat: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    hollow: bool = False
 
     def scaled(self, factor: float) -> Tube:
         """Return the tube of a body that is ``factor`` times as large."""
@@ -122,7 +125,8 @@ def tube(
     blend: float,
     paired: bool = False,
     flat: tuple[float, float, float] = (1.0, 0.0, 0.0),
+    hollow: bool = False,
 ) -> Tube:
     """Build a tube from bare rows (bone, forward, up, side, depth, breadth); see :class:`Section`."""
     sections = tuple(Section(*row) for row in rows)
-    return Tube(part=part, parent=parent, sections=sections, paired=paired, blend=blend, flat=flat)
+    return Tube(part=part, parent=parent, sections=sections, paired=paired, blend=blend, flat=flat, hollow=hollow)

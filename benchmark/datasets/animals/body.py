@@ -37,6 +37,8 @@ class Field:
         Unit axis of each tube along which it is flattened, shape (tubes, 3).
     blends
         Fillet of each tube, shape (tubes,).
+    hollow
+        Whether each tube is taken away, shape (tubes,); such tubes come last.
     """
 
     pieces: NDArray[np.float64]
@@ -44,11 +46,12 @@ class Field:
     first: NDArray[np.int64]
     flats: NDArray[np.float64]
     blends: NDArray[np.float64]
+    hollow: NDArray[np.bool_]
 
     @classmethod
     def of(cls, species: Species, skeleton: Skeleton) -> Field:
         """Return the implicit body of a species, its pieces labelled with the bones of its skeleton."""
-        parts = species.parts()
+        parts = sorted(species.parts(), key=lambda part: part.hollow)
         pieces, bones = zip(*(_pieces(part, skeleton) for part in parts), strict=True)
         return cls(
             pieces=np.concatenate(pieces),
@@ -56,6 +59,7 @@ class Field:
             first=np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]),
             flats=np.array([np.asarray(part.flat) / np.linalg.norm(part.flat) for part in parts]),
             blends=np.array([part.blend for part in parts], dtype=np.float64),
+            hollow=np.array([part.hollow for part in parts]),
         )
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -80,7 +84,7 @@ class Field:
                 for s, r in ((s, _largest_radius(s)) for s in np.split(self.pieces, self.first[1:-1]))
             ]
         )
-        return _evaluate(np.ascontiguousarray(points), self.pieces, self.first, self.flats, self.blends, boxes)
+        return _evaluate(np.ascontiguousarray(points), self.pieces, self.first, self.flats, self.blends, self.hollow, boxes)
 
 
 def _largest_radius(pieces: NDArray[np.float64]) -> float:
@@ -110,6 +114,7 @@ def _evaluate(
     first: NDArray[np.int64],
     flats: NDArray[np.float64],
     blends: NDArray[np.float64],
+    hollow: NDArray[np.bool_],
     boxes: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     values = np.empty(len(points))
@@ -124,7 +129,7 @@ def _evaluate(
                 outside = max(boxes[tube, 0, k] - points[i, k], points[i, k] - boxes[tube, 1, k], 0.0)
                 gap += outside * outside
             # A tube further off than its fillet leaves the value as it is.
-            if owner >= 0 and np.sqrt(gap) > value + blend:
+            if owner >= 0 and np.sqrt(gap) > abs(value) + blend:
                 continue
             nx, ny, nz = flats[tube, 0], flats[tube, 1], flats[tube, 2]
             distance = 1e9
@@ -143,10 +148,14 @@ def _evaluate(
                 # First-order distance to an ellipse: its implicit function over the length of the gradient.
                 d = (norm - radius) * (norm / slope if slope > 1e-9 else 1.0)
                 distance = min(distance, d)
-                if d < least:
+                if d < least and not hollow[tube]:
                     least, owner = d, p
-            overlap = max(blend - abs(value - distance), 0.0)
-            value = min(value, distance) - 0.25 * overlap * overlap / blend
+            if hollow[tube]:
+                overlap = max(blend - abs(value + distance), 0.0)
+                value = max(value, -distance) + 0.25 * overlap * overlap / blend
+            else:
+                overlap = max(blend - abs(value - distance), 0.0)
+                value = min(value, distance) - 0.25 * overlap * overlap / blend
         # Soles and hooves are flat on the ground.
         values[i] = max(value, -z)
         nearest[i] = owner

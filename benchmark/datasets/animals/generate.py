@@ -16,7 +16,7 @@ from benchmark.datasets.animals.skinning import blend, bone_weights
 from benchmark.datasets.animals.species import SPECIES
 from benchmark.geometry.mesh import Mesh
 
-N_VERTICES = 7500
+N_VERTICES = 9000
 """Vertices that a generated animal has, about."""
 
 RELAXATIONS = 30

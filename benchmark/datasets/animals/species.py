@@ -44,7 +44,8 @@ CAT = Species(
         ),
         tube("whiskers", "head", ("", 60, 66, 3.2, 4.2, 3.8), ("", 62.5, 65.5, 2.4, 3.4, 3), blend=2, paired=True),
         tube("nose", "head", ("", 59, 72.5, 0, 3.2, 3), ("", 65, 69, 0, 2, 2.2), blend=2),
-        tube("brow", "head", ("", 56, 77.5, 5.4, 2.8, 3), ("", 59, 75, 4.8, 2.2, 2.4), blend=2.5, paired=True),
+        tube("brow", "head", ("", 55, 79.5, 6, 3, 3.2), ("", 60, 76.5, 4.6, 2.2, 2.4), blend=2, paired=True),
+        tube("eye", "head", ("", 63, 74, 6.2, 2.6, 2.8), ("", 62, 75, 8, 2.6, 2.8), blend=1, paired=True, hollow=True),
         tube(
             "ear",
             "head",
@@ -121,7 +122,8 @@ DOG = Species(
             blend=3,
         ),
         tube("nose", "head", ("", 84, 102, 0, 2.6, 2.6), ("", 89.5, 101.5, 0, 2.2, 2.4), blend=2),
-        tube("brow", "head", ("", 66, 111, 3.8, 2.8, 2.8), ("", 69.5, 109, 3.4, 2.2, 2.2), blend=2.5, paired=True),
+        tube("brow", "head", ("", 65, 112.5, 4, 3, 3), ("", 69.5, 110, 3.8, 2.2, 2.2), blend=2, paired=True),
+        tube("eye", "head", ("", 72.5, 108, 5.6, 2.4, 2.4), ("", 71, 108, 8, 2.4, 2.4), blend=1, paired=True, hollow=True),
         tube(
             "ear",
             "head",
@@ -198,7 +200,8 @@ WOLF = Species(
             blend=3,
         ),
         tube("nose", "head", ("", 84, 80.5, 0, 2.6, 2.6), ("", 89.5, 80, 0, 2.3, 2.5), blend=2),
-        tube("brow", "head", ("", 67, 90, 4.4, 3, 3), ("", 71, 87.5, 3.8, 2.2, 2.2), blend=2.5, paired=True),
+        tube("brow", "head", ("", 66, 92, 4.8, 3.2, 3.2), ("", 71.5, 89, 4.2, 2.2, 2.2), blend=2, paired=True),
+        tube("eye", "head", ("", 74.5, 86.5, 6.2, 2.6, 2.6), ("", 73, 86.5, 9, 2.6, 2.6), blend=1, paired=True, hollow=True),
         tube("ruff", "head", ("", 59, 80, 8, 7, 5), ("", 66, 80, 7, 4.5, 3.5), blend=4, paired=True),
         tube(
             "ear",
@@ -288,7 +291,7 @@ HORSE = Species(
             blend=5,
         ),
         tube("jowl", "head", ("", 99, 171, 4, 8, 4), ("", 105, 164, 3.6, 8, 4), blend=5, paired=True),
-        tube("eye", "head", ("", 106, 178, 6.5, 3.2, 2.6), ("", 109, 174, 6.5, 2.8, 2.4), blend=3, paired=True),
+        tube("eye", "head", ("", 104, 180, 7, 3.6, 3), ("", 109, 175, 7.2, 3, 2.6), blend=2, paired=True),
         tube("lips", "head", ("", 130, 134, 0, 6, 5), ("", 132, 130, 0, 4.6, 4.6), blend=4),
         tube(
             "ear",
@@ -374,6 +377,7 @@ CENTAUR = Species(
         tube("head", "neck", ("head", 31, 158, 0, 7, 6.6), ("", 31, 166, 0, 9.8, 7.8), ("", 30.5, 171, 0, 9.5, 7.8), blend=3),
         tube("face", "head", ("", 36, 167, 0, 6, 6), ("", 36.5, 160, 0, 5.8, 5.8), ("", 38, 155, 0, 4, 4.4), blend=3),
         tube("nose", "head", ("", 41.5, 165.5, 0, 1.4, 1.4), ("", 43.8, 161, 0, 1.7, 2), blend=1.5),
+        tube("eye", "head", ("", 43.5, 166.5, 3.6, 1.9, 2), ("", 43, 166.5, 5, 1.9, 2), blend=1, paired=True, hollow=True),
         tube("hair", "head", ("", 29, 171, 0, 9, 8), ("", 25, 163, 0, 5.5, 7), blend=3),
         tube(
             "arm",
@@ -414,6 +418,7 @@ GORILLA = Species(
         tube("head", "neck", ("head", 4, 147, 0, 11.5, 11), ("", 5, 156, 0, 11, 10.5), ("", 0, 164, 0, 8.5, 7), blend=5),
         tube("brow", "head", ("", 13.5, 159.5, 5, 3, 4.5), ("", 14, 158.5, 1, 3, 3.5), blend=2.5, paired=True),
         tube("muzzle", "head", ("", 10, 148, 0, 9, 9), ("", 17.5, 146.5, 0, 7, 7.5), blend=3.5),
+        tube("eye", "head", ("", 18, 154.5, 5.5, 2.6, 3), ("", 17, 154.5, 8, 2.6, 3), blend=1, paired=True, hollow=True),
         tube("nose", "head", ("", 16.5, 154.5, 0, 2.2, 2.6), ("", 19.5, 151.5, 0, 2.6, 4), blend=2.5),
         tube("ear", "head", ("", 3, 153.5, 11, 3, 1.6), ("", 2.5, 156.5, 11.6, 2.6, 1.5), blend=1, paired=True),
         tube(

@@ -1,0 +1,129 @@
+"""Classic scaling from a few rows of geodesic distances, and least-squares scaling in fewer steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.orientation import canonical_signs, vertex_areas
+from baselines.least_squares_mds import start_positions
+from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceleratedMDS:
+    r"""Two ways to the MDS form in less time.
+
+    ``"interpolated"`` and ``"samples"`` are classic scaling without all pairs of distances. The squared distances
+    :math:`F` (p x n) from p farthest-point samples are continued over the surface by the matrix P (n x p) of
+    biharmonic (Laplace-Beltrami) interpolation. With :math:`W = F_{:, s}` between the samples, Shamai, Zibulevsky and
+    Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional
+    scaling", approximate
+
+    .. math:: D \circ D \approx P W P^\top \qquad \text{("samples")},
+
+    and we also use what the rows say away from the samples,
+
+    .. math:: D \circ D \approx P F + F^\top P^\top - P W P^\top \qquad \text{("interpolated")},
+
+    which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
+    costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, and the thin
+    factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`.
+
+    ``"rre"`` is stress majorisation with reduced-rank extrapolation, see
+    :func:`baselines._kernels.extrapolation.extrapolated_smacof`; it needs all pairs.
+
+    Parameters
+    ----------
+    variant
+        One of the three above.
+    samples
+        Number p of farthest-point samples.
+    start
+        First positions of ``"rre"``: ``"mesh"`` or ``"classic"``.
+    cycle
+        Guttman transforms between two extrapolations.
+    max_iterations
+        Largest number of passes over all pairs of ``"rre"``.
+    rtol
+        ``"rre"`` stops when a transform lowers the stress by less than this fraction.
+    solver
+        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="accelerated-mds",
+        title="Accelerated MDS",
+        cite="shamai2015accelerated",
+        family="extended",
+        summary="classic scaling from interpolated geodesic distances of a few samples",
+    )
+
+    variant: Literal["interpolated", "samples", "rre"] = "interpolated"
+    samples: int = 30
+    start: Literal["mesh", "classic"] = "mesh"
+    cycle: int = 6
+    max_iterations: int = 100
+    rtol: float = 1e-3
+    solver: str = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the form of the chosen variant, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices, no face, or several pieces.
+        ConfigurationError
+            If there is no variant of that name.
+        """
+        from benchmark.errors import did_you_mean
+
+        require_vertices(shape)
+        if self.variant == "rre":
+            return self._extrapolated(shape)
+        if self.variant in ("interpolated", "samples"):
+            return self._interpolated(shape)
+        raise did_you_mean("variant", self.variant, ("interpolated", "samples", "rre"))
+
+    def _interpolated(self, shape: Shape) -> CanonicalForm:
+        from baselines._kernels.interpolation import biharmonic_interpolation
+        from baselines._kernels.sampling import farthest_points, stress_of_rows
+
+        require_connected(shape)
+        samples = farthest_points(shape, self.samples)
+        rows = shape.geodesics_from(samples, self.solver)
+        interpolation = biharmonic_interpolation(shape.laplacian(), samples)
+        between = rows[:, samples] ** 2
+        between = (between + between.T) / 2
+        if self.variant == "samples":
+            points = _low_rank_scaling(interpolation, between)
+        else:
+            identity = np.eye(len(samples))
+            coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
+            points = _low_rank_scaling(np.hstack([interpolation, rows.T**2]), coupling)
+        points *= canonical_signs(points, vertex_areas(shape.mesh))
+        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
+
+    def _extrapolated(self, shape: Shape) -> CanonicalForm:
+        from baselines._kernels.extrapolation import extrapolated_smacof
+
+        distances = shape.geodesics(self.solver)
+        scaling = extrapolated_smacof(
+            distances,
+            start_positions(shape, distances, self.start),
+            cycle=self.cycle,
+            max_iterations=self.max_iterations,
+            rtol=self.rtol,
+        )
+        return shape.form(scaling.points, stress=scaling.stress[-1], iterations=scaling.iterations)
+
+
+def _low_rank_scaling(columns: FloatArray, coupling: FloatArray) -> FloatArray:
+    """Classic scaling of the squared distances ``columns @ coupling @ columns.T``."""
+    orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
+    values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
+    return np.asarray(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(np.maximum(values[:-4:-1], 0.0))))

@@ -1,0 +1,60 @@
+"""ShapeDNA: a surface told by the lowest frequencies at which it would sound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from benchmark.contracts import FloatArray, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeDNA:
+    r"""The first non-zero eigenvalues of the Laplacian, times the surface area.
+
+    With :math:`L \phi_k = \lambda_k M \phi_k` the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`: bending leaves
+    it alone, and the area A takes the size out. Two shapes differ by the Euclidean distance. A control: no canonical
+    form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and solids".
+
+    Parameters
+    ----------
+    count
+        Number of eigenvalues.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="shape-dna",
+        title="ShapeDNA",
+        cite="reuter2006shapedna",
+        family="control",
+        summary="lowest Laplacian eigenvalues times the area",
+        scale="invariant",
+    )
+
+    count: int = 12
+
+    def describe(self, shape: Shape) -> FloatArray:
+        """Return the eigenvalues times the area, ascending, shape (count,).
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has too few vertices for that many eigenvalues, no face, or several pieces.
+        """
+        from benchmark.geometry.laplacian import eigenpairs
+
+        require_vertices(shape, self.count + 1)
+        require_connected(shape)
+        laplacian = shape.laplacian()
+        values, _ = eigenpairs(laplacian, self.count + 1)
+        return np.asarray(values[1:] * laplacian.mass.sum())
+
+    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
+        """Return the Euclidean distances of the descriptors, shape (N, N)."""
+        from scipy.spatial.distance import pdist, squareform
+
+        return np.asarray(squareform(pdist(np.stack(descriptors))))

@@ -1,0 +1,140 @@
+"""Surfaces with known shape, and the symmetries that every deforming method must respect."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmark.contracts import CanonicalForm, Method, Mesh, Shape
+
+
+def tube(bend: float, *, radius: float = 0.1, rings: int = 40, sides: int = 14) -> Mesh:
+    """Closed tube of length 2 along an arc of the given angle, thicker towards one end, with pointed caps."""
+    along = np.linspace(0.0, 1.0, rings)
+    arc = 2 * along
+    curvature = bend / 2
+    if bend:
+        centre = np.stack([np.sin(curvature * arc), 0 * arc, 1 - np.cos(curvature * arc)], axis=1) / curvature
+    else:
+        centre = np.stack([arc, 0 * arc, 0 * arc], axis=1)
+    tangent = np.stack([np.cos(curvature * arc), 0 * arc, np.sin(curvature * arc)], axis=1)
+    normal = np.stack([-tangent[:, 2], 0 * arc, tangent[:, 0]], axis=1)
+    angle = 2 * np.pi * (np.arange(sides)[None] + 0.5 * (np.arange(rings)[:, None] % 2)) / sides
+    width = radius * (1 + 0.5 * along)[:, None, None]
+    rings_ = centre[:, None] + width * (
+        np.cos(angle)[..., None] * normal[:, None] + np.sin(angle)[..., None] * np.array([0.0, 1.0, 0.0])
+    )
+    caps = [centre[0] - radius * tangent[0], centre[-1] + radius * tangent[-1]]
+    faces = []
+    for i in range(rings - 1):
+        for j in range(sides):
+            a, b = i * sides + j, i * sides + (j + 1) % sides
+            c, d = a + sides, b + sides
+            # Odd rings are turned by half a side, so the shorter diagonal changes from ring to ring.
+            faces += [(a, b, c), (b, d, c)] if i % 2 == 0 else [(a, d, c), (a, b, d)]
+    first, last = rings * sides, rings * sides + 1
+    for j in range(sides):
+        k = (j + 1) % sides
+        faces += [(first, k, j), (last, (rings - 1) * sides + j, (rings - 1) * sides + k)]
+    return Mesh(np.concatenate([rings_.reshape(-1, 3), caps]), np.array(faces))
+
+
+def centre_line(vertices: np.ndarray, *, sides: int = 14) -> np.ndarray:
+    """Mean position of each ring of a tube."""
+    return vertices[:-2].reshape(-1, sides, 3).mean(axis=1)
+
+
+def straightness(line: np.ndarray) -> float:
+    """Distance of the ends over the length of the way between them: 1 for a straight line."""
+    return float(np.linalg.norm(line[-1] - line[0]) / np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def sheet(rows: int = 30, columns: int = 9, bend: float = 0.0) -> Mesh:
+    """Open strip of equilateral triangles, flat or rolled about the y axis by the given angle."""
+    u, v = np.meshgrid(np.arange(rows) * np.sqrt(3) / 2, np.arange(columns, dtype=float), indexing="ij")
+    v = v + 0.5 * (np.arange(rows)[:, None] % 2)
+    if bend:
+        radius = u.max() / bend
+        vertices = np.stack([radius * np.sin(u / radius), v, radius * (1 - np.cos(u / radius))], axis=-1)
+    else:
+        vertices = np.stack([u, v, 0 * u], axis=-1)
+    faces = []
+    for i in range(rows - 1):
+        for j in range(columns - 1):
+            a, b = i * columns + j, i * columns + j + 1
+            c, d = a + columns, b + columns
+            faces += [(a, c, b), (b, c, d)] if i % 2 == 0 else [(a, d, b), (a, c, d)]
+    return Mesh(vertices.reshape(-1, 3) / 10, np.array(faces))
+
+
+def implicit_surface(distance, *, extent: float = 1.6, resolution: int = 56, n_vertices: int = 700) -> Mesh:
+    """Zero level of a function of positions (k, 3), decimated to regular triangles."""
+    import igl
+
+    from benchmark.geometry.preparation import prepare
+
+    axis = np.linspace(-extent, extent, resolution)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    # Moved off the grid: marching cubes makes triangles without area where the level passes through a node.
+    vertices, faces, _ = igl.marching_cubes(distance(grid + 0.0123), grid, resolution, resolution, resolution, 0.0)
+    mesh = Mesh(vertices, faces)
+    signed_volume = np.einsum("fi,fi->", np.cross(*mesh.vertices[mesh.faces[:, :2]].swapaxes(0, 1)),
+                              mesh.vertices[mesh.faces[:, 2]])  # fmt: skip
+    return prepare(Mesh(vertices, faces if signed_volume > 0 else faces[:, ::-1]), n_vertices).mesh
+
+
+def capsule(points: np.ndarray, start, end, radius: float) -> np.ndarray:
+    """Signed distance to a capsule."""
+    start, axis = np.asarray(start, float), np.asarray(end, float) - np.asarray(start, float)
+    along = np.clip((points - start) @ axis / (axis @ axis), 0, 1)
+    return np.linalg.norm(points - start - along[:, None] * axis, axis=1) - radius
+
+
+def moved_to(points: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Points after the proper rigid motion that brings them nearest to the reference (independent of the kernels)."""
+    rotation, _ = Rotation.align_vectors(reference - reference.mean(axis=0), points - points.mean(axis=0))
+    return rotation.apply(points - points.mean(axis=0)) + reference.mean(axis=0)
+
+
+def shape_of(mesh: Mesh, name: str = "test") -> Shape:
+    return Shape(identifier=name, mesh=mesh)
+
+
+def check_symmetries(method: Method, mesh: Mesh, tolerance: float) -> CanonicalForm:
+    """Assert determinism and equivariance to rigid motion, scale and relabelling; return the form.
+
+    The tolerance is relative to the diameter of the form.
+    """
+    form = method.canonicalise(shape_of(mesh))
+    size = np.ptp(form.vertices, axis=0).max()
+    assert np.isfinite(form.vertices).all()
+    again = method.canonicalise(shape_of(mesh))
+    np.testing.assert_array_equal(again.vertices, form.vertices)
+    assert dict(again.notes) == dict(form.notes)
+
+    rotation = Rotation.from_euler("xyz", [0.4, -1.1, 2.3])
+    turned = method.canonicalise(shape_of(mesh.with_vertices(mesh.vertices @ rotation.as_matrix().T + [3.0, -2.0, 1.0])))
+    np.testing.assert_allclose(moved_to(turned.vertices, form.vertices), form.vertices, atol=tolerance * size)
+
+    scaled = method.canonicalise(shape_of(mesh.with_vertices(7.0 * mesh.vertices)))
+    np.testing.assert_allclose(moved_to(scaled.vertices, 7 * form.vertices), 7 * form.vertices, atol=7 * tolerance * size)
+
+    order = np.random.default_rng(5).permutation(mesh.n_vertices)
+    rank = np.argsort(order)
+    faces = np.roll(rank[mesh.faces], 1, axis=1)[np.random.default_rng(6).permutation(mesh.n_faces)]
+    relabelled = method.canonicalise(shape_of(Mesh(mesh.vertices[order], faces)))
+    np.testing.assert_allclose(
+        moved_to(relabelled.vertices, form.vertices[order]), form.vertices[order], atol=tolerance * size
+    )
+    return form
+
+
+UNSUPPORTED = {
+    "triangle": Mesh(np.eye(3), np.array([[0, 1, 2]])),
+    "two pieces": Mesh(
+        np.concatenate([tube(0.0).vertices, tube(0.0).vertices + 5]),
+        np.concatenate([tube(0.0).faces, tube(0.0).faces + tube(0.0).n_vertices]),
+    ),
+    "no face": Mesh(np.eye(3).repeat(2, axis=0), np.zeros((0, 3), dtype=int)),
+}

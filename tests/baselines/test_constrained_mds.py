@@ -1,0 +1,196 @@
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+from scipy.spatial.transform import Rotation
+
+from baselines._kernels.arap import WEIGHT_FLOOR, AsRigidAsPossible, edge_weights, factorise_definite, nearest_rotation
+from baselines.constrained_mds import ConstrainedMDS
+from baselines.least_squares_mds import LeastSquaresMDS
+from benchmark.contracts import UnsupportedShape
+from tests.baselines.deformable import (
+    UNSUPPORTED,
+    centre_line,
+    check_symmetries,
+    moved_to,
+    shape_of,
+    sheet,
+    straightness,
+    tube,
+)
+
+
+def elastic(mesh):
+    return AsRigidAsPossible.of(shape_of(mesh))
+
+
+def best_rotation_by_svd(covariance):
+    u, _, vt = np.linalg.svd(covariance)
+    signs = np.diag([1, 1, np.linalg.det(vt.T @ u.T)])
+    return vt.T @ signs @ u.T
+
+
+@pytest.mark.parametrize("kind", ["generic", "flat", "mirrored"])
+def test_nearest_rotation_agrees_with_the_singular_value_decomposition(kind):
+    random = np.random.default_rng(0)
+    for _ in range(200):
+        covariance = random.normal(size=(3, 3))
+        if kind == "flat":
+            covariance[2] = 0
+        if kind == "mirrored":
+            covariance *= -np.sign(np.linalg.det(covariance))
+        rotation = np.empty((3, 3))
+        nearest_rotation(covariance, rotation)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(rotation, best_rotation_by_svd(covariance), atol=1e-7)
+
+
+def test_rotations_of_a_rigid_motion_are_that_motion_and_cost_nothing():
+    surface = elastic(tube(1.0))
+    rotation = Rotation.from_euler("xyz", [2.0, 0.3, -1.0]).as_matrix()
+    moved = surface.rest @ rotation.T + [1, 2, 3]
+    rotations = surface.rotations(moved)
+    np.testing.assert_allclose(rotations, np.broadcast_to(rotation, rotations.shape), atol=1e-10)
+    assert surface.energy(moved, rotations) < 1e-20
+    assert surface.edge_strains(moved).max() < 1e-12
+
+
+def test_load_and_stiffness_are_the_gradient_of_the_energy():
+    surface = elastic(tube(0.5, rings=8, sides=6))
+    random = np.random.default_rng(1)
+    positions = surface.rest + 0.05 * random.normal(size=surface.rest.shape)
+    direction = random.normal(size=surface.rest.shape)
+    gradient = 2 * (surface.stiffness @ positions - surface.load(surface.rotations(positions)))
+
+    def energy(step):
+        at = positions + step * direction
+        return surface.energy(at, surface.rotations(at))
+
+    assert (energy(1e-5) - energy(-1e-5)) / 2e-5 == pytest.approx(np.vdot(gradient, direction), rel=1e-6)
+
+
+def test_the_elastic_step_agrees_with_libigl():
+    import igl
+
+    mesh = sheet(rows=14, columns=7, bend=0.6)
+    surface = elastic(mesh)
+    handles = np.flatnonzero((mesh.vertices[:, 0] < 0.1) | (mesh.vertices[:, 0] > mesh.vertices[:, 0].max() - 0.1))
+    goals = mesh.vertices[handles].copy()
+    raised = goals[:, 0] > 0.5
+    goals[raised] += [-0.2, 0.1, 0.4]
+    steps = 25
+
+    data = igl.ARAPData()
+    data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
+    data.max_iter = steps
+    igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, handles.astype(np.int32), data)
+    expected = igl.arap_solve(goals, data, mesh.vertices.copy())
+
+    # A pull that outweighs the surface by far holds the handles as a hard constraint does.
+    pull = np.zeros(mesh.n_vertices)
+    pull[handles] = 1e7
+    targets = np.zeros_like(mesh.vertices)
+    targets[handles] = goals
+    solve = surface.factorise(pull)
+    positions = mesh.vertices.copy()
+    positions[handles] = goals
+    for _ in range(steps):
+        positions = solve(surface.load(surface.rotations(positions)) + pull[:, None] * targets)
+    np.testing.assert_allclose(positions, expected, atol=1e-5 * np.ptp(mesh.vertices))
+
+
+def test_the_factor_solves_the_system():
+    surface = elastic(tube(1.0))
+    diagonal = np.linspace(0.1, 1, len(surface.rest))
+    right = np.random.default_rng(0).normal(size=(len(diagonal), 3))
+    dense = surface.stiffness.toarray() + np.diag(diagonal)
+    np.testing.assert_allclose(surface.factorise(diagonal)(right), np.linalg.solve(dense, right), atol=1e-10)
+    np.testing.assert_allclose(factorise_definite(csr_array(dense))(right), np.linalg.solve(dense, right), atol=1e-10)
+
+
+def test_edge_weights_are_cotangents_above_a_floor():
+    shape = shape_of(sheet())
+    weights = edge_weights(shape.laplacian())
+    # Equilateral triangles: cot 60 degrees inside, half of it along the border.
+    inner = 1 / np.sqrt(3)
+    np.testing.assert_allclose(np.unique(weights.data.round(9)), [inner / 2, inner], atol=1e-8)
+    obtuse = shape_of(tube(2.5, rings=60, sides=5))
+    weights = edge_weights(obtuse.laplacian())
+    assert weights.data.min() >= 0.9 * WEIGHT_FLOOR * weights.data.mean()
+    assert abs(weights - weights.T).max() == 0
+
+
+def test_identical_targets_leave_the_surface_as_it_is():
+    mesh = tube(1.3)
+    form = ConstrainedMDS().deform_towards(shape_of(mesh), mesh.vertices)
+    np.testing.assert_allclose(form.vertices, mesh.vertices, atol=1e-9)
+    assert form.notes["mirrored"] == "no"
+    assert form.notes["mean_edge_strain"] < 1e-9
+
+
+def test_rigidly_moved_targets_leave_the_surface_as_it_is():
+    mesh = tube(1.3)
+    targets = mesh.vertices @ Rotation.from_euler("xyz", [2.8, -0.5, 1.9]).as_matrix().T + [9, 9, 9]
+    form = ConstrainedMDS().deform_towards(shape_of(mesh), targets)
+    np.testing.assert_allclose(form.vertices, mesh.vertices, atol=1e-9)
+
+
+def lopsided(mesh):
+    """Twist a tube about its own axis, so that no mirror image can be turned into it."""
+    x, y, z = mesh.vertices.T
+    angle = 2.0 * x
+    return mesh.with_vertices(
+        np.stack([x, 1.8 * y * np.cos(angle) - z * np.sin(angle), 1.8 * y * np.sin(angle) + z * np.cos(angle)], axis=1)
+    )
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_mirrored_targets_are_detected(axis):
+    mesh = lopsided(tube(1.3))
+    mirrored = mesh.vertices.copy()
+    mirrored[:, axis] *= -1
+    form = ConstrainedMDS().deform_towards(shape_of(mesh), mirrored)
+    assert form.notes["mirrored"] == "yes"
+    assert form.notes["energy"] < 1e-12 < 1e-3 < form.notes["rejected_energy"]
+    np.testing.assert_allclose(form.vertices, mesh.vertices, atol=1e-8)
+
+
+def test_a_bent_tube_straightens_and_keeps_its_details():
+    mesh = tube(2.4)
+    form = ConstrainedMDS().canonicalise(shape_of(mesh))
+    # Geodesics take the inner side of a thick bend, so that MDS itself leaves some of it.
+    targets = LeastSquaresMDS().canonicalise(shape_of(mesh)).vertices
+    assert straightness(centre_line(mesh.vertices)) < 0.8
+    assert straightness(centre_line(form.vertices)) == pytest.approx(straightness(centre_line(targets)), abs=0.02)
+    assert straightness(centre_line(form.vertices)) > 0.88
+    strains = elastic(mesh).edge_strains(form.vertices)
+    assert form.notes["mean_edge_strain"] == pytest.approx(strains.mean())
+    assert form.notes["largest_edge_strain"] == pytest.approx(strains.max())
+    assert strains.mean() < 0.08
+    width = np.linalg.norm(form.vertices[:-2].reshape(-1, 14, 3) - centre_line(form.vertices)[:, None], axis=2).mean(axis=1)
+    before = np.linalg.norm(mesh.vertices[:-2].reshape(-1, 14, 3) - centre_line(mesh.vertices)[:, None], axis=2).mean(axis=1)
+    np.testing.assert_allclose(width, before, rtol=0.25)
+
+
+def test_a_stronger_pull_comes_nearer_to_the_targets():
+    mesh = tube(2.4)
+    targets = tube(0.0).vertices
+    distances = []
+    for pull in (3.0, 30.0, 300.0):
+        form = ConstrainedMDS(last_pull=pull).deform_towards(shape_of(mesh), targets)
+        distances.append(np.linalg.norm(form.vertices - moved_to(targets, form.vertices), axis=1).mean())
+    assert distances[0] > distances[1] > distances[2]
+
+
+@pytest.mark.parametrize("start", ["mesh", "classic"])
+def test_symmetries(start):
+    check_symmetries(ConstrainedMDS(start=start), lopsided(tube(1.8)), 2e-4)
+
+
+def test_symmetries_of_an_open_surface():
+    check_symmetries(ConstrainedMDS(), sheet(bend=1.5), 2e-4)
+
+
+@pytest.mark.parametrize("name", UNSUPPORTED)
+def test_unsupported_shapes(name):
+    with pytest.raises(UnsupportedShape):
+        ConstrainedMDS().canonicalise(shape_of(UNSUPPORTED[name]))
