@@ -101,4 +101,4 @@ class _Rows:
     def residual(self, vertex: int, points: FloatArray) -> FloatArray:
         """Squared distances that the axes so far leave to be explained, shape (n,)."""
         explained = ((points - points[vertex]) ** 2).sum(axis=1)
-        return np.maximum(self.distances(vertex) ** 2 - explained, 0.0)
+        return np.asarray(np.maximum(self.distances(vertex) ** 2 - explained, 0.0))

@@ -34,9 +34,10 @@ class MeshUnfolding:
     first_stiffness
         Stiffness :math:`\beta` of the first cascade.
     iterations
-        Steps of the first cascade; the later ones, which have less to move, take ``later_iterations``.
+        Steps of the first cascade, which unfolds the surface.
     later_iterations
-        Steps of each later cascade.
+        Steps of each later cascade. A few suffice to take back the stretch; with many, a stiff surface would bend back
+        towards its rest pose.
     strain_bound
         Largest mean edge strain of the result.
     max_cascades
@@ -53,7 +54,7 @@ class MeshUnfolding:
 
     first_stiffness: float = 0.25
     iterations: int = 60
-    later_iterations: int = 15
+    later_iterations: int = 5
     strain_bound: float = 0.05
     max_cascades: int = 16
 

@@ -16,11 +16,11 @@ from benchmark.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
 class SDGDM:
     r"""The largest singular values of the geodesic distance matrix.
 
-    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on how the vertices are numbered, and hardly on the pose; divided
-    by their sum, neither on size nor on the number of vertices. Two shapes differ by the mean-normalised Manhattan
-    distance :math:`\sum_k 2 |s_k - t_k| / (s_k + t_k)`. A control: it reads the very matrix that the MDS rows read, and
-    makes no canonical form of it. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation invariant
-    3D shape recognition".
+    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on how the vertices are numbered, and hardly on the pose;
+    divided by their sum, neither on size nor on the number of vertices. Two shapes differ by the mean-normalised
+    Manhattan distance :math:`\sum_k 2 |s_k - t_k| / (s_k + t_k)`. A control: it reads the very matrix that the MDS rows
+    read, and makes no canonical form of it. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation
+    invariant 3D shape recognition".
 
     Parameters
     ----------

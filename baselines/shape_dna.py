@@ -16,9 +16,9 @@ from benchmark.contracts import FloatArray, MethodInfo, Shape
 class ShapeDNA:
     r"""The first non-zero eigenvalues of the Laplacian, times the surface area.
 
-    With :math:`L \phi_k = \lambda_k M \phi_k` the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`: bending leaves
-    it alone, and the area A takes the size out. Two shapes differ by the Euclidean distance. A control: no canonical
-    form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and solids".
+    With :math:`L \phi_k = \lambda_k M \phi_k` the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`: bending
+    leaves it alone, and the area A takes the size out. Two shapes differ by the Euclidean distance. A control: no
+    canonical form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and solids".
 
     Parameters
     ----------

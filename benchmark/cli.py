@@ -218,6 +218,32 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, **options
 
 
 @cli.command()
+@_selection_options
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results/report"),
+    show_default=True,
+    metavar="DIR",
+)
+def report(output: Path, **options: Any) -> None:
+    """Write a static HTML page with the tables, and a figure of the canonical forms of each gallery."""
+    from benchmark.report.content import contents
+    from benchmark.report.figures import forms_figures
+    from benchmark.report.files import write
+    from benchmark.report.page import page
+    from benchmark.store import Store
+
+    selection = _select(options)
+    store = Store.open(selection.results)
+    jobs = selection.jobs(store)
+    figures = forms_figures(jobs, store, selection.seed, output)
+    write({"index.html": page(contents(jobs, store), figures)}, output)
+    click.echo(f"wrote {output / 'index.html'} and {len(figures)} figures")
+
+
+@cli.command()
 @click.option("-m", "--method", "method", required=True, metavar="METHOD", help="Method; see 'list methods'.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="IN")
 @click.option(

@@ -22,6 +22,9 @@ CENTREDNESS_GAIN = 0.9
 SPECK_SHARE = 0.002
 """Pieces of a level band below this share of the area are ripples of the band's border, not limbs."""
 
+EDGES_PER_BAND = 2.0
+"""Least width of a level band in mean edge lengths."""
+
 
 @dataclass(frozen=True, eq=False)
 class CurveSkeleton:
@@ -96,11 +99,14 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     levels
         Geodesic distances from one vertex, shape (n,).
     bands
-        Number of bands of equal width between the least and the largest level.
+        Number of bands of equal width between the least and the largest level. There are fewer if a band would be
+        narrower than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls to pieces.
     """
     areas = vertex_areas(mesh)
     edges = surface_edges(mesh)
     span = levels.max() - levels.min()
+    edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
+    bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
     band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)

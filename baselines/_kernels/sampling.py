@@ -28,7 +28,7 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
         At most n vertex indices.
     """
     graph = _edge_graph(shape)
-    return _spread(graph, _farthest_from_centre(graph, _outermost(shape)), count)[0]
+    return _spread(graph, _farthest_from_centre(graph, _outermost(shape)), count)
 
 
 def farthest_from_centre(shape: Shape) -> int:
@@ -57,9 +57,9 @@ def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> 
 
 
 def _farthest_from_centre(graph: csr_array, outermost: int) -> int:
-    _, distances = _spread(graph, outermost, 4)
-    centre = int(distances.max(axis=0).argmin())
-    return int(_row(graph, centre).argmax())
+    far = _spread(graph, outermost, 4)
+    centre = int(dijkstra(graph, indices=far).max(axis=0).argmin())
+    return int(dijkstra(graph, indices=centre).argmax())
 
 
 def _outermost(shape: Shape) -> int:
@@ -67,25 +67,20 @@ def _outermost(shape: Shape) -> int:
     return int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
 
 
-def _spread(graph: csr_array, first: int, count: int) -> tuple[list[int], FloatArray]:
+def _spread(graph: csr_array, first: int, count: int) -> list[int]:
     chosen = [first]
-    rows = [_row(graph, first)]
-    nearest = rows[0].copy()
+    nearest = dijkstra(graph, indices=first)
     while len(chosen) < min(count, len(nearest)):
         chosen.append(int(nearest.argmax()))
-        rows.append(_row(graph, chosen[-1]))
-        np.minimum(nearest, rows[-1], out=nearest)
-    return chosen, np.stack(rows)
-
-
-def _row(graph: csr_array, vertex: int) -> FloatArray:
-    return np.asarray(dijkstra(graph, directed=False, indices=vertex))
+        # No vertex is farther from its nearest sample than the new one was, so the search may end there.
+        np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest[chosen[-1]]), out=nearest)
+    return chosen
 
 
 def _edge_graph(shape: Shape) -> csr_array:
     vertices, faces, n = shape.mesh.vertices, shape.mesh.faces.astype(np.int64), shape.mesh.n_vertices
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     # An edge of two triangles comes once from each; a second entry would be added to the first.
-    start, end = np.divmod(np.unique(np.minimum(start, end) * n + np.maximum(start, end)), n)
+    start, end = np.divmod(np.unique(np.concatenate([start * n + end, end * n + start])), n)
     lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
     return coo_array((lengths, (start, end)), shape=(n, n)).tocsr()

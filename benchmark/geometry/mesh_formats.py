@@ -39,6 +39,8 @@ def read_obj(data: bytes) -> Arrays:
     lines = [line.strip() for line in data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()]
     vertex_lines = [line[2:] for line in lines if line.startswith((b"v ", b"v\t"))]
     face_lines = [line[2:] for line in lines if line.startswith((b"f ", b"f\t"))]
+    if not vertex_lines:
+        raise ValueError("there is no line of a vertex, 'v x y z'")
     vertices = _table(vertex_lines)[:, :3]
     joined = re.sub(rb"/\S*", b"", b"\n".join(face_lines))
     polygons = [line.partition(b"#")[0].split() for line in joined.splitlines()]
@@ -148,7 +150,7 @@ def _ply_ascii(body: bytes, element: _Element) -> tuple[dict[str, Any], bytes]:
     if len(lines) < count or (count and not lines[-1].strip()):
         raise ValueError(f"{count} lines of element '{name}' announced, fewer found")
     if not any(listed for _, _, listed in properties):
-        table = _table(lines)
+        table = _table(lines, least=len(properties))
         if count and table.shape[1] != len(properties):
             raise ValueError(f"a line of element '{name}' has not {len(properties)} numbers")
         return {key: table[:, at] for at, (key, _, _) in enumerate(properties)} if count else {}, rest
@@ -191,8 +193,8 @@ def _ply_binary(body: bytes, element: _Element, order: str) -> tuple[dict[str, A
     return columns, body[offset:]
 
 
-def _table(lines: list[bytes]) -> NDArray[np.float64]:
-    """Parse lines with the same number of numbers each, shape (lines, numbers); empty lines are passed over."""
+def _table(lines: list[bytes], least: int = 3) -> NDArray[np.float64]:
+    """Parse lines with the same number of numbers each, at least ``least``; empty lines are passed over."""
     lines = [line for line in lines if line.strip()]
     if not lines:
         return np.empty((0, 3))
@@ -203,7 +205,7 @@ def _table(lines: list[bytes]) -> NDArray[np.float64]:
             numbers = np.fromstring(b" ".join(lines).decode("ascii"), sep=" ")
         except (DeprecationWarning, UnicodeDecodeError) as error:
             raise ValueError("a coordinate is not a number") from error
-    if len(numbers) != width * len(lines) or width < 3:
+    if len(numbers) != width * len(lines) or width < least:
         raise ValueError("a line of coordinates has too few or too many numbers")
     return numbers.reshape(-1, width)
 

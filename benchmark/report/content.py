@@ -90,7 +90,8 @@ class TableContent:
         """The data in words, never without saying that it is a stand-in."""
         dataset = self.gallery.dataset
         if dataset.stand_in_for:
-            return f"generated stand-in '{dataset.name}', not {OFFICIAL_TITLES.get(dataset.stand_in_for, dataset.stand_in_for)}"
+            official = OFFICIAL_TITLES.get(dataset.stand_in_for, dataset.stand_in_for)
+            return f"generated stand-in '{dataset.name}', not {official}"
         return dataset.title
 
     @property

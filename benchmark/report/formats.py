@@ -18,9 +18,9 @@ BLANK = "--"
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
-    header = ["Method", *(f"{group} {metric}" for group, _ in _groups(table) for metric in METRICS)]
-    body = [[row.title, *cells] for row, cells in zip(table.rows, _cells(table, "**{}**"), strict=True)]
-    body.append(["*Chance*", *(_number(table.chance[metric]) for _ in _groups(table) for metric in METRICS)])
+    header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in METRICS)]
+    body = [[row.title, *values] for row, values in zip(table.rows, cells(table, "**{}**"), strict=True)]
+    body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in METRICS)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
     lines = [f"**{_title(table)}. {table.gallery.table.caption}: {table.data_title} ({table.size}).**", ""]
@@ -36,19 +36,20 @@ def markdown(table: TableContent) -> str:
 
 
 def latex(table: TableContent) -> str:
-    """A table for ``\\input`` in a paper; needs the package booktabs. Its first line names what it was made from."""
-    groups = _groups(table)
+    r"""A table for ``\input`` in a paper; needs the package booktabs. Its first line names what it was made from."""
+    groups = column_groups(table)
     column = 2
     spans, rules = [], []
     for group, _ in groups:
         spans.append(rf"\multicolumn{{{len(METRICS)}}}{{c}}{{{_escape(group)}}}")
         rules.append(rf"\cmidrule(lr){{{column}-{column + len(METRICS) - 1}}}")
         column += len(METRICS)
+    caption = f"{table.gallery.table.caption}: {table.data_title} ({table.size}). {_legend(table)}"
     lines = [
         f"% {table.file_stem}, made from records {_digest(table)}",
         r"\begin{table}",
         r"\centering",
-        rf"\caption{{{_escape(table.gallery.table.caption)}: {_escape(table.data_title)} ({table.size}). {_escape(_legend(table))}}}",
+        rf"\caption{{{_escape(caption)}}}",
         rf"\label{{tab:{table.file_stem.replace(' ', '-')}}}",
         rf"\begin{{tabular}}{{l{'r' * len(METRICS) * len(groups)}}}",
         r"\toprule",
@@ -58,12 +59,12 @@ def latex(table: TableContent) -> str:
         r"\midrule",
     ]
     last = ""
-    for row, cells in zip(table.rows, _cells(table, r"\textbf{{{}}}"), strict=True):
+    for row, values in zip(table.rows, cells(table, r"\textbf{{{}}}"), strict=True):
         if last and row.family != last:
             lines.append(r"\midrule")
         last = row.family
-        lines.append(" & ".join([_escape(row.title), *cells]) + r" \\")
-    chance = [_number(table.chance[metric]) for _ in groups for metric in METRICS]
+        lines.append(" & ".join([_escape(row.title), *values]) + r" \\")
+    chance = [number(table.chance[metric]) for _ in groups for metric in METRICS]
     lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
     notes = table.notes()
     if notes:
@@ -125,22 +126,22 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
     }
 
 
-def _groups(table: TableContent) -> list[tuple[str, Input | None]]:
+def column_groups(table: TableContent) -> list[tuple[str, Input | None]]:
     """Column groups: the paper first, then the inputs."""
     ours: list[tuple[str, Input | None]] = [(input_, input_) for input_ in table.inputs]
     return [("paper", None), *ours] if table.has_paper else ours
 
 
-def _cells(table: TableContent, mark: str) -> list[list[str]]:
-    """Formatted figures by row; the best of each of our columns is marked.
+def cells(table: TableContent, mark: str) -> list[list[str]]:
+    """Format the figures of each row; the best of each of our columns is marked.
 
     Marked is what reads as best: figures are compared after rounding, and equals are all marked.
     """
     columns: list[list[str]] = []
-    for _, input_ in _groups(table):
+    for _, input_ in column_groups(table):
         for metric in METRICS:
             values = [_value(row, input_, metric) for row in table.rows]
-            texts = [_number(value) for value in values]
+            texts = [number(value) for value in values]
             best = max((text for text in texts if text != BLANK), default=None) if input_ else None
             columns.append([mark.format(text) if text == best else text for text in texts])
     return [list(line) for line in zip(*columns, strict=True)]
@@ -155,7 +156,8 @@ def _value(row: Row, input_: Input | None, metric: str) -> float | None:
     return scores[metric] if scores else None
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """Two decimals, as the paper prints them."""
     return BLANK if value is None else f"{value:.2f}"
 
 

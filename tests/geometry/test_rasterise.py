@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,7 @@ from benchmark.geometry.rasterise import depth_buffer
 SIZE = 96
 
 
-def test_one_triangle_by_hand():
+def test_one_triangle_by_hand() -> None:
     # The hypotenuse runs through the pixel centres (0, 2), (1, 1), (2, 0); depth falls by 1 per column.
     image = depth_buffer([[0, 0, 4], [3, 0, 1], [0, 3, 4]], [[0, 1, 2]], 4, 9.0)
     expected = [[3.5, 2.5, 1.5, 9], [3.5, 2.5, 9, 9], [3.5, 9, 9, 9], [9, 9, 9, 9]]
@@ -22,7 +23,7 @@ def test_one_triangle_by_hand():
     assert image.dtype == np.float32
 
 
-def test_the_nearer_triangle_wins_whatever_the_order_and_winding():
+def test_the_nearer_triangle_wins_whatever_the_order_and_winding() -> None:
     square = np.array([[0, 0], [4, 0], [4, 4], [0, 4]])
     points = np.concatenate([np.c_[square, np.full(4, 2.0)], np.c_[square, [1.0, 3.0, 3.0, 1.0]]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
@@ -32,7 +33,7 @@ def test_the_nearer_triangle_wins_whatever_the_order_and_winding():
         np.testing.assert_allclose(depth_buffer(points, shuffled, 4, 0.0), image, atol=1e-6)
 
 
-def test_agrees_with_ray_casting():
+def test_agrees_with_ray_casting() -> None:
     pytest.importorskip("embreex")
     from trimesh.ray.ray_pyembree import RayMeshIntersector
 
@@ -61,7 +62,7 @@ def test_agrees_with_ray_casting():
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), snap=st.sampled_from([0.0, 0.5, 1.0]))
-def test_no_cracks_inside_a_triangulated_square(seed, snap):
+def test_no_cracks_inside_a_triangulated_square(seed: int, snap: float) -> None:
     # Vertices on pixel centres and corners are the hard case: the centre lies on edges and vertices exactly.
     inner = np.random.default_rng(seed).uniform(0, 24, (60, 2))
     inner = np.round(inner / snap) * snap if snap else inner
@@ -70,7 +71,7 @@ def test_no_cracks_inside_a_triangulated_square(seed, snap):
     np.testing.assert_allclose(image, np.tile(np.arange(24) + 0.5, (24, 1)), atol=1e-4)
 
 
-def test_parts_outside_are_cut_off_and_shifts_move_pixels():
+def test_parts_outside_are_cut_off_and_shifts_move_pixels() -> None:
     rng = np.random.default_rng(3)
     points, faces = rng.uniform(-10, 40, (30, 3)), rng.integers(0, 30, (20, 3))
     image = depth_buffer(points, faces, 32, -1.0)
@@ -79,7 +80,7 @@ def test_parts_outside_are_cut_off_and_shifts_move_pixels():
     assert (depth_buffer(points + np.array([500, 0, 0]), faces, 32, -1.0) == -1).all()
 
 
-def test_edge_on_and_empty_meshes_leave_the_background():
+def test_edge_on_and_empty_meshes_leave_the_background() -> None:
     assert (depth_buffer([[0, 1.2, 0], [4, 1.2, 0], [2, 1.2, 5]], [[0, 1, 2]], 4, 7.0) == 7).all()
     assert (depth_buffer(np.zeros((0, 3)), np.zeros((0, 3)), 4, 7.0) == 7).all()
 
@@ -92,6 +93,6 @@ def test_edge_on_and_empty_meshes_leave_the_background():
         ([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], "shape"),
     ],
 )
-def test_faults_are_named(points, faces, message):
+def test_faults_are_named(points: ArrayLike, faces: ArrayLike, message: str) -> None:
     with pytest.raises(InvalidMesh, match=message):
         depth_buffer(points, faces, 4, 0.0)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh
 
@@ -21,7 +24,7 @@ def figure(seed: int = 0, parts: int = 7, subdivisions: int = 2) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-def turned(mesh: Mesh, rotation: np.ndarray) -> Mesh:
+def turned(mesh: Mesh, rotation: NDArray[Any]) -> Mesh:
     """The mesh with an orthogonal map applied; a reflection also turns the triangles over."""
     faces = mesh.faces if np.linalg.det(rotation) > 0 else mesh.faces[:, ::-1]
     return Mesh(mesh.vertices @ np.asarray(rotation).T, faces)

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
 from retrieval.chance import MEASURES, chance_levels, pose_first_levels
@@ -39,18 +42,18 @@ POSE_FIRST = {
 }
 
 
-def labels_of(sizes: list[int]) -> np.ndarray:
+def labels_of(sizes: list[int]) -> NDArray[Any]:
     return np.repeat(np.arange(len(sizes)), sizes)
 
 
 @pytest.mark.parametrize("name", RANDOM)
-def test_table_of_chance_levels(name):
+def test_table_of_chance_levels(name: str) -> None:
     sizes, expected = RANDOM[name]
     assert tuple(round(level, 3) for level in chance_levels(labels_of(sizes)).values()) == expected
 
 
 @pytest.mark.parametrize("size", POSE_FIRST)
-def test_table_of_pose_first_levels(size):
+def test_table_of_pose_first_levels(size: tuple[int, int]) -> None:
     subjects, poses = size
     labels, pose = np.repeat(np.arange(subjects), poses), np.tile(np.arange(poses), subjects)
     levels = pose_first_levels(labels, pose)
@@ -58,7 +61,7 @@ def test_table_of_pose_first_levels(size):
     assert tuple(round(level, 3) for level in levels.values()) == POSE_FIRST[size]
 
 
-def simulate(labels: np.ndarray, first: np.ndarray, rounds: int) -> np.ndarray:
+def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[Any]:
     rng = np.random.default_rng(0)
     totals = np.zeros(len(MEASURES))
     for _ in range(rounds):
@@ -68,37 +71,37 @@ def simulate(labels: np.ndarray, first: np.ndarray, rounds: int) -> np.ndarray:
     return totals / rounds
 
 
-def test_simulation_agrees():
+def test_simulation_agrees() -> None:
     labels = labels_of([3, 4, 8, 15])
     levels = chance_levels(labels)
     np.testing.assert_allclose(simulate(labels, np.zeros((30, 30), bool), 300), list(levels.values()), atol=0.01)
 
 
-def test_simulation_of_pose_first_agrees():
+def test_simulation_of_pose_first_agrees() -> None:
     labels, pose = np.repeat(np.arange(5), 6), np.tile([0, 1, 2, 3, 3, 4], 5)
     first = (pose[:, None] == pose) & (labels[:, None] != labels)
     levels = pose_first_levels(labels, pose)
     np.testing.assert_allclose(simulate(labels, first, 300), list(levels.values()), atol=0.01)
 
 
-def test_an_all_tied_matrix_is_at_chance_exactly():
+def test_an_all_tied_matrix_is_at_chance_exactly() -> None:
     labels = labels_of([2, 5, 9])
     scores = evaluate(np.ones((16, 16)), labels)
     levels = [scores.nn, scores.ft, scores.st, scores.e, scores.dcg]
     np.testing.assert_allclose(levels, list(chance_levels(labels).values()))
 
 
-def test_poses_of_their_own_leave_plain_chance():
+def test_poses_of_their_own_leave_plain_chance() -> None:
     labels = labels_of([4, 5])
     assert pose_first_levels(labels, np.arange(9)) == chance_levels(labels)
 
 
-def test_lone_shapes_count_in_the_list_but_not_in_the_mean():
+def test_lone_shapes_count_in_the_list_but_not_in_the_mean() -> None:
     # Two relevant pairs in a list of 4 others.
     assert chance_levels(["a", "a", "b", "b", "c"])["NN"] == pytest.approx(1 / 4)
 
 
-def test_faults_are_named():
+def test_faults_are_named() -> None:
     with pytest.raises(ConfigurationError, match="two members"):
         chance_levels([0, 1, 2])
     with pytest.raises(ConfigurationError, match="poses"):

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from retrieval.clock import BLOCK, Signature, count_words, match_across, match_all
 from retrieval.views import N_VIEWS, VIEW_PERMUTATIONS
@@ -14,13 +17,13 @@ def random_signature(rng: np.random.Generator, n_words: int, keypoints: float = 
     return count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words)
 
 
-def histograms(signature: Signature, n_words: int) -> np.ndarray:
+def histograms(signature: Signature, n_words: int) -> NDArray[Any]:
     dense = np.zeros((N_VIEWS, n_words), dtype=np.int64)
     dense[signature.views, signature.words] = signature.counts
     return dense
 
 
-def dense_distance(first: np.ndarray, second: np.ndarray) -> float:
+def dense_distance(first: NDArray[Any], second: NDArray[Any]) -> float:
     """The definition, with the documented rounding of each ratio to multiples of 2^-45."""
     shared = np.minimum(first[:, None], second[None]).sum(axis=2)
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
@@ -29,7 +32,7 @@ def dense_distance(first: np.ndarray, second: np.ndarray) -> float:
     return min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in VIEW_PERMUTATIONS)
 
 
-def test_equals_the_dense_definition_exactly():
+def test_equals_the_dense_definition_exactly() -> None:
     rng = np.random.default_rng(0)
     signatures = [random_signature(rng, 60) for _ in range(9)]
     dense = [histograms(s, 60) for s in signatures]
@@ -44,7 +47,7 @@ def test_equals_the_dense_definition_exactly():
 
 
 @pytest.mark.parametrize("count", [1, 2, BLOCK, BLOCK + 1, 2 * BLOCK + 7])
-def test_blocks_threads_and_order_change_nothing(count):
+def test_blocks_threads_and_order_change_nothing(count: int) -> None:
     rng = np.random.default_rng(count)
     signatures = [random_signature(rng, 40, keypoints=3) for _ in range(count)]
     alone = match_all(signatures)
@@ -57,7 +60,7 @@ def test_blocks_threads_and_order_change_nothing(count):
     np.testing.assert_array_equal(match_all([signatures[i] for i in order]), alone[np.ix_(order, order)])
 
 
-def test_symmetric_with_zero_diagonal_and_bounded():
+def test_symmetric_with_zero_diagonal_and_bounded() -> None:
     rng = np.random.default_rng(4)
     distances = match_all([random_signature(rng, 30) for _ in range(12)])
     np.testing.assert_array_equal(distances, distances.T)
@@ -68,11 +71,11 @@ def test_symmetric_with_zero_diagonal_and_bounded():
     )
 
 
-def test_all_24_turns_are_found():
+def test_all_24_turns_are_found() -> None:
     rng = np.random.default_rng(5)
     dense = histograms(random_signature(rng, 50), 50)
 
-    def sparse(table: np.ndarray) -> Signature:
+    def sparse(table: NDArray[Any]) -> Signature:
         views, words = np.nonzero(table)
         offsets = np.searchsorted(views, np.arange(N_VIEWS + 1))
         return Signature(words.astype(np.int32), table[views, words].astype(np.int32), offsets.astype(np.int32))
@@ -82,7 +85,7 @@ def test_all_24_turns_are_found():
     assert match_all([turned[0], sparse(dense[::-1])])[0, 1] > 10
 
 
-def test_empty_views():
+def test_empty_views() -> None:
     nothing = Signature(*(np.zeros(0, np.int32),) * 2, np.zeros(N_VIEWS + 1, np.int32))
     offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
     everything = Signature(np.zeros(N_VIEWS, np.int32), np.ones(N_VIEWS, np.int32), offsets)
@@ -93,14 +96,14 @@ def test_empty_views():
     assert match_all([]).shape == (0, 0)
 
 
-def test_raw_counts_are_compared_with_the_larger_view():
+def test_raw_counts_are_compared_with_the_larger_view() -> None:
     offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
     zeros = np.zeros(N_VIEWS, np.int32)
     three, one = (Signature(zeros, np.full(N_VIEWS, count, np.int32), offsets) for count in (3, 1))
     assert match_all([three, one])[0, 1] == pytest.approx(66 * (1 - 1 / 3))
 
 
-def test_counting_words_by_hand():
+def test_counting_words_by_hand() -> None:
     offsets = np.full(N_VIEWS + 1, 5, np.int32)
     offsets[:2] = 0, 3
     signature = count_words(np.array([7, 2, 7, 1, 1], np.int32), offsets, 10)
@@ -110,7 +113,7 @@ def test_counting_words_by_hand():
     assert signature.view_sizes[:3].tolist() == [3, 2, 0]
 
 
-def test_arrays_round_trip():
+def test_arrays_round_trip() -> None:
     rng = np.random.default_rng(6)
     plain, mirrored = random_signature(rng, 20), random_signature(rng, 20)
     both = Signature(plain.words, plain.counts, plain.view_offsets, mirrored)

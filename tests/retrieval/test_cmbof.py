@@ -1,7 +1,12 @@
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmark.errors import DatasetError, InvalidMesh
@@ -16,13 +21,19 @@ SMALL = CMBOF(n_words=300, image_size=128)
 FIXED = CMBOF(n_words=300, image_size=128, pose=())
 
 
+@cache
+def extract(scorer: CMBOF, mesh: Mesh) -> Features:
+    """Meshes compare by identity, so that each is drawn once."""
+    return scorer.extract(mesh)
+
+
 def signatures(scorer: CMBOF, meshes: list[Mesh]) -> list[Signature]:
-    features = [scorer.extract(mesh) for mesh in meshes]
+    features = [extract(scorer, mesh) for mesh in meshes]
     codebook = scorer.train_codebook(features)
     return [scorer.quantise(part, codebook) for part in features]
 
 
-def distances(scorer: CMBOF, meshes: list[Mesh]) -> np.ndarray:
+def distances(scorer: CMBOF, meshes: list[Mesh]) -> NDArray[Any]:
     return scorer.distances(signatures(scorer, meshes))
 
 
@@ -31,35 +42,35 @@ def figures() -> list[Mesh]:
     return [figure(seed) for seed in range(6)]
 
 
-def test_features_of_a_form(figures):
+def test_features_of_a_form(figures: list[Mesh]) -> None:
     features = SMALL.extract(figures[0])
     assert features.descriptors.dtype == np.uint8
     assert features.view_offsets.shape == (67,)
     assert features.view_offsets[-1] == len(features.descriptors) > 66 * 5
 
 
-def test_a_form_equals_itself_and_differs_from_others(figures):
+def test_a_form_equals_itself_and_differs_from_others(figures: list[Mesh]) -> None:
     matrix = distances(SMALL, [*figures, figures[0]])
     assert (np.diag(matrix) == 0).all()
     assert matrix[0, 6] == 0
     assert matrix[:6, :6][~np.eye(6, dtype=bool)].min() > 15
 
 
-def test_cube_rotations_hardly_matter_even_without_pose_normalisation(figures):
+def test_cube_rotations_hardly_matter_even_without_pose_normalisation(figures: list[Mesh]) -> None:
     meshes = [turned(figures[0], rotation) for rotation in CUBE_ROTATIONS] + figures[1:]
     matrix = distances(FIXED, meshes)
     others = matrix[0, 24:]
     assert matrix[0, 1:24].max() < 0.4 * others.min()
 
 
-def test_any_rotation_translation_and_scale_hardly_matter_with_pose_normalisation(figures):
+def test_any_rotation_translation_and_scale_hardly_matter_with_pose_normalisation(figures: list[Mesh]) -> None:
     moved = turned(figures[0], Rotation.random(rng=1).as_matrix())
     moved = moved.with_vertices(7.3 * moved.vertices + np.array([100.0, -3, 20]))
     matrix = distances(SMALL, [*figures, moved])
     assert matrix[0, 6] < 0.4 * matrix[0, 1:6].min()
 
 
-def test_a_mirror_image_is_another_form_unless_allowed(figures):
+def test_a_mirror_image_is_another_form_unless_allowed(figures: list[Mesh]) -> None:
     meshes = [*figures, turned(figures[0], MIRROR)]
     plain = distances(SMALL, meshes)
     allowed = distances(CMBOF(n_words=300, image_size=128, allow_mirror=True), meshes)
@@ -70,7 +81,7 @@ def test_a_mirror_image_is_another_form_unless_allowed(figures):
     assert (allowed <= plain).all()
 
 
-def test_relabelling_vertices_and_faces_changes_nothing(figures):
+def test_relabelling_vertices_and_faces_changes_nothing(figures: list[Mesh]) -> None:
     mesh = figures[0]
     rng = np.random.default_rng(0)
     order, faces = rng.permutation(mesh.n_vertices), rng.permutation(mesh.n_faces)
@@ -80,7 +91,7 @@ def test_relabelling_vertices_and_faces_changes_nothing(figures):
     assert matrix[0, 6] < 0.1 * matrix[0, 1:6].min()
 
 
-def test_order_of_the_gallery_and_threads_change_nothing(figures):
+def test_order_of_the_gallery_and_threads_change_nothing(figures: list[Mesh]) -> None:
     labels = np.array([0, 0, 1, 1, 2, 2])
     matrix = distances(SMALL, figures)
     order = np.array([3, 5, 0, 2, 4, 1])
@@ -91,20 +102,20 @@ def test_order_of_the_gallery_and_threads_change_nothing(figures):
     assert (first.nn, first.st, first.dcg) == pytest.approx((second.nn, second.st, second.dcg))
 
 
-def test_extraction_is_deterministic(figures):
+def test_extraction_is_deterministic(figures: list[Mesh]) -> None:
     first, second = SMALL.extract(figures[1]), SMALL.extract(figures[1])
     np.testing.assert_array_equal(first.descriptors, second.descriptors)
 
 
-def test_codebook_seed(figures):
-    features = [SMALL.extract(mesh) for mesh in figures[:2]]
+def test_codebook_seed(figures: list[Mesh]) -> None:
+    features = [extract(SMALL, mesh) for mesh in figures[:2]]
     default = SMALL.train_codebook(features)
     np.testing.assert_array_equal(SMALL.train_codebook(features, seed=0), default)
     assert (SMALL.train_codebook(features, seed=1) != default).any()
 
 
-def test_stages_survive_storage(figures, tmp_path):
-    features = [SMALL.extract(mesh) for mesh in figures[:3]]
+def test_stages_survive_storage(figures: list[Mesh], tmp_path: Path) -> None:
+    features = [extract(SMALL, mesh) for mesh in figures[:3]]
     np.savez(tmp_path / "features.npz", **features[0].to_arrays())
     with np.load(tmp_path / "features.npz", allow_pickle=False) as stored:
         again = Features.from_arrays(dict(stored))
@@ -114,7 +125,7 @@ def test_stages_survive_storage(figures, tmp_path):
     np.testing.assert_array_equal(SMALL.distances(stored_signatures), SMALL.distances(first))
 
 
-def test_a_flat_sheet_and_a_needle_are_scored():
+def test_a_flat_sheet_and_a_needle_are_scored() -> None:
     sheet = figure(2).vertices * [1, 1, 0]
     needle = figure(2).vertices * [1, 0, 0]
     faces = figure(2).faces
@@ -133,12 +144,12 @@ def test_a_flat_sheet_and_a_needle_are_scored():
         (np.full((3, 3), np.nan), [[0, 1, 2]], "NaN"),
     ],
 )
-def test_bad_forms_are_named(vertices, faces, message):
+def test_bad_forms_are_named(vertices: ArrayLike, faces: ArrayLike, message: str) -> None:
     with pytest.raises(InvalidMesh, match=message):
         SMALL.extract(Mesh(vertices, faces))
 
 
-def test_a_gallery_without_keypoints_is_named():
+def test_a_gallery_without_keypoints_is_named() -> None:
     features = SMALL.extract(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), [[0, 1, 2]]))
     with pytest.raises(DatasetError, match="keypoint"):
         SMALL.train_codebook([features])

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
@@ -12,17 +15,17 @@ PEAK = 0.04 / 3  # OpenCV divides its contrast threshold by the levels per octav
 
 
 @pytest.fixture(scope="module")
-def photograph() -> np.ndarray:
+def photograph() -> NDArray[Any]:
     from sklearn.datasets import load_sample_image
 
     return load_sample_image("china.jpg")[80:380, 100:500].mean(axis=2).astype(np.uint8)
 
 
-def find(image: np.ndarray) -> Keypoints:
+def find(image: NDArray[Any]) -> Keypoints:
     return detect(image.astype(np.float32) / 255, peak_threshold=PEAK)
 
 
-def matched(expected: Keypoints, found: Keypoints, inside: np.ndarray) -> tuple[float, float]:
+def matched(expected: Keypoints, found: Keypoints, inside: NDArray[Any]) -> tuple[float, float]:
     """Share of expected keypoints that are found, and the median cosine of their descriptors."""
     hits, cosines = 0, []
     for k in np.flatnonzero(inside):
@@ -39,7 +42,7 @@ def matched(expected: Keypoints, found: Keypoints, inside: np.ndarray) -> tuple[
     return hits / max(inside.sum(), 1), float(np.median(cosines))
 
 
-def test_blur_agrees_with_scipy():
+def test_blur_agrees_with_scipy() -> None:
     image = np.random.default_rng(0).uniform(size=(40, 33)).astype(np.float32)
     result = np.empty_like(image)
     blur(image, result, gaussian_kernel(1.7))
@@ -47,7 +50,7 @@ def test_blur_agrees_with_scipy():
 
 
 @pytest.mark.parametrize("sigma", [3.0, 5.0, 9.0])
-def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma):
+def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma: float) -> None:
     rows, columns = np.mgrid[:128, :128]
     blob = 1 - np.exp(-((columns - 70.3) ** 2 + (rows - 58.8) ** 2) / (2 * sigma**2)).astype(np.float32)
     found = detect(blob, peak_threshold=0.02)
@@ -58,7 +61,7 @@ def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma):
     assert found.scales[0] == pytest.approx(np.sqrt((sigma**2 - 0.25) / 2 ** (1 / 3)), rel=0.02)
 
 
-def test_descriptor_of_a_ramp_lies_in_one_angular_bin():
+def test_descriptor_of_a_ramp_lies_in_one_angular_bin() -> None:
     from retrieval.gradient_histograms import describe, orientations
 
     ramp = np.tile(np.linspace(0, 1, 64, dtype=np.float32), (64, 1))
@@ -75,7 +78,7 @@ def test_descriptor_of_a_ramp_lies_in_one_angular_bin():
     assert descriptor.reshape(4, 4, 8)[..., 6].min() > 100
 
 
-def test_agrees_with_opencv(photograph):
+def test_agrees_with_opencv(photograph: NDArray[Any]) -> None:
     cv2 = pytest.importorskip("cv2")
     points, descriptors = cv2.SIFT_create().detectAndCompute(photograph, None)
     # OpenCV counts gradient angles the other way round.
@@ -93,7 +96,9 @@ def test_agrees_with_opencv(photograph):
 
 
 @pytest.mark.parametrize(("degrees", "zoom", "least"), [(30, 1, 0.8), (135, 1, 0.8), (0, 1.5, 0.65), (30, 1.3, 0.8)])
-def test_keypoints_follow_rotation_and_scale(photograph, degrees, zoom, least):
+def test_keypoints_follow_rotation_and_scale(
+    photograph: NDArray[Any], degrees: float, zoom: float, least: float
+) -> None:
     cv2 = pytest.importorskip("cv2")
     height, width = photograph.shape
     motion = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, zoom)
@@ -112,14 +117,14 @@ def test_keypoints_follow_rotation_and_scale(photograph, degrees, zoom, least):
     assert cosine > 0.99
 
 
-def test_a_mirrored_image_has_the_mirrored_features(photograph):
+def test_a_mirrored_image_has_the_mirrored_features(photograph: NDArray[Any]) -> None:
     # An odd width keeps the sampling of the octaves symmetric under reflection.
     image = photograph[:257, :257].astype(np.float32) / 255
     original = detect_views(image[None], peak_threshold=PEAK, background=np.nan)
     mirrored = detect_views(image[None, :, ::-1].copy(), peak_threshold=PEAK, background=np.nan)
     flipped = original.mirrored(np.array([0], dtype=np.int32))
 
-    def nearest(descriptors: np.ndarray) -> np.ndarray:
+    def nearest(descriptors: NDArray[Any]) -> NDArray[Any]:
         differences = descriptors[:, None].astype(float) - mirrored.descriptors[None]
         return np.linalg.norm(differences, axis=2).min(axis=1)
 
@@ -127,7 +132,7 @@ def test_a_mirrored_image_has_the_mirrored_features(photograph):
     assert np.median(nearest(original.descriptors)) > 150
 
 
-def test_leaving_out_the_background_changes_nothing():
+def test_leaving_out_the_background_changes_nothing() -> None:
     rng = np.random.default_rng(5)
     image = np.ones((256, 256), np.float32)
     image[70:171, 93:150] = 0.3 + 0.4 * gaussian_filter(rng.uniform(size=(101, 57)), 3)
@@ -139,7 +144,7 @@ def test_leaving_out_the_background_changes_nothing():
     assert cosine > 0.9999
 
 
-def test_images_without_keypoints_are_fine():
+def test_images_without_keypoints_are_fine() -> None:
     images = np.ones((3, 64, 64), np.float32)
     images[2, 20:40, 25:35] = 0.5
     features = detect_views(images, peak_threshold=1e-3, background=1.0)
@@ -148,20 +153,20 @@ def test_images_without_keypoints_are_fine():
     assert detect(np.zeros((8, 8)), peak_threshold=1e-3).descriptors.shape == (0, 128)
 
 
-def test_descriptors_are_unit_vectors_of_bytes(photograph):
+def test_descriptors_are_unit_vectors_of_bytes(photograph: NDArray[Any]) -> None:
     descriptors = find(photograph).descriptors
     assert descriptors.dtype == np.uint8
     # Twice normalised with clipping at 0.2 in between, times 512.
     np.testing.assert_allclose(np.linalg.norm(descriptors.astype(float), axis=1), 512, rtol=0.05)
 
 
-def test_arrays_round_trip():
+def test_arrays_round_trip() -> None:
     features = Features(np.ones((3, 128), np.uint8), np.array([0, 1, 3], np.int32))
     again = Features.from_arrays(features.to_arrays())
     np.testing.assert_array_equal(again.descriptors, features.descriptors)
     np.testing.assert_array_equal(again.view_offsets, features.view_offsets)
 
 
-def test_nan_images_are_refused():
+def test_nan_images_are_refused() -> None:
     with pytest.raises(InvalidMesh, match="NaN"):
         detect(np.full((32, 32), np.nan), peak_threshold=1e-3)

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
 from retrieval.metrics import PerQuery, Scores, evaluate
@@ -13,11 +15,11 @@ from retrieval.metrics import PerQuery, Scores, evaluate
 NAMES = ("nn", "ft", "st", "e", "dcg", "ndcg", "mean_ap")
 
 
-def values(scores: Scores) -> np.ndarray:
+def values(scores: Scores) -> NDArray[Any]:
     return np.array([getattr(scores, name) for name in NAMES])
 
 
-def one_query(relevance: str, keys: list[float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def one_query(relevance: str, keys: list[float] | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
     """A gallery in which query 0 sees this relevance in its ranking."""
     keys = keys or [float(rank + 1) for rank in range(len(relevance))]
     n = len(relevance) + 1
@@ -27,13 +29,13 @@ def one_query(relevance: str, keys: list[float] | None = None) -> tuple[np.ndarr
     return distances, np.array([1, *map(int, relevance)])
 
 
-def gallery(seed: int, ties: bool) -> tuple[np.ndarray, np.ndarray]:
+def gallery(seed: int, ties: bool) -> tuple[NDArray[Any], NDArray[Any]]:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, 3, (12, 2)) if ties else rng.normal(size=(12, 2))
     return np.linalg.norm(points[:, None] - points[None], axis=2), rng.integers(0, 3, 12)
 
 
-def test_golden_row():
+def test_golden_row() -> None:
     distances, labels = one_query("01101000")
     row = evaluate(distances, labels).per_query
     assert row.nn[0] == 0
@@ -46,7 +48,7 @@ def test_golden_row():
     assert row.ap[0] == pytest.approx((1 / 2 + 2 / 3 + 3 / 5) / 3)
 
 
-def test_ideal_matrix_scores_one():
+def test_ideal_matrix_scores_one() -> None:
     labels = np.repeat(np.arange(4), [2, 3, 5, 40])
     scores = evaluate((labels[:, None] != labels).astype(float), labels)
     ideal = [1, 1, 1, scores.e, 1, 1, 1]
@@ -57,12 +59,12 @@ def test_ideal_matrix_scores_one():
     assert scores.tied_queries == 0
 
 
-def test_ideal_e_measure_is_one_when_the_class_fills_the_list():
+def test_ideal_e_measure_is_one_when_the_class_fills_the_list() -> None:
     labels = np.repeat([0, 1], 33)
     assert evaluate((labels[:, None] != labels).astype(float), labels).e == 1
 
 
-def test_a_duplicate_at_distance_zero_is_a_result():
+def test_a_duplicate_at_distance_zero_is_a_result() -> None:
     # Shapes 0 and 1 coincide but belong to different classes: the wrong one must come first for both.
     distances = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], float)
     scores = evaluate(distances, ["a", "b", "a"])
@@ -71,7 +73,7 @@ def test_a_duplicate_at_distance_zero_is_a_result():
     assert np.isnan(scores.per_query.nn[1])
 
 
-def test_second_tier_stops_at_the_end_of_the_list():
+def test_second_tier_stops_at_the_end_of_the_list() -> None:
     labels = np.array([0] * 11 + [1] * 8)
     rng = np.random.default_rng(0)
     distances = rng.uniform(size=(19, 19))
@@ -80,7 +82,7 @@ def test_second_tier_stops_at_the_end_of_the_list():
     np.testing.assert_array_equal(scores.per_query.st[:11], 1)
 
 
-def test_index_rule_puts_the_lower_index_first():
+def test_index_rule_puts_the_lower_index_first() -> None:
     distances = np.ones((5, 5)) - np.eye(5)
     by_index = evaluate(distances, [0, 0, 1, 1, 1], ties="index").per_query
     np.testing.assert_array_equal(by_index.nn, [1, 1, 0, 0, 0])
@@ -89,7 +91,7 @@ def test_index_rule_puts_the_lower_index_first():
 
 
 @pytest.mark.parametrize("keys", [[1, 1, 1, 1, 1], [1, 2, 2, 2, 3], [1, 1, 2, 2, 2], [3, 1, 3, 3, 1]])
-def test_expected_ties_are_the_mean_over_all_orders(keys):
+def test_expected_ties_are_the_mean_over_all_orders(keys: list[float]) -> None:
     relevance = "01101"
     distances, labels = one_query(relevance, keys)
     expected = evaluate(distances, labels).per_query
@@ -102,7 +104,7 @@ def test_expected_ties_are_the_mean_over_all_orders(keys):
         assert getattr(expected, name)[0] == pytest.approx(mean), name
 
 
-def test_queries_whose_ties_matter_are_counted():
+def test_queries_whose_ties_matter_are_counted() -> None:
     distances, labels = one_query("01101", [1, 1, 2, 3, 3])
     assert evaluate(distances, labels).tied_queries == 1 + sum(
         evaluate(distances, labels, ties="index").per_query.ap[1:] != evaluate(distances, labels).per_query.ap[1:]
@@ -113,7 +115,7 @@ def test_queries_whose_ties_matter_are_counted():
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), ties=st.booleans())
-def test_renaming_and_reordering_change_nothing(seed, ties):
+def test_renaming_and_reordering_change_nothing(seed: int, ties: bool) -> None:
     distances, labels = gallery(seed, ties)
     scores = evaluate(distances, labels)
     order = np.random.default_rng(seed).permutation(len(labels))
@@ -125,12 +127,12 @@ def test_renaming_and_reordering_change_nothing(seed, ties):
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), ties=st.booleans())
-def test_any_increasing_function_of_the_distances_scores_the_same(seed, ties):
+def test_any_increasing_function_of_the_distances_scores_the_same(seed: int, ties: bool) -> None:
     distances, labels = gallery(seed, ties)
     np.testing.assert_allclose(values(evaluate(distances**3, labels)), values(evaluate(distances, labels)), atol=1e-12)
 
 
-def test_agrees_with_scikit_learn():
+def test_agrees_with_scikit_learn() -> None:
     from sklearn.metrics import average_precision_score, ndcg_score
 
     distances, labels = gallery(3, ties=False)
@@ -154,11 +156,11 @@ def test_agrees_with_scikit_learn():
         (np.zeros((0, 0)), [], "two members"),
     ],
 )
-def test_faults_are_named(distances, labels, message):
+def test_faults_are_named(distances: ArrayLike, labels: ArrayLike, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         evaluate(distances, labels)
 
 
-def test_unknown_rule_for_ties_is_named():
+def test_unknown_rule_for_ties_is_named() -> None:
     with pytest.raises(ConfigurationError, match="alphabetical"):
         evaluate(np.zeros((2, 2)), [0, 0], ties="alphabetical")

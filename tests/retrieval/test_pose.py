@@ -18,7 +18,7 @@ from retrieval.pose import (
 from tests.retrieval.figures import figure, turned
 
 
-def test_unit_sphere_ignores_unused_vertices():
+def test_unit_sphere_ignores_unused_vertices() -> None:
     mesh = figure()
     stray = Mesh(np.concatenate([mesh.vertices, [[1e3, 0, 0]]]), mesh.faces)
     used = to_unit_sphere(mesh).vertices
@@ -27,7 +27,7 @@ def test_unit_sphere_ignores_unused_vertices():
     np.testing.assert_allclose(to_unit_sphere(stray).vertices[:-1], used, atol=1e-12)
 
 
-def test_a_turned_box_is_set_upright():
+def test_a_turned_box_is_set_upright() -> None:
     box = trimesh.creation.box([1.0, 0.6, 0.3])
     mesh = Mesh(box.vertices, box.faces)
     away = turned(mesh, Rotation.random(rng=4).as_matrix())
@@ -37,7 +37,7 @@ def test_a_turned_box_is_set_upright():
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_rotation_is_the_minimiser(seed):
+def test_the_rotation_is_the_minimiser(seed: int) -> None:
     mesh = turned(figure(seed), Rotation.random(rng=seed).as_matrix())
     rotation = rectilinearity_rotation(mesh)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
@@ -58,7 +58,7 @@ def test_the_rotation_is_the_minimiser(seed):
     assert reached <= min(references) * (1 + 1e-6)
 
 
-def test_pca_axes_are_ordered_and_right_handed():
+def test_pca_axes_are_ordered_and_right_handed() -> None:
     for seed in range(5):
         mesh = figure(seed)
         rotation = pca_rotation(mesh)
@@ -68,7 +68,7 @@ def test_pca_axes_are_ordered_and_right_handed():
         assert (np.diff(np.diag(covariance)) < 0).all()
 
 
-def test_the_smaller_silhouette_wins():
+def test_the_smaller_silhouette_wins() -> None:
     box = trimesh.creation.box([1.0, 0.98, 0.96])
     # Crowded vertices in one corner pull the principal axes away from the faces of the box.
     dense = trimesh.remesh.subdivide_loop(box.vertices, box.faces, 0)
@@ -87,11 +87,11 @@ def test_the_smaller_silhouette_wins():
         (Mesh(np.full((3, 3), 7.3), [[0, 1, 2]]), "zero extent"),
     ],
 )
-def test_faults_are_named(mesh, message):
+def test_faults_are_named(mesh: Mesh, message: str) -> None:
     with pytest.raises(InvalidMesh, match=message):
         normalise(mesh, ("pca", "rectilinearity"), 64)
 
 
-def test_unknown_candidate_is_named():
+def test_unknown_candidate_is_named() -> None:
     with pytest.raises(ConfigurationError, match="upside-down"):
         normalise(figure(), ("upside-down",), 64)

@@ -10,7 +10,7 @@ from retrieval.views import CAMERAS, CUBE_ROTATIONS, DIRECTIONS, N_VIEWS, ORBITS
 from tests.retrieval.figures import figure, turned
 
 
-def test_directions_are_the_twice_subdivided_octahedron():
+def test_directions_are_the_twice_subdivided_octahedron() -> None:
     assert DIRECTIONS.shape == (66, 3)
     np.testing.assert_allclose(np.linalg.norm(DIRECTIONS, axis=1), 1)
     sphere = trimesh.convex.convex_hull(DIRECTIONS)
@@ -22,7 +22,7 @@ def test_directions_are_the_twice_subdivided_octahedron():
     assert sorted(np.bincount(ORBITS)) == [6, 12, 24, 24]
 
 
-def test_permutations_form_the_rotation_group_of_the_cube():
+def test_permutations_form_the_rotation_group_of_the_cube() -> None:
     table = {tuple(p) for p in VIEW_PERMUTATIONS}
     assert len(table) == 24
     np.testing.assert_allclose(np.linalg.det(CUBE_ROTATIONS), 1)
@@ -35,7 +35,7 @@ def test_permutations_form_the_rotation_group_of_the_cube():
         np.testing.assert_allclose(DIRECTIONS @ rotation.T, DIRECTIONS[p], atol=1e-12)
 
 
-def test_cameras_look_at_the_origin_with_the_rule_for_up():
+def test_cameras_look_at_the_origin_with_the_rule_for_up() -> None:
     np.testing.assert_allclose(CAMERAS @ CAMERAS.transpose(0, 2, 1), np.tile(np.eye(3), (66, 1, 1)), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(CAMERAS), 1)
     along_y = np.abs(DIRECTIONS[:, 1]) > 0.999
@@ -44,7 +44,7 @@ def test_cameras_look_at_the_origin_with_the_rule_for_up():
     assert (CAMERAS[~along_y, 1, 1] > 0).all()
 
 
-def test_depth_of_a_small_sphere_off_centre():
+def test_depth_of_a_small_sphere_off_centre() -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.25)
     mesh = Mesh(ball.vertices + np.array([0.5, 0, 0]), ball.faces)
     front, back = render(mesh, 256)[[0, 1]]
@@ -59,7 +59,7 @@ def test_depth_of_a_small_sphere_off_centre():
     assert len(rows) == pytest.approx(np.pi * 32**2, rel=0.01)
 
 
-def test_opposite_views_share_the_silhouette():
+def test_opposite_views_share_the_silhouette() -> None:
     images = render(to_unit_sphere(figure()), 128)
     for view, direction in enumerate(DIRECTIONS):
         opposite = int((DIRECTIONS @ direction).argmin())
@@ -67,7 +67,7 @@ def test_opposite_views_share_the_silhouette():
             assert ((images[view] < 1) != (images[opposite][:, ::-1] < 1)).mean() < 1e-3
 
 
-def test_a_turned_form_shows_the_permuted_views():
+def test_a_turned_form_shows_the_permuted_views() -> None:
     mesh = to_unit_sphere(figure())
     areas = (render(mesh, 128) < 1).sum(axis=(1, 2))
     for rotation, p in zip(CUBE_ROTATIONS, VIEW_PERMUTATIONS, strict=True):

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 from benchmark.geometry.mesh import Mesh
 
-SPRING = 0.002
+SPRING = 0.0015
 """Stiffness of the springs that hold the skin to where the bones want it, against the stiffness of an edge."""
 
 TURNS = 4

@@ -290,7 +290,7 @@ HORSE = Species(
             ("", 134, 135, 0, 8, 6.8),
             blend=5,
         ),
-        tube("jowl", "head", ("", 99, 171, 4, 8, 4), ("", 105, 164, 3.6, 8, 4), blend=5, paired=True),
+        tube("jowl", "head", ("", 97.5, 170, 4, 10, 4.4), ("", 106, 162, 3.6, 8.5, 4), blend=3, paired=True),
         tube("eye", "head", ("", 104, 180, 7, 3.6, 3), ("", 109, 175, 7.2, 3, 2.6), blend=2, paired=True),
         tube("lips", "head", ("", 130, 134, 0, 6, 5), ("", 132, 130, 0, 4.6, 4.6), blend=4),
         tube(

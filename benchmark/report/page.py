@@ -1,0 +1,60 @@
+"""One static page with every table and figure; everything that comes from data is escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from benchmark.reference.paper import METRICS
+from benchmark.report.content import TableContent
+from benchmark.report.formats import BLANK, cells, column_groups, number
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
+table { border-collapse: collapse; margin: 1rem 0 }
+th, td { padding: .2rem .6rem; text-align: right } th:first-child, td:first-child { text-align: left }
+thead tr:last-child, tr.chance { border-top: 1px solid #999 } thead, tbody { border-bottom: 2px solid #222 }
+thead { border-top: 2px solid #222 } b { color: #06c } tr.chance { font-style: italic } img { max-width: 100% }
+"""
+
+
+def page(tables: Sequence[TableContent], figures: Mapping[str, str]) -> str:
+    """Render the page.
+
+    Parameters
+    ----------
+    tables
+        The tables.
+    figures
+        Paths of pictures relative to the page, by the file stem of the table that they belong to.
+    """
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Canonical forms benchmark</title>",
+        f"<style>{_STYLE}</style><h1>Canonical forms benchmark</h1>",
+    ]
+    for table in tables:
+        parts.append(_table(table))
+        if table.file_stem in figures:
+            parts.append(f"<img src='{escape(figures[table.file_stem], quote=True)}' alt='Canonical forms'>")
+    return "\n".join(parts) + "</html>\n"
+
+
+def _table(table: TableContent) -> str:
+    groups = column_groups(table)
+    heading = f"Table {table.identifier}. {table.gallery.table.caption}: {table.data_title} ({table.size})"
+    lines = [f"<h2>{escape(heading)}</h2>", "<table><thead><tr><th></th>"]
+    lines += [f"<th colspan='{len(METRICS)}'>{escape(name)}</th>" for name, _ in groups]
+    lines += [
+        "</tr><tr><th>Method</th>",
+        *(f"<th>{metric}</th>" for _ in groups for metric in METRICS),
+        "</tr></thead><tbody>",
+    ]
+    for row, values in zip(table.rows, cells(table, "<b>{}</b>"), strict=True):
+        lines.append(f"<tr><td>{escape(row.title)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
+    chance = "".join(f"<td>{number(table.chance[metric])}</td>" for _ in groups for metric in METRICS)
+    lines.append(f"<tr class='chance'><td>Chance</td>{chance}</tr></tbody></table>")
+    notes = table.notes()
+    if notes:
+        lines += ["<ul>", *(f"<li>{escape(note)}</li>" for note in notes), "</ul>"]
+    lines.append(f"<p>{BLANK}: not built yet or no result.</p>")
+    return "\n".join(lines)

@@ -1,0 +1,208 @@
+import os
+import struct
+import time
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.geometry.io import READABLE, WRITABLE, read_mesh, write_mesh
+from benchmark.geometry.mesh import Mesh
+from tests.geometry.surfaces import relabelled, sphere
+
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+FAN = [[0, 1, 2], [0, 2, 3]]
+
+
+def written(folder, name, content):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def assert_square(mesh):
+    np.testing.assert_array_equal(mesh.vertices, SQUARE)
+    np.testing.assert_array_equal(mesh.faces, FAN)
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_round_trip_keeps_order_and_every_bit(tmp_path, suffix):
+    mesh, _ = relabelled(sphere(2))
+    mesh = mesh.with_vertices(mesh.vertices * np.pi)
+    write_mesh(tmp_path / f"ball{suffix}", mesh)
+    again = read_mesh(tmp_path / f"ball{suffix}")
+    np.testing.assert_array_equal(again.vertices, mesh.vertices)
+    np.testing.assert_array_equal(again.faces, mesh.faces)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+        "OFF 4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+        "# made by hand\nOFF # header\n\n4 1\n0 0 0 # first\n1 0 0\n\n1 1 0\n0 1 0\n4 0 1 2 3\n",
+        "OFF\r\n4 2 0\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2 255 0 0\r\n3 0 2 3\r\n",
+        "COFF\n4 1 0\n0 0 0 9 9 9 1\n1 0 0 9 9 9 1\n1 1 0 9 9 9 1\n0 1 0 9 9 9 1\n4 0 1 2 3 0.5 0.5 0.5\n",
+    ],
+)
+def test_off(tmp_path, content):
+    assert_square(read_mesh(written(tmp_path, "square.off", content)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
+        "mtllib a.mtl\no square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1 4/1/1\n",
+        "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 1 1 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1//1 2//1 3//1 # one\nf 1 3 4\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 -1\n",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 4\n",
+    ],
+)
+def test_obj(tmp_path, content):
+    assert_square(read_mesh(written(tmp_path, "square.obj", content)))
+
+
+def ply_header(encoding, face="property list uchar int vertex_indices\n", faces=2):
+    return (
+        f"ply\nformat {encoding} 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\n"
+        f"property float z\nproperty uchar red\nelement face {faces}\n{face}element edge 1\nproperty int a\nend_header\n"
+    ).encode()
+
+
+@pytest.mark.parametrize(("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")])
+@pytest.mark.parametrize("polygons", [[[0, 1, 2], [0, 2, 3]], [[0, 1, 2, 3]]])
+def test_binary_ply(tmp_path, encoding, order, polygons):
+    vertices = b"".join(struct.pack(order + "fffB", *point, 7) for point in SQUARE)
+    faces = b"".join(struct.pack(f"{order}B{len(polygon)}i", len(polygon), *polygon) for polygon in polygons)
+    content = ply_header(encoding, faces=len(polygons)) + vertices + faces + struct.pack(order + "i", 1)
+    assert_square(read_mesh(written(tmp_path, "square.ply", content)))
+
+
+def test_ascii_ply_with_a_quad_and_further_properties(tmp_path):
+    header = ply_header("ascii", face="property uchar flag\nproperty list uchar uint vertex_index\n", faces=1)
+    body = b"0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n9 4 0 1 2 3\n1\n"
+    assert_square(read_mesh(written(tmp_path, "square.ply", header + body)))
+
+
+def test_stl_corners_are_merged_in_order_of_appearance(tmp_path):
+    corners = SQUARE[np.array(FAN)]
+    binary = b"solid, but binary".ljust(80) + struct.pack("<I", 2)
+    binary += b"".join(struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0) for triangle in corners)
+    ascii_facets = "".join(
+        "facet normal 0 0 1\n outer loop\n"
+        + "".join(f"  vertex {x} {y} {z}\n" for x, y, z in triangle)
+        + " endloop\nendfacet\n"
+        for triangle in corners
+    )
+    assert_square(read_mesh(written(tmp_path, "binary.stl", binary)))
+    assert_square(read_mesh(written(tmp_path, "ascii.STL", f"solid square\n{ascii_facets}endsolid\n")))
+
+
+def test_mat_of_tosca(tmp_path):
+    surface = {"X": SQUARE[:, :1], "Y": SQUARE[:, 1:2], "Z": SQUARE[:, 2:], "TRIV": np.array(FAN) + 1.0}
+    savemat(tmp_path / "square.mat", {"surface": surface})
+    assert_square(read_mesh(tmp_path / "square.mat"))
+
+
+@pytest.mark.parametrize("base", [0, 1])
+def test_vert_tri_pair_counts_from_its_minimum(tmp_path, base):
+    written(tmp_path, "square.tri", "".join(f"{a + base} {b + base} {c + base}\n" for a, b, c in FAN))
+    assert_square(read_mesh(written(tmp_path, "square.vert", "0 0 0\n1 0 0\n1 1 0\n0 1 0\n")))
+
+
+GOOD_OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error"),
+    [
+        *((f"empty{suffix}", b"", UnreadableMesh) for suffix in READABLE),
+        *((f"noise{suffix}", bytes(range(256)) * 4, UnreadableMesh) for suffix in READABLE),
+        *((f"words{suffix}", "solid once upon a time\n", UnreadableMesh) for suffix in READABLE),
+        ("truncated.off", GOOD_OFF[:-9], UnreadableMesh),
+        ("half-line.off", GOOD_OFF[:-3], UnreadableMesh),
+        ("letters.off", GOOD_OFF.replace("1 1 0", "1 one 0"), UnreadableMesh),
+        ("fraction.off", GOOD_OFF.replace("3 0 1 2", "3 0 1.5 2"), UnreadableMesh),
+        ("nan.off", GOOD_OFF.replace("1 1 0", "1 nan 0"), InvalidMesh),
+        ("beyond.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 4"), InvalidMesh),
+        ("far-beyond.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 4294967296"), InvalidMesh),
+        ("negative.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 -1"), InvalidMesh),
+        ("points.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n", InvalidMesh),
+        ("segment.off", GOOD_OFF.replace("3 0 2 3", "2 0 2"), UnreadableMesh),
+        ("letters.obj", "v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", UnreadableMesh),
+        ("zero.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", InvalidMesh),
+        ("ragged.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", UnreadableMesh),
+        ("truncated.ply", ply_header("ascii") + b"0 0 0 7\n1 0 0 7\n", UnreadableMesh),
+        ("truncated-binary.ply", ply_header("binary_little_endian") + bytes(40), UnreadableMesh),
+        ("format.ply", ply_header("ebcdic") + bytes(400), UnreadableMesh),
+        ("truncated.stl", b" " * 80 + struct.pack("<I", 9) + bytes(100), UnreadableMesh),
+        ("unknown.xyz", "0 0 0\n", UnreadableMesh),
+        ("none", "0 0 0\n", UnreadableMesh),
+    ],
+)
+def test_bad_files_raise_a_named_error_with_file_and_mend(tmp_path, name, content, error):
+    if name.endswith(".vert"):
+        written(tmp_path, name.replace(".vert", ".tri"), "0 1 2\n")
+    with pytest.raises(error) as caught:
+        read_mesh(written(tmp_path, name, content))
+    assert name in str(caught.value)
+    assert caught.value.mend
+
+
+def test_every_truncation_of_every_format_is_an_error_or_a_mesh(tmp_path):
+    for suffix in WRITABLE:
+        whole = tmp_path / f"whole{suffix}"
+        write_mesh(whole, sphere(0))
+        content = whole.read_bytes()
+        for length in range(0, len(content), 7):
+            try:
+                read_mesh(written(tmp_path, f"part{suffix}", content[:length]))
+            except (UnreadableMesh, InvalidMesh):
+                continue
+
+
+def test_paths_that_cannot_be_read(tmp_path):
+    with pytest.raises(UnreadableMesh, match=r"missing\.off: No such file"):
+        read_mesh(tmp_path / "missing.off")
+    (tmp_path / "folder.off").mkdir()
+    with pytest.raises(UnreadableMesh, match=r"folder\.off: Is a directory"):
+        read_mesh(tmp_path / "folder.off")
+    with pytest.raises(UnreadableMesh, match=r"alone\.tri"):
+        read_mesh(written(tmp_path, "alone.vert", "0 0 0\n"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser reads every file")
+def test_file_without_permission(tmp_path):
+    path = written(tmp_path, "locked.off", GOOD_OFF)
+    path.chmod(0)
+    with pytest.raises(UnreadableMesh, match="Permission"):
+        read_mesh(path)
+
+
+def test_writing_where_one_cannot(tmp_path):
+    mesh = Mesh(SQUARE, FAN)
+    with pytest.raises(ConfigurationError, match=r"\.stl"):
+        write_mesh(tmp_path / "square.stl", mesh)
+    with pytest.raises(ConfigurationError, match="No such file"):
+        write_mesh(tmp_path / "nowhere" / "square.off", mesh)
+
+
+def test_forty_thousand_vertices_are_read_quickly(tmp_path):
+    write_mesh(tmp_path / "ball.off", sphere(6))
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        read_mesh(tmp_path / "ball.off")
+        times.append(time.perf_counter() - start)
+    assert min(times) < 1.0  # about 0.1 s on a quiet machine
+
+
+@pytest.mark.data
+def test_tosca_keeps_the_order_of_the_file(data_root):
+    path = data_root / "tosca" / "cat0.off"
+    lines = path.read_text().split("\n")
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.vertices[:3], [[float(x) for x in line.split()] for line in lines[2:5]])
+    assert (mesh.n_vertices, mesh.n_faces) == tuple(int(count) for count in lines[1].split()[:2])

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.mesh import Mesh
+from tests.geometry.surfaces import flat_grid, sphere
+
+TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
+
+
+def test_area_by_hand():
+    mesh = Mesh(TRIANGLE, [[0, 1, 2]])
+    assert mesh.area == 6.0
+    np.testing.assert_array_equal(mesh.face_areas, [6.0])
+    assert flat_grid(5, spacing=0.5).area == pytest.approx(4.0)
+
+
+def test_area_of_a_sphere_tends_to_four_pi():
+    assert sphere(5).area == pytest.approx(4 * np.pi, rel=2e-3)
+
+
+def test_arrays_are_copied_and_read_only():
+    vertices = TRIANGLE.copy()
+    mesh = Mesh(vertices, [[0, 1, 2]])
+    vertices[0] = 99
+    assert mesh.vertices[0, 0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.vertices[0, 0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.faces[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "words"),
+    [
+        ([[0, 0, np.nan], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "NaN"),
+        ([[0, 0, np.inf], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "infinite"),
+        (TRIANGLE, [[0, 1, 3]], "vertex 3"),
+        (TRIANGLE, [[-1, 1, 2]], "-1"),
+        (TRIANGLE, [[0, 1, 2, 2]], "shape"),
+        (TRIANGLE[:, :2], [[0, 1, 2]], "shape"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(vertices, faces, words):
+    with pytest.raises(InvalidMesh, match=words):
+        Mesh(vertices, faces)
+
+
+def test_empty_mesh_has_no_area():
+    empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
+    assert (empty.n_vertices, empty.n_faces, empty.area) == (0, 0, 0.0)
