@@ -1,0 +1,116 @@
+"""Shapes with known distances, and what every embedding owes to relabelling, motion and bad input."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import cdist, pdist, squareform
+from scipy.spatial.transform import Rotation
+
+from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.geometry.mesh import Mesh
+
+
+def sphere(n: int = 400) -> Mesh:
+    """Unit sphere through the n points of a Fibonacci spiral."""
+    place = np.arange(n) + 0.5
+    height = 1 - 2 * place / n
+    angle = np.pi * (1 + np.sqrt(5)) * place
+    ring = np.sqrt(1 - height**2)
+    vertices = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    hull = ConvexHull(vertices)
+    faces = hull.simplices
+    outward = (np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))) * vertices[faces[:, 0]]).sum(1)
+    faces[outward < 0] = faces[outward < 0][:, ::-1]
+    return Mesh(vertices, faces)
+
+
+def limbed(n: int = 400) -> Shape:
+    """Ball with five limbs of different lengths: closed, one piece, no symmetry, geodesics far from Euclidean."""
+    ball = sphere(n)
+    directions = np.array([[1, 0.1, 0], [-0.9, 0.3, 0.2], [0.1, -1, 0.2], [0, 0.4, 1], [0.5, 0.5, -0.8]])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    bumps = np.exp(9 * (ball.vertices @ directions.T - 1)) @ np.array([2.4, 1.9, 1.4, 1.0, 0.7])
+    mesh = ball.with_vertices(ball.vertices * (0.5 + bumps)[:, None])
+    return Shape(identifier="limbed", mesh=mesh.with_vertices(mesh.vertices / np.sqrt(mesh.area)))
+
+
+class PointShape(Shape):
+    """Shape whose "geodesic" distances are given, over the convex hull of some points."""
+
+    def __init__(self, points: np.ndarray, distances: np.ndarray | None = None) -> None:
+        super().__init__(identifier="points", mesh=Mesh(points, ConvexHull(points).simplices))
+        self.matrix = cdist(points, points) if distances is None else distances
+        self.asked: list[int] = []
+
+    def geodesics(self, solver: str = "default") -> np.ndarray:
+        return self.matrix
+
+    def geodesics_from(self, sources: Any, solver: str = "default") -> np.ndarray:
+        self.asked += [int(source) for source in sources]
+        return self.matrix[np.asarray(sources)]
+
+
+def points_on_ellipsoid(n: int = 200) -> np.ndarray:
+    """Points in general position without any symmetry, all on their convex hull."""
+    vertices = sphere(n).vertices
+    return np.exp(0.3 * vertices) * [3.0, 2.0, 1.0] + 0.1 * np.sin(3 * vertices[:, ::-1])
+
+
+def relabelled(shape: Shape, seed: int = 0) -> tuple[Shape, np.ndarray]:
+    """Return the shape with its vertices renumbered, and the old number of each new vertex."""
+    order = np.random.default_rng(seed).permutation(shape.mesh.n_vertices)
+    mesh = Mesh(shape.mesh.vertices[order], np.argsort(order)[shape.mesh.faces])
+    return Shape(identifier=shape.identifier, mesh=mesh), order
+
+
+def moved(shape: Shape, *, scale: float = 1.0) -> Shape:
+    """Return the shape turned, shifted and scaled."""
+    turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
+    return Shape(
+        identifier=shape.identifier, mesh=shape.mesh.with_vertices(scale * shape.mesh.vertices @ turn.T + [1.0, -2.0, 0.5])
+    )
+
+
+def spread(points: np.ndarray) -> np.ndarray:
+    """Distances of all pairs, shape (n, n)."""
+    return squareform(pdist(points))
+
+
+def brute_force_stress(points: np.ndarray, distances: np.ndarray) -> float:
+    """Normalised stress by its definition."""
+    return float(((spread(points) - distances) ** 2).sum() / (distances**2).sum())
+
+
+def assert_contract(method: Any, shape: Shape, *, atol: float = 1e-6) -> None:
+    """Same result twice; the form follows the numbering; its inner distances follow no motion; bad input is refused."""
+    form = method.canonicalise(shape)
+    assert form.vertices.shape == shape.mesh.vertices.shape
+    assert np.isfinite(form.vertices).all()
+    assert np.array_equal(form.vertices, method.canonicalise(shape).vertices)
+    assert all(isinstance(note, int | float | str) for note in form.notes.values())
+
+    other, order = relabelled(shape)
+    np.testing.assert_allclose(method.canonicalise(other).vertices, form.vertices[order], atol=atol)
+    np.testing.assert_allclose(spread(method.canonicalise(moved(shape)).vertices), spread(form.vertices), atol=atol)
+    if method.info.scale == "equivariant":
+        doubled = method.canonicalise(moved(shape, scale=2.0)).vertices
+        np.testing.assert_allclose(spread(doubled), 2 * spread(form.vertices), atol=2 * atol)
+    else:
+        doubled = method.canonicalise(moved(shape, scale=2.0)).vertices
+        np.testing.assert_allclose(spread(doubled), spread(form.vertices), atol=atol)
+    assert_refuses(method.canonicalise)
+
+
+def assert_refuses(treat: Any) -> None:
+    """A single triangle and a surface in two pieces raise ``UnsupportedShape``."""
+    triangle = Mesh(np.eye(3), np.array([[0, 1, 2]]))
+    with pytest.raises(UnsupportedShape, match="3 vertices"):
+        treat(Shape(identifier="triangle", mesh=triangle))
+    ball = sphere(150)
+    twice = Mesh(np.concatenate([ball.vertices, ball.vertices + 3]), np.concatenate([ball.faces, ball.faces + 150]))
+    with pytest.raises(UnsupportedShape, match=r"pieces|components"):
+        treat(Shape(identifier="two balls", mesh=twice))

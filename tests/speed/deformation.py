@@ -1,0 +1,135 @@
+"""Time and memory of the deforming methods, and of the elastic step against libigl.
+
+Run with ``python -m tests.speed.deformation``.
+"""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from baselines._kernels.arap import AsRigidAsPossible
+from baselines.constrained_mds import ConstrainedMDS
+from baselines.mesh_unfolding import MeshUnfolding
+from baselines.skeleton import Skeleton
+from benchmark.contracts import Mesh, Shape
+from tests.baselines.deformable import capsule, implicit_surface
+
+STEPS = 50
+REPEATS = 3
+LIMBS = np.array(
+    [[-1.2, 0.0, 0.9], [-1.2, 0.5, -0.9], [1.1, -0.5, -1.0], [1.2, 0.4, -0.8], [-1.2, -0.6, -0.9], [1.4, 0.1, 0.7]]
+)
+
+
+def body() -> Mesh:
+    """A trunk with a head, a tail and four legs, 2000 vertices."""
+
+    def distance(points: np.ndarray) -> np.ndarray:
+        trunk = capsule(points, [-0.7, 0, 0], [0.7, 0, 0], 0.35)
+        limbs = [capsule(points, [0.7 * np.sign(end[0]), 0, 0], end, 0.14) for end in LIMBS]
+        return np.min([trunk, *limbs], axis=0)
+
+    return implicit_surface(distance, extent=1.8, resolution=80, n_vertices=2000)
+
+
+def best_time(function: Callable[[], Any]) -> float:
+    """Shortest of a few runs after one that compiles and fills the caches, in seconds."""
+    function()
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def peak_mebibytes(function: Callable[[], Any]) -> float:
+    """Largest memory that numpy and Python held during a run."""
+    tracemalloc.start()
+    try:
+        function()
+        return tracemalloc.get_traced_memory()[1] / 2**20
+    finally:
+        tracemalloc.stop()
+
+
+def elastic_steps(shape: Shape) -> dict[str, Any]:
+    """Time as many local and global steps as libigl takes, from the same start under the same handles."""
+    import igl
+
+    mesh = shape.mesh
+    order = mesh.vertices[:, 0].argsort()
+    handles = np.concatenate([order[:20], order[-20:]])
+    goals = mesh.vertices[handles] + np.repeat([[0.0, 0.0, 0.2], [0.0, 0.0, -0.2]], 20, axis=0)
+    pull = np.zeros(mesh.n_vertices)
+    pull[handles] = 1e6
+    targets = np.zeros_like(mesh.vertices)
+    targets[handles] = goals
+    start = mesh.vertices.copy()
+    start[handles] = goals
+    surface = AsRigidAsPossible.of(shape)
+
+    def ours() -> np.ndarray:
+        solve = surface.factorise(pull)
+        positions = start
+        for _ in range(STEPS):
+            positions = solve(surface.load(surface.rotations(positions)) + pull[:, None] * targets)
+        return positions
+
+    def peer() -> np.ndarray:
+        data = igl.ARAPData()
+        data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
+        data.max_iter = STEPS
+        igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, handles.astype(np.int32), data)
+        return np.asarray(igl.arap_solve(goals, data, mesh.vertices.copy()))
+
+    difference = np.linalg.norm(ours() - peer(), axis=1).mean()
+    seconds, peer_seconds = best_time(ours), best_time(peer)
+    return {
+        "name": f"as-rigid-as-possible, {STEPS} steps",
+        "ours_seconds": seconds,
+        "peer": "libigl ARAP (spokes)",
+        "peer_seconds": peer_seconds,
+        "ratio": peer_seconds / seconds,
+        "detail": f"{mesh.n_vertices} vertices; mean difference of the results {difference:.1e}",
+    }
+
+
+def measure() -> list[dict[str, Any]]:
+    """Time the elastic step and each method at 2000 vertices; geodesics are computed beforehand."""
+    mesh = body()
+    shape = Shape(identifier="body", mesh=mesh)
+    shape.geodesics()
+    rows = [elastic_steps(shape)]
+    for method in (ConstrainedMDS(), MeshUnfolding(), Skeleton()):
+        seconds = best_time(lambda method=method: method.canonicalise(shape))
+        form = method.canonicalise(shape)
+        memory = peak_mebibytes(lambda method=method: method.canonicalise(shape))
+        rows.append(
+            {
+                "name": method.info.name,
+                "ours_seconds": seconds,
+                "peer": None,
+                "peer_seconds": None,
+                "ratio": None,
+                "detail": f"{mesh.n_vertices} vertices; mean edge strain {form.notes['mean_edge_strain']:.3f}; "
+                f"peak {memory:.0f} MiB",
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Print one line per measurement."""
+    for row in measure():
+        peer = f"{row['peer']} {row['peer_seconds']:.3f} s ({row['ratio']:.1f}x)" if row["peer"] else "-"
+        print(f"{row['name']:36} {row['ours_seconds']:7.3f} s   {peer:42} {row['detail']}")
+
+
+if __name__ == "__main__":
+    main()
