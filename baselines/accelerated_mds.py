@@ -63,7 +63,7 @@ class AcceleratedMDS:
     )
 
     variant: Literal["interpolated", "samples", "rre"] = "interpolated"
-    samples: int = 30
+    samples: int = 25
     start: Literal["mesh", "classic"] = "mesh"
     cycle: int = 6
     max_iterations: int = 100

@@ -59,6 +59,8 @@ class LeastSquaresMDS:
         ------
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
+        ConfigurationError
+            If there is no start or no kind of weights of that name.
         """
         from baselines._kernels.smacof import smacof
 
@@ -67,7 +69,7 @@ class LeastSquaresMDS:
         scaling = smacof(
             distances,
             start_positions(shape, distances, self.start),
-            weights=_area_weights(shape) if self.weights == "area" else None,
+            weights=_pair_weights(shape, self.weights),
             max_iterations=self.max_iterations,
             rtol=self.rtol,
         )
@@ -97,6 +99,12 @@ def start_positions(shape: Shape, distances: FloatArray, start: Literal["mesh", 
     raise did_you_mean("start", start, ("mesh", "classic"))
 
 
-def _area_weights(shape: Shape) -> FloatArray:
-    areas = vertex_areas(shape.mesh)
-    return np.outer(areas, areas)
+def _pair_weights(shape: Shape, kind: Literal["uniform", "area"]) -> FloatArray | None:
+    from benchmark.errors import did_you_mean
+
+    if kind == "uniform":
+        return None
+    if kind == "area":
+        areas = vertex_areas(shape.mesh)
+        return np.outer(areas, areas)
+    raise did_you_mean("weights", kind, ("uniform", "area"))

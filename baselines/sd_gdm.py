@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from benchmark.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
+from benchmark.contracts import FloatArray, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +58,6 @@ class SDGDM:
         start = np.ones(len(distances))
         values = eigsh(distances, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
-        if not sizes[-1] > 0:
-            raise UnsupportedShape(
-                f"{shape.identifier}: the distance matrix has fewer than {self.count} singular values",
-                "remove coincident vertices",
-            )
         return np.asarray(sizes / sizes.sum())
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:

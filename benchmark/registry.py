@@ -23,12 +23,22 @@ from benchmark.errors import ConfigurationError, did_you_mean
 ENTRY_POINTS = "canonical_forms.methods"
 
 BUILT_IN: dict[str, str] = {
-    "identity": "baselines.identity:Identity",
-    "random": "baselines.random_form:RandomForm",
-    "pca": "baselines.pca:PCA",
-    "surface-area": "baselines.surface_area:SurfaceArea",
     "classic-mds": "baselines.classic_mds:ClassicMDS",
+    "fast-mds": "baselines.fast_mds:FastMDS",
+    "non-metric-mds": "baselines.non_metric_mds:NonMetricMDS",
+    "least-squares-mds": "baselines.least_squares_mds:LeastSquaresMDS",
+    "constrained-mds": "baselines.constrained_mds:ConstrainedMDS",
     "gps": "baselines.gps:GPS",
+    "mesh-unfolding": "baselines.mesh_unfolding:MeshUnfolding",
+    "skeleton": "baselines.skeleton:Skeleton",
+    "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
+    "identity": "baselines.identity:Identity",
+    "pca": "baselines.pca:PCA",
+    "random": "baselines.random_form:RandomForm",
+    "surface-area": "baselines.surface_area:SurfaceArea",
+    "shape-dna": "baselines.shape_dna:ShapeDNA",
+    "sd-gdm": "baselines.sd_gdm:SDGDM",
+    "wks-mean": "baselines.wks_mean:MeanWKS",
 }
 
 

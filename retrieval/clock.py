@@ -182,7 +182,7 @@ def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.i
     return offsets.astype(np.int64), targets, np.concatenate([s.counts for s in signatures])[order]
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _match_rows(
     rows: NDArray[np.int64],
     first_columns: NDArray[np.int64],

@@ -21,7 +21,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import InvalidMesh
-from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, orientations
+from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, gradients, orientations
 from retrieval.scale_space import (
     BASE_SCALE,
     LEVELS,
@@ -149,7 +149,7 @@ def _detect_all(
     descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
     offsets = np.zeros(n_images + 1, dtype=np.int32)
     found = np.empty((1024, 4))
-    angles = np.empty(MAX_ORIENTATIONS)
+    peaks = np.empty(MAX_ORIENTATIONS)
     count = 0
     for index in range(n_images):
         whole = images[index]
@@ -170,17 +170,21 @@ def _detect_all(
             if n_found > len(found):
                 found = np.empty((2 * n_found, 4))
                 n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            magnitudes, angles = np.empty_like(crop), np.empty_like(crop)
+            level_done = -1
             for k in range(n_found):
                 x, y, level = found[k, 0], found[k, 1], int(found[k, 2])
                 sigma = BASE_SCALE * STEP ** (level + 1 + found[k, 3])
-                gaussian = gaussians[level + 1]
-                for a in range(orientations(gaussian, x, y, sigma, angles)):
+                if level != level_done:
+                    gradients(gaussians[level + 1], magnitudes, angles)
+                    level_done = level
+                for a in range(orientations(magnitudes, angles, x, y, sigma, peaks)):
                     if count == len(frames):
                         frames = np.concatenate((frames, np.empty_like(frames)))
                         descriptors = np.concatenate((descriptors, np.empty_like(descriptors)))
                     frames[count, 0], frames[count, 1] = pixel * (x + column0), pixel * (y + row0)
-                    frames[count, 2], frames[count, 3] = pixel * sigma, angles[a]
-                    describe(gaussian, x, y, sigma, angles[a], descriptors[count])
+                    frames[count, 2], frames[count, 3] = pixel * sigma, peaks[a]
+                    describe(magnitudes, angles, x, y, sigma, peaks[a], descriptors[count])
                     count += 1
             # The level of twice the base scale, every second pixel, starts the next octave.
             start_row, start_column = row0 % 2, column0 % 2

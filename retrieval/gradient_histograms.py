@@ -15,6 +15,7 @@ SECONDARY_PEAK = 0.8
 MAX_ORIENTATIONS = 4
 SPATIAL_BINS = 4
 ANGULAR_BINS = 8
+PADDED = SPATIAL_BINS + 2
 DESCRIPTOR_SIZE = SPATIAL_BINS * SPATIAL_BINS * ANGULAR_BINS
 #: Width of a spatial bin in units of the keypoint's scale.
 MAGNIFICATION = 3.0
@@ -24,62 +25,91 @@ CLIP = 0.2
 TURN = np.float32(2.0 * np.pi)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _angle(gx: np.float32, gy: np.float32) -> np.float32:
-    """Arc tangent of gy / gx in [0, 2 pi), float32, with an error below 3e-4: far below the width of a bin."""
-    ax, ay = abs(gx), abs(gy)
-    ratio = min(ax, ay) / max(max(ax, ay), np.float32(1e-30))
-    square = ratio * ratio
-    angle = (
-        (np.float32(-0.0464964749) * square + np.float32(0.15931422)) * square - np.float32(0.327622764)
-    ) * square * ratio + ratio
-    angle = np.float32(0.5 * np.pi) - angle if ay > ax else angle
-    angle = np.float32(np.pi) - angle if gx < 0 else angle
-    return TURN - angle if gy < 0 else angle
-
-
-@njit(cache=True, nogil=True)
-def orientations(gaussian: SingleArray, x: float, y: float, sigma: float, angles: FloatArray) -> int:
-    """Dominant gradient directions around a keypoint [Lowe 2004, section 5].
+@njit(cache=True, nogil=True, error_model="numpy")
+def gradients(gaussian: SingleArray, magnitudes: SingleArray, angles: SingleArray) -> None:
+    """Central differences of a Gaussian level in polar form.
 
     Parameters
     ----------
     gaussian
-        Gaussian level nearest to the keypoint's scale, shape (height, width), float32.
+        Shape (height, width), float32.
+    magnitudes, angles
+        Shape (height, width), float32, overwritten; angles in [0, 2 pi] from the x axis towards the y axis (downwards),
+        with an error below 3e-4, far below the width of a bin. The border has magnitude 0.
+    """
+    height, width = gaussian.shape
+    magnitudes[:, 0] = magnitudes[:, width - 1] = 0
+    magnitudes[0] = magnitudes[height - 1] = 0
+    half, quarter_turn, half_turn = np.float32(0.5), np.float32(0.5 * np.pi), np.float32(np.pi)
+    for row in range(1, height - 1):
+        left, right = gaussian[row, : width - 2], gaussian[row, 2:]
+        above, below = gaussian[row - 1, 1 : width - 1], gaussian[row + 1, 1 : width - 1]
+        magnitude, angle = magnitudes[row, 1 : width - 1], angles[row, 1 : width - 1]
+        for x in range(width - 2):
+            gx, gy = half * (right[x] - left[x]), half * (below[x] - above[x])
+            magnitude[x] = np.sqrt(gx * gx + gy * gy)
+            ax, ay = abs(gx), abs(gy)
+            larger, smaller = (ax, ay) if ax > ay else (ay, ax)
+            ratio = smaller / (larger + np.float32(1e-30))
+            square = ratio * ratio
+            turn = np.float32(-0.0464964749) * square + np.float32(0.15931422)
+            turn = (turn * square - np.float32(0.327622764)) * square * ratio + ratio
+            turn = quarter_turn - turn if ay > ax else turn
+            turn = half_turn - turn if gx < 0 else turn
+            angle[x] = TURN - turn if gy < 0 else turn
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def orientations(
+    magnitudes: SingleArray, angles: SingleArray, x: float, y: float, sigma: float, peaks: FloatArray
+) -> int:
+    """Dominant gradient directions around a keypoint [Lowe 2004, section 5].
+
+    Parameters
+    ----------
+    magnitudes, angles
+        Gradients of the Gaussian level nearest to the keypoint's scale, from :func:`gradients`.
     x, y, sigma
         Position and scale in pixels of the octave.
-    angles
-        Shape (4,), overwritten with radians in [0, 2 pi), from the x axis towards the y axis (downwards).
+    peaks
+        Shape (4,), overwritten with radians in [0, 2 pi).
 
     Returns
     -------
     int
         Number of directions, 1 to 4; 0 where the window has no gradient.
     """
-    height, width = gaussian.shape
+    height, width = magnitudes.shape
     spread = 1.5 * sigma
     radius = max(int(np.floor(3.0 * spread)), 1)
     column, row = int(x + 0.5), int(y + 0.5)
-    histogram = np.zeros(ORIENTATION_BINS)
-    per_radian = ORIENTATION_BINS / (2.0 * np.pi)
-    window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2)
+    histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
+    per_radian, half, one = np.float32(ORIENTATION_BINS / (2.0 * np.pi)), np.float32(0.5), np.float32(1.0)
+    window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2).astype(np.float32)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
-        above, here, below = gaussian[r - 1], gaussian[r], gaussian[r + 1]
-        window_y = np.exp(-0.5 * ((r - y) / spread) ** 2)
-        for c in range(max(column - radius, 1), min(column + radius, width - 2) + 1):
-            if (r - y) ** 2 + (c - x) ** 2 >= radius * radius + 0.6:
+        window_y = np.float32(np.exp(-0.5 * ((r - y) / spread) ** 2))
+        reach = np.sqrt(max(radius * radius + 0.6 - (r - y) ** 2, 0.0))
+        first, last = max(int(np.ceil(x - reach)), column - radius, 1), min(int(x + reach), column + radius, width - 2)
+        for c in range(first, last + 1):
+            magnitude = magnitudes[r, c]
+            if magnitude == 0:
                 continue
-            gx = np.float32(0.5) * (here[c + 1] - here[c - 1])
-            gy = np.float32(0.5) * (below[c] - above[c])
-            squared = gx * gx + gy * gy
-            if squared == 0.0:
-                continue
-            position = per_radian * _angle(gx, gy)
-            lower = int(np.floor(position - 0.5))
-            share = position - lower - 0.5
-            weight = np.sqrt(squared) * window_y * window_x[c - column + radius]
-            histogram[lower % ORIENTATION_BINS] += (1.0 - share) * weight
-            histogram[(lower + 1) % ORIENTATION_BINS] += share * weight
+            # Shifted by one bin, so that both neighbours of the first and the last bin exist.
+            position = per_radian * angles[r, c] + half
+            lower = int(position)
+            share = position - np.float32(lower)
+            weight = magnitude * window_y * window_x[c - column + radius]
+            histogram[lower] += (one - share) * weight
+            histogram[lower + 1] += share * weight
+    histogram[1] += histogram[ORIENTATION_BINS + 1]
+    histogram[ORIENTATION_BINS] += histogram[0]
+    count: int = _peaks(histogram[1 : ORIENTATION_BINS + 1].astype(np.float64), peaks)
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
+    """Smooth a circular histogram and locate its high peaks."""
     for _ in range(6):
         previous, first = histogram[ORIENTATION_BINS - 1], histogram[0]
         for i in range(ORIENTATION_BINS):
@@ -94,20 +124,26 @@ def orientations(gaussian: SingleArray, x: float, y: float, sigma: float, angles
         # Of two equal neighbours, as gradients along an axis make them, the first is the peak.
         if h > SECONDARY_PEAK * highest and h > before and h >= after and count < MAX_ORIENTATIONS:
             offset = -0.5 * (after - before) / (after + before - 2.0 * h)
-            angles[count] = (2.0 * np.pi * (i + offset + 0.5) / ORIENTATION_BINS) % (2.0 * np.pi)
+            peaks[count] = (2.0 * np.pi * (i + offset + 0.5) / ORIENTATION_BINS) % (2.0 * np.pi)
             count += 1
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def describe(
-    gaussian: SingleArray, x: float, y: float, sigma: float, angle: float, descriptor: NDArray[np.uint8]
+    magnitudes: SingleArray,
+    angles: SingleArray,
+    x: float,
+    y: float,
+    sigma: float,
+    angle: float,
+    descriptor: NDArray[np.uint8],
 ) -> None:
     """Gradient histograms over 4 x 4 spatial and 8 angular bins, turned by ``angle`` [Lowe 2004, section 6].
 
     Parameters
     ----------
-    gaussian, x, y, sigma
+    magnitudes, angles, x, y, sigma
         As in :func:`orientations`.
     angle
         Direction of the keypoint in radians.
@@ -115,7 +151,7 @@ def describe(
         Shape (128,), uint8, overwritten: spatial row, spatial column, angle (fastest); 512 times the unit vector,
         cut at 255, as vl_sift stores it.
     """
-    height, width = gaussian.shape
+    height, width = magnitudes.shape
     bin_width = MAGNIFICATION * sigma
     reach = 0.5 * (SPATIAL_BINS + 1)
     cosine, sine = np.cos(angle) / bin_width, np.sin(angle) / bin_width
@@ -124,43 +160,41 @@ def describe(
     decay = -0.5 / (WINDOW * bin_width) ** 2
     window_x = np.exp(decay * (np.arange(column - radius, column + radius + 1) - x) ** 2).astype(np.float32)
     # One bin of padding on each spatial side takes the spill of trilinear interpolation, so that no test is needed.
-    histogram = np.zeros((SPATIAL_BINS + 2, SPATIAL_BINS + 2, ANGULAR_BINS), dtype=np.float32)
-    per_radian, turned, one = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle), np.float32(1.0)
+    histogram = np.zeros(PADDED * PADDED * ANGULAR_BINS, dtype=np.float32)
+    per_radian, turned = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle - 2.0 * np.pi)
+    one, step_u, step_v = np.float32(1.0), np.float32(cosine), np.float32(-sine)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
-        above, here, below = gaussian[r - 1], gaussian[r], gaussian[r + 1]
         dy = r - y
         window_y = np.float32(np.exp(decay * dy * dy))
         first, last = _span(sine * dy, cosine, reach, max(column - radius, 1) - x, min(column + radius, width - 2) - x)
         first, last = _span(cosine * dy, -sine, reach, first, last)
+        start_u, start_v = np.float32(sine * dy + reach - cosine * x), np.float32(cosine * dy + reach + sine * x)
         for c in range(int(np.ceil(first + x)), int(np.floor(last + x)) + 1):
-            gx = here[c + 1] - here[c - 1]
-            gy = below[c] - above[c]
-            squared = gx * gx + gy * gy
-            if squared == 0.0:
+            magnitude = magnitudes[r, c]
+            if magnitude == 0:
                 continue
-            u = np.float32(cosine * (c - x) + sine * dy + reach)
-            v = np.float32(cosine * dy - sine * (c - x) + reach)
-            w = (_angle(gx, gy) - turned) * per_radian
-            w = w + np.float32(ANGULAR_BINS) if w < 0 else w
+            u = start_u + step_u * np.float32(c)
+            v = start_v + step_v * np.float32(c)
+            w = (angles[r, c] - turned) * per_radian
             # Rounding may put a sample a hair outside the square.
-            i = min(max(int(u), 0), SPATIAL_BINS)
-            j = min(max(int(v), 0), SPATIAL_BINS)
-            k = int(w)
+            i, j, k = min(max(int(u), 0), SPATIAL_BINS), min(max(int(v), 0), SPATIAL_BINS), int(w)
             u, v, w = u - np.float32(i), v - np.float32(j), w - np.float32(k)
+            cell = (j * PADDED + i) * ANGULAR_BINS
             k, k1 = k & (ANGULAR_BINS - 1), (k + 1) & (ANGULAR_BINS - 1)
-            weight = np.sqrt(squared) * window_y * window_x[c - column + radius]
-            upper, lower = weight * v, weight * (one - v)
+            weight = magnitude * window_y * window_x[c - column + radius]
+            upper, rest = weight * v, one - w
+            lower = weight - upper
             a, b, d, e = lower * (one - u), lower * u, upper * (one - u), upper * u
-            rest = one - w
-            histogram[j, i, k] += a * rest
-            histogram[j, i, k1] += a * w
-            histogram[j, i + 1, k] += b * rest
-            histogram[j, i + 1, k1] += b * w
-            histogram[j + 1, i, k] += d * rest
-            histogram[j + 1, i, k1] += d * w
-            histogram[j + 1, i + 1, k] += e * rest
-            histogram[j + 1, i + 1, k1] += e * w
-    inner = histogram[1:-1, 1:-1, :].copy().ravel()
+            histogram[cell + k] += a * rest
+            histogram[cell + k1] += a * w
+            histogram[cell + ANGULAR_BINS + k] += b * rest
+            histogram[cell + ANGULAR_BINS + k1] += b * w
+            cell += PADDED * ANGULAR_BINS
+            histogram[cell + k] += d * rest
+            histogram[cell + k1] += d * w
+            histogram[cell + ANGULAR_BINS + k] += e * rest
+            histogram[cell + ANGULAR_BINS + k1] += e * w
+    inner = histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel()
     for limit in (CLIP, 1.0):
         norm = max(np.sqrt((inner * inner).sum()), np.float32(1e-30))
         for i in range(DESCRIPTOR_SIZE):
@@ -169,7 +203,7 @@ def describe(
         descriptor[i] = np.uint8(min(np.float32(512.0) * inner[i], np.float32(255.0)))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _span(constant: float, slope: float, reach: float, first: float, last: float) -> tuple[float, float]:
     """Narrow the interval [first, last] to where abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:

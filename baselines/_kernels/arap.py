@@ -18,6 +18,10 @@ WEIGHT_FLOOR = 1e-2
 """Smallest edge weight, as a share of the mean one. Cotangents of obtuse pairs are negative or vanish: the energy would
 lose its lower bound, and a vertex between such edges its hold."""
 
+AMBIGUOUS = 1e-3
+"""Below this value of (s1 + s2)(s2 + s3)(s3 + s1) / (s1^2 + s2^2 + s3^2)^(3/2), with the signed singular values s of a
+covariance, its best rotation is nearly ambiguous."""
+
 
 @dataclass(frozen=True, eq=False)
 class AsRigidAsPossible:
@@ -97,7 +101,9 @@ def edge_weights(laplacian: Laplacian) -> csr_array:
 
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
     """Factorise a symmetric positive definite sparse matrix once; the result solves for any number of columns."""
-    factors = splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factors = splu(
+        csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
 
     def solve(right: FloatArray) -> FloatArray:
         return np.ascontiguousarray(factors.solve(np.asfortranarray(right)))
@@ -113,10 +119,16 @@ def _edges(weights: csr_array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def nearest_rotation(covariance: FloatArray, rotation: FloatArray) -> None:
-    """Write into ``rotation`` the proper rotation R that maximises trace(R covariance).
+    r"""Write into ``rotation`` the proper rotation R that maximises trace(R covariance).
 
-    The quaternion of R is the leading eigenvector of a symmetric 4 x 4 matrix (Horn 1987, section 4.A), found by cyclic
-    Jacobi rotations. Reflections cannot occur, and a flat cell, whose covariance is singular, is no special case.
+    With :math:`B` the transposed covariance, the maximum :math:`\lambda` is the largest root of
+
+    .. math:: (\lambda^2 - \|B\|^2)^2 - 8 \lambda \det B - 4 \|\mathrm{adj} B\|^2 = 0,
+
+    found by Newton's method from above, and :math:`R` follows in closed form (Markley 1993, "Attitude determination
+    using vector observations: a fast optimal matrix algorithm"). Reflections cannot occur, and a flat cell, whose
+    covariance is singular, is no special case. Where the best rotation is nearly ambiguous the closed form loses
+    digits, and an eigenvector takes its place.
 
     Parameters
     ----------
@@ -125,6 +137,54 @@ def nearest_rotation(covariance: FloatArray, rotation: FloatArray) -> None:
     rotation
         Output, shape (3, 3).
     """
+    square = 0.0
+    for a in range(3):
+        for b in range(3):
+            square += covariance[a, b] ** 2
+    adjugate_square, determinant = 0.0, 0.0
+    for a in range(3):
+        for b in range(3):
+            cofactor = _cofactor(covariance, a, b)
+            # The output serves as scratch for the adjugate of the covariance.
+            rotation[b, a] = cofactor
+            adjugate_square += cofactor**2
+            determinant += covariance[a, b] * cofactor / 3.0
+    root = np.sqrt(3.0 * square)
+    for _ in range(30):
+        gap = root * root - square
+        value = gap * gap - 8.0 * determinant * root - 4.0 * adjugate_square
+        slope = 4.0 * root * gap - 8.0 * determinant
+        if slope <= 0.0 or value <= 1e-16 * slope * root:
+            break
+        root -= value / slope
+    kappa = 0.5 * (root * root - square)
+    scale = kappa * root - determinant
+    if scale <= AMBIGUOUS * square * np.sqrt(square):
+        _rotation_by_eigenvector(covariance, rotation)
+        return
+    product = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            product[a, b] = 0.0
+            for c in range(3):
+                product[a, b] += covariance[c, a] * covariance[c, b]
+    for a in range(3):
+        for b in range(3):
+            cubic = 0.0
+            for c in range(3):
+                cubic += product[a, c] * covariance[b, c]
+            rotation[a, b] = ((kappa + square) * covariance[b, a] + root * rotation[a, b] - cubic) / scale
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _cofactor(matrix: FloatArray, a: int, b: int) -> float:
+    a1, a2, b1, b2 = (a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3
+    return float(matrix[a1, b1] * matrix[a2, b2] - matrix[a1, b2] * matrix[a2, b1])
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _rotation_by_eigenvector(covariance: FloatArray, rotation: FloatArray) -> None:
+    """Find the rotation whose quaternion is the leading eigenvector of Horn's matrix (1987), by cyclic Jacobi steps."""
     matrix = np.empty((4, 4))
     vectors = np.eye(4)
     matrix[0, 0] = covariance[0, 0] + covariance[1, 1] + covariance[2, 2]

@@ -11,7 +11,7 @@ _BLOCK = 4
 
 
 def centred_eigenpairs(
-    distances: FloatArray, k: int, *, accurate: int, tolerance: float = 1e-9, max_steps: int = 60
+    distances: FloatArray, k: int, *, accurate: int, tolerance: float = 1e-9, max_steps: int = 40
 ) -> tuple[FloatArray, FloatArray]:
     r"""Largest eigenvalues, with eigenvectors, of the doubly centred squared distances.
 
@@ -32,7 +32,7 @@ def centred_eigenpairs(
     tolerance
         Largest residual :math:`\|B q - \lambda q\|` of a unit vector q, relative to the largest eigenvalue.
     max_steps
-        Largest number of block products.
+        Largest number of block products; a spectrum that needs more goes to LAPACK, as do small matrices.
 
     Returns
     -------
@@ -41,25 +41,23 @@ def centred_eigenpairs(
     vectors : numpy.ndarray
         Orthonormal columns, shape (n, k), of arbitrary sign.
     """
-    if len(distances) <= 16 * _BLOCK:
-        return _dense_eigenpairs(distances, k)
     fresh, _ = np.linalg.qr(_centred(distances[_far_apart(distances)].T ** 2))
     basis = np.empty((len(distances), 0))
     projected = np.empty((0, 0))
-    for _ in range(max_steps):
+    for _ in range(min(max_steps, len(distances) // (2 * _BLOCK))):
         basis = np.hstack([basis, fresh])
         image = _apply(distances, fresh)
         coupling = basis.T @ image
-        remainder = image - basis @ coupling
-        # Once more, because a single pass of Gram-Schmidt leaves rounding errors that grow with every block.
-        fresh, factor = np.linalg.qr(remainder - basis @ (basis.T @ remainder))
+        # Twice, because columns that add little that is new come out of one pass of Gram-Schmidt as rounding errors.
+        fresh, outer = np.linalg.qr(image - basis @ coupling)
+        fresh, inner = np.linalg.qr(fresh - basis @ (basis.T @ fresh))
         projected = np.block([[projected, coupling[:-_BLOCK]], [coupling.T]])
         values, coefficients = np.linalg.eigh(projected)
         values, coefficients = values[: -k - 1 : -1], coefficients[:, : -k - 1 : -1]
-        residuals = np.linalg.norm(factor @ coefficients[-_BLOCK:], axis=0)
+        residuals = np.linalg.norm(inner @ outer @ coefficients[-_BLOCK:], axis=0)
         if residuals[:accurate].max() <= tolerance * values[0]:
-            break
-    return values, basis @ coefficients
+            return values, basis @ coefficients
+    return _dense_eigenpairs(distances, k)
 
 
 def _far_apart(distances: FloatArray) -> list[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines._kernels.smacof import Scaling, StressProblem, attractions
+from baselines._kernels.smacof import Scaling, StressProblem, attractions, lossless_single
 from benchmark.contracts import FloatArray
 
 
@@ -38,20 +38,21 @@ def extrapolated_smacof(
     """
     problem = StressProblem(distances, None)
     points = np.ascontiguousarray((start - start.mean(axis=0)).T)
-    sums = attractions(points, distances)
+    targets = lossless_single(distances)
+    sums = attractions(points, targets)
     course = [problem.stress(points, sums)]
     steps = [points]
     while len(course) <= max_iterations:
         if len(steps) <= cycle:
             points = problem.solve(sums)
-            sums = attractions(points, distances)
+            sums = attractions(points, targets)
             course.append(problem.stress(points, sums))
             steps.append(points)
             if course[-2] - course[-1] <= rtol * course[-2]:
                 break
         else:
             candidate = _extrapolate(steps)
-            candidate_sums = attractions(candidate, distances)
+            candidate_sums = attractions(candidate, targets)
             stress = problem.stress(candidate, candidate_sums)
             if stress < course[-1]:
                 points, sums = candidate, candidate_sums

@@ -75,43 +75,27 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, fl
     spread : float
         In units of the positions.
     """
-    coordinates = np.ascontiguousarray(positions.T)
-    forces = np.zeros_like(coordinates)
-    spread = _repulsion(coordinates, masses, forces)
-    return np.ascontiguousarray(forces.T), float(spread)
+    forces = np.empty_like(positions)
+    spread = _repulsion(np.ascontiguousarray(positions.T), masses, forces)
+    return forces, float(spread)
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
 def _repulsion(coordinates: FloatArray, masses: FloatArray, forces: FloatArray) -> float:
+    # Every pair is visited twice: without writes inside, the inner loop runs several pairs at once.
     x, y, z = coordinates[0], coordinates[1], coordinates[2]
-    fx, fy, fz = forces[0], forces[1], forces[2]
     n = len(masses)
     total = 0.0
     for i in range(n):
-        xi, yi, zi = x[i], y[i], z[i]
-        sx = 0.0
-        sy = 0.0
-        sz = 0.0
-        row = 0.0
-        for j in range(i + 1, n):
-            dx = xi - x[j]
-            dy = yi - y[j]
-            dz = zi - z[j]
+        sx, sy, sz, row = 0.0, 0.0, 0.0, 0.0
+        for j in range(n):
+            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
-            distance = np.sqrt(squared)
-            push = masses[i] * masses[j] / distance if squared > 0.0 else 0.0
+            push = masses[j] / np.sqrt(squared) if squared > 0.0 else 0.0
             row += push * squared
-            dx *= push
-            dy *= push
-            dz *= push
-            sx += dx
-            sy += dy
-            sz += dz
-            fx[j] -= dx
-            fy[j] -= dy
-            fz[j] -= dz
-        fx[i] += sx
-        fy[i] += sy
-        fz[i] += sz
-        total += row
-    return total
+            sx += push * dx
+            sy += push * dy
+            sz += push * dz
+        forces[i, 0], forces[i, 1], forces[i, 2] = masses[i] * sx, masses[i] * sy, masses[i] * sz
+        total += masses[i] * row
+    return 0.5 * total

@@ -1,22 +1,26 @@
-"""Any folder of meshes: classes from sub-folders, from a PSB ``.cla`` file, or from the file names."""
+"""Any folder of meshes: classes from a manifest, a PSB ``.cla`` file, sub-folders, or the file names."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
-from benchmark.datasets.base import Entry, FileDataset, natural_key
+from benchmark.datasets.base import Entry, natural_key
+from benchmark.datasets.manifest import MANIFEST_FILE, Listed, inside, read_manifest
+from benchmark.datasets.settings import FolderDataset, with_settings
 from benchmark.errors import DatasetError
 
 #: Extensions in order of preference when one shape is there in several formats.
 EXTENSIONS = (".off", ".obj", ".ply", ".stl", ".mat", ".vert")
 
 
-def folder_dataset(folder: Path) -> FileDataset:
+def folder_dataset(folder: Path) -> FolderDataset:
     """Read the list of shapes of a folder.
 
-    The class of a shape is, in this order: what a ``.cla`` file in the folder says; the sub-folder that it lies in; the
-    file name without its trailing number (``cat10.off`` is of class ``cat``).
+    The class of a shape is, in this order: what the column ``class`` of ``MANIFEST.tsv`` says; what a ``.cla`` file
+    says; the sub-folder that it lies in; the file name without its trailing number (``cat10.off`` is of class ``cat``).
+    A ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`.
 
     Parameters
     ----------
@@ -26,28 +30,40 @@ def folder_dataset(folder: Path) -> FileDataset:
     Raises
     ------
     DatasetError
-        If the folder cannot be read, holds no meshes, or its ``.cla`` file is wrong.
+        If the folder cannot be read or holds no meshes, if its manifest or its ``.cla`` file is wrong, names a file
+        outside the folder, or contradicts the other one.
+    ConfigurationError
+        If ``dataset.toml`` or the manifest has an unknown key.
     """
-    cla = sorted(folder.glob("*.cla")) if folder.is_dir() else []
-    if len(cla) > 1:
-        raise DatasetError(f"{folder} holds {len(cla)} .cla files", "keep the one that classifies these meshes")
     files = mesh_files(folder)
-    if cla:
-        entries = _from_cla(cla[0], files)
+    cla = cla_file(folder)
+    manifest = read_manifest(folder)
+    if manifest and manifest[0].subject is not None:
+        entries = _from_manifest(folder, manifest)
+        if cla:
+            _check_agreement(entries, cla)
+    elif cla:
+        entries = _from_cla(cla, files)
     elif files:
-        entries = [_from_stem(path) for path in files]
+        entries = [Entry(path.stem, subject_of_stem(path.stem), _pose_of_stem(path.stem), path) for path in files]
     else:
         entries = [
             Entry(f"{sub.name}/{path.stem}", sub.name, path.stem, path)
-            for sub in sorted(folder.iterdir(), key=lambda path: natural_key(path.name))
-            if sub.is_dir() and not sub.name.startswith(".")
+            for sub in sub_folders(folder)
             for path in mesh_files(sub)
         ]
     if not entries:
         raise DatasetError(
             f"no meshes in {folder}", f"expected files ending in {', '.join(EXTENSIONS)}, or sub-folders of such files"
         )
-    return FileDataset(name=folder.resolve().name, title=folder.resolve().name, entries=tuple(entries))
+    name = folder.resolve().name
+    return with_settings(FolderDataset(name=name, title=name, entries=tuple(entries), folder=folder))
+
+
+def sub_folders(folder: Path) -> list[Path]:
+    """Visible sub-folders in natural order."""
+    found = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return sorted(found, key=lambda path: natural_key(path.name))
 
 
 def mesh_files(folder: Path) -> list[Path]:
@@ -58,14 +74,33 @@ def mesh_files(folder: Path) -> list[Path]:
     DatasetError
         If the folder does not exist or cannot be listed.
     """
-    try:
-        found = [path for path in folder.iterdir() if path.suffix.lower() in EXTENSIONS and path.is_file()]
-    except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
     by_stem: dict[str, Path] = {}
-    for path in sorted(found, key=lambda path: EXTENSIONS.index(path.suffix.lower())):
+    for path in all_mesh_files(folder):
         by_stem.setdefault(path.stem, path)
     return sorted(by_stem.values(), key=lambda path: natural_key(path.stem))
+
+
+def all_mesh_files(folder: Path) -> list[Path]:
+    """Mesh files of one folder, the preferred extensions first, several per stem where there are several.
+
+    Raises
+    ------
+    DatasetError
+        If the folder does not exist or cannot be listed.
+    """
+    try:
+        found = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in EXTENSIONS and path.is_file()]
+    except OSError as error:
+        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+    return sorted(found, key=lambda path: EXTENSIONS.index(path.suffix.lower()))
+
+
+def cla_file(folder: Path) -> Path | None:
+    """The ``.cla`` file of a folder, or None; more than one raises ``DatasetError``."""
+    found = sorted(folder.glob("*.cla"))
+    if len(found) > 1:
+        raise DatasetError(f"{folder} holds {len(found)} .cla files", "keep the one that classifies these meshes")
+    return found[0] if found else None
 
 
 def read_cla(path: Path) -> dict[int, str]:
@@ -123,24 +158,67 @@ def read_cla(path: Path) -> dict[int, str]:
     return subjects
 
 
-def _from_cla(cla: Path, files: list[Path]) -> list[Entry]:
-    by_number = {}
-    for path in files:
-        match = re.search(r"\d+$", path.stem)
-        if match:
-            by_number[int(match.group())] = path
-    entries = []
-    for number, subject in read_cla(cla).items():
-        if number not in by_number:
+def subject_of_stem(stem: str) -> str:
+    """Class that a file name tells: the name without its trailing number."""
+    return re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
+
+
+def _pose_of_stem(stem: str) -> str:
+    return stem[len(subject_of_stem(stem)) :].lstrip("-_ ")
+
+
+def _from_manifest(folder: Path, manifest: Iterable[Listed]) -> list[Entry]:
+    entries: dict[str, Entry] = {}
+    for row in manifest:
+        path = inside(folder, row.file, folder / MANIFEST_FILE)
+        if not path.is_file():
             raise DatasetError(
-                f"{cla} lists model {number}, but {cla.parent} has no mesh with that number",
-                "add the mesh or correct the list",
+                f"{folder / MANIFEST_FILE} names '{row.file}', which is not there", "add the mesh or remove the line"
             )
-        path = by_number[number]
+        identifier = Path(row.file).with_suffix("").as_posix()
+        if identifier in entries:
+            raise DatasetError(
+                f"{folder / MANIFEST_FILE} names '{identifier}' in two formats", "keep one line for each shape"
+            )
+        pose = path.stem if row.pose is None else row.pose
+        entries[identifier] = Entry(identifier, str(row.subject), pose, path)
+    return list(entries.values())
+
+
+def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
+    by_number: dict[int, list[Path]] = {}
+    for path in files:
+        match = re.search(r"[0-9]+$", path.stem)
+        if match:
+            by_number.setdefault(int(match.group()), []).append(path)
+    subjects = read_cla(cla)
+    missing = sorted(set(subjects) - set(by_number))
+    if missing:
+        from_one = {number - 1 for number in subjects} == set(by_number)
+        raise DatasetError(
+            f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number",
+            "the list counts from 1, the meshes from 0: subtract 1 from each number"
+            if from_one
+            else "add the mesh or correct the list",
+        )
+    entries = []
+    for number, subject in sorted(subjects.items()):
+        path, *others = by_number[number]
+        if others:
+            raise DatasetError(
+                f"{cla} lists model {number}, which may be {path.name} or {others[0].name}", "keep one of them"
+            )
+        inside(cla.parent, path.name, cla)
         entries.append(Entry(path.stem, subject, path.stem, path))
     return entries
 
 
-def _from_stem(path: Path) -> Entry:
-    subject = re.sub(r"[-_ ]*\d+$", "", path.stem)
-    return Entry(path.stem, subject or path.stem, path.stem[len(subject) :].lstrip("-_ "), path)
+def _check_agreement(entries: Iterable[Entry], cla: Path) -> None:
+    by_path = {entry.path: entry for entry in entries}
+    for other in _from_cla(cla, [path for path in by_path if path is not None]):
+        subject = by_path[other.path].subject
+        if subject != other.subject:
+            raise DatasetError(
+                f"{cla} puts '{other.identifier}' into class '{other.subject}', {MANIFEST_FILE} into '{subject}'",
+                "correct one of them or remove it",
+            )

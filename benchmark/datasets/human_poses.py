@@ -325,8 +325,28 @@ def perturbed_pose(random: np.random.Generator) -> Pose:
     names = list(POSES)
     ends = [POSES[names[index]] for index in random.integers(len(names), size=2)]
     first, second = ((end.mirrored() if random.random() < 0.5 else end).angles() for end in ends)
+    return jittered(Pose.from_angles(first + random.uniform() * (second - first)), _JITTER, random)
+
+
+def jittered(pose: Pose, deviation: float, random: np.random.Generator) -> Pose:
+    """Perturb every angle of a pose.
+
+    Parameters
+    ----------
+    pose
+        The pose to start from.
+    deviation
+        Standard deviation in degrees.
+    random
+        Source of the perturbation.
+
+    Returns
+    -------
+    Pose
+        Every angle lies within the range of that joint over the authored poses.
+    """
     lower, upper = _angle_ranges()
-    angles = first + random.uniform() * (second - first) + random.normal(0.0, _JITTER, first.shape)
+    angles = pose.angles() + random.normal(0.0, deviation, lower.shape)
     return Pose.from_angles(np.clip(angles, lower, upper))
 
 

@@ -8,6 +8,7 @@ depends on how many shapes are made at a time.
 
 from __future__ import annotations
 
+import ast
 import functools
 import hashlib
 import importlib.metadata
@@ -15,6 +16,7 @@ import itertools
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,7 @@ class _Body:
     model: Any
     keep: NDArray[np.bool_]
     faces: Faces
+    bones: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class Humans:
         return human_mesh(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
-        """Digest of the version of the body model, the body and the rotations of the bones."""
+        """Name the version of the body model, this generator, the body and the rotations of the bones."""
         return recipe(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def camera(self, entry: Entry) -> Camera:
@@ -112,12 +115,40 @@ def human_meshes(pairs: Iterable[tuple[Subject, Pose]]) -> Iterator[Mesh]:
             yield Mesh(np.round(vertices[body.keep], _DECIMALS), body.faces)
 
 
+def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
+    """Indices of the vertices that follow bones of these kinds.
+
+    Parameters
+    ----------
+    bones
+        What the names of the bones begin with, e.g. ``("wrist", "finger")``.
+    side
+        What they end with: ``".L"``, ``".R"`` or anything.
+    """
+    chosen = [bone.startswith(bones) and bone.endswith(side) for bone in _body().bones]
+    return np.flatnonzero(chosen).astype(np.int64)
+
+
+@functools.cache
+def reference_mesh() -> Mesh:
+    """The template of all bodies at rest; every generated mesh has its triangles, and its vertices in its order."""
+    body = _body()
+    return Mesh(body.model.template_vertices.numpy()[body.keep], body.faces)
+
+
 def recipe(subject: Subject, pose: Pose) -> str:
     """Name what determines a mesh, without making it."""
     digest = hashlib.sha256(repr(astuple(subject)).encode())
     for bone, rotation in sorted(bone_rotations(pose).items()):
         digest.update(bone.encode() + np.round(rotation, 9).tobytes())
-    return f"anny {_anny_version()} {digest.hexdigest()}"
+    return f"anny {_anny_version()} {code_digest('humans')} {digest.hexdigest()}"
+
+
+@functools.cache
+def code_digest(*modules: str) -> str:
+    """Digest of modules of this folder without comments and layout: an edited generator makes new meshes."""
+    sources = (Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8") for module in modules)
+    return hashlib.sha256("".join(ast.unparse(ast.parse(source)) for source in sources).encode()).hexdigest()[:16]
 
 
 def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subject, Sequence[Pose]]]:
@@ -176,7 +207,10 @@ def _body() -> _Body:
     # Eyes and tongue are components of their own, inside the head.
     keep = labels == np.bincount(labels).argmax()
     renumbered = np.cumsum(keep, dtype=np.int32) - 1
-    return _Body(model, keep, renumbered[faces[keep[faces[:, 0]]]])
+    rows = np.flatnonzero(keep)
+    strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
+    bones = tuple(model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest])
+    return _Body(model, keep, renumbered[faces[keep[faces[:, 0]]]], bones)
 
 
 def _skinned(model: Any, pairs: Sequence[tuple[Subject, Pose]]) -> NDArray[np.float64]:

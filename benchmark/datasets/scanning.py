@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import spsolve
 
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.rasterise import depth_buffer
 
-CELL = 0.006
+CELL = 0.005
 """Side of a voxel in metres."""
 
 _MARGIN = 6
@@ -21,18 +25,68 @@ _MARGIN = 6
 _CLOSING = 0.012
 """Radius in metres of the ball that closes the gaps between fingers; gaps up to twice as wide disappear."""
 
+_WHITE, _SMOOTH = 0.0002, 0.0003
+"""Standard deviations in metres of the noise that is independent and of that which neighbours share."""
+
 _CORNERS = np.array(
     [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=np.int64
 )
 """Corners of a cube in the order that libigl's marching cubes expects."""
 
 
-def scan(mesh: Mesh, fused: list[NDArray[np.int64]], n_vertices: int, random: np.random.Generator) -> Mesh:
+_DIRECTIONS, _IMAGE, _DEPTH_TOLERANCE, _EXPOSED = 128, 400, 0.002, 0.12
+"""Views and pixels per side for the visibility, tolerance in metres, and the share of views that see a vertex."""
+
+
+def sheltered_vertices(mesh: Mesh) -> NDArray[np.bool_]:
+    """Whether light from fewer than one in eight directions reaches a vertex, shape (n,).
+
+    Parameters
+    ----------
+    mesh
+        A surface in metres; the directions are those of a Fibonacci lattice on the sphere.
+    """
+    steps = np.arange(_DIRECTIONS) + 0.5
+    heights, turns = 1 - 2 * steps / _DIRECTIONS, np.pi * (1 + math.sqrt(5)) * steps
+    radii = np.sqrt(1 - heights**2)
+    seen = np.zeros(mesh.n_vertices)
+    for direction in np.stack([radii * np.cos(turns), radii * np.sin(turns), heights], axis=1):
+        across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+        across /= np.linalg.norm(across)
+        points = mesh.vertices @ np.stack([across, np.cross(direction, across), direction], axis=1)
+        low, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+        points = (points - low) * [_IMAGE / extent, _IMAGE / extent, 1]
+        nearest = depth_buffer(points, mesh.faces, _IMAGE, np.inf)
+        column, row = np.minimum(points[:, :2].astype(np.int64), _IMAGE - 1).T
+        seen += points[:, 2] <= nearest[row, column] + _DEPTH_TOLERANCE
+    return np.asarray(seen < _EXPOSED * _DIRECTIONS)
+
+
+def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
+    """Stretch the free part of a surface like a soap film: each free vertex becomes the mean of its neighbours.
+
+    Parameters
+    ----------
+    mesh
+        A surface; every free component borders on a vertex that is not free.
+    free
+        Which vertices move, shape (n,).
+    """
+    tails, heads = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))[free]
+    degrees = np.asarray(links.sum(axis=1)).ravel()
+    system = (diags_array(degrees) - links[:, free]).tocsc()
+    vertices = mesh.vertices.copy()
+    vertices[free] = spsolve(system, links[:, ~free] @ mesh.vertices[~free])
+    return mesh.with_vertices(vertices)
+
+
+def scan(mesh: Mesh, fused: Sequence[NDArray[np.int64]], n_vertices: int, random: np.random.Generator) -> Mesh:
     """Surface as a body scanner would deliver it.
 
-    The solid is sampled on a grid in a random position, the gaps between the fingers are closed, the boundary is
+    The solid is sampled on a grid in a random position, the gaps between fingers are closed, the boundary is
     extracted by marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and
-    every vertex moves along its normal by noise of 0.5 mm, of which a part is shared by neighbours.
+    every vertex moves along its normal by noise of a third of a millimetre.
 
     Parameters
     ----------
@@ -107,7 +161,7 @@ def _at_row(points, low, high, row):  # type: ignore[no-untyped-def]  # noqa: AN
 
 
 def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
-    """Morphological closing of the solid by a ball, in the box around a part, in place."""
+    """Morphological closing by a ball in the box around a part, in place."""
     radius = _CLOSING / CELL
     low = np.maximum(np.floor(part.min(axis=0)).astype(int) - math.ceil(radius), 0)
     high = np.ceil(part.max(axis=0)).astype(int) + math.ceil(radius) + 1
@@ -133,18 +187,19 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
     nodes = np.stack(np.unravel_index(used, density.shape), axis=1).astype(np.float64)
     values = density.ravel()[used].astype(np.float64)
     vertices, faces, _ = igl.marching_cubes(values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5)
-    return largest_component(Mesh(vertices, faces))
+    # libigl orients the triangles towards larger values, that is inwards.
+    return largest_component(Mesh(vertices, faces[:, ::-1]))
 
 
 def _remeshed(mesh: Mesh, n_vertices: int) -> Mesh:
     import pymeshlab
 
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2.
-    side = math.sqrt(mesh.area / n_vertices * 2 / math.sqrt(3))
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the edges come out a little longer.
+    side = 0.97 * math.sqrt(mesh.area / n_vertices * 2 / math.sqrt(3))
     layers = pymeshlab.MeshSet()
     layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
     layers.meshing_isotropic_explicit_remeshing(
-        iterations=4, targetlen=pymeshlab.PureValue(side), checksurfdist=False, featuredeg=180
+        iterations=3, targetlen=pymeshlab.PureValue(side), checksurfdist=False, featuredeg=180
     )
     return Mesh(layers.current_mesh().vertex_matrix(), layers.current_mesh().face_matrix())
 
@@ -152,7 +207,7 @@ def _remeshed(mesh: Mesh, n_vertices: int) -> Mesh:
 def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
     white, smooth = random.normal(0, 1, (2, mesh.n_vertices))
     smooth = _neighbour_mean(mesh, _neighbour_mean(mesh, smooth))
-    amount = 0.0003 * white + 0.0004 * smooth / smooth.std()
+    amount = _WHITE * white + _SMOOTH * smooth / smooth.std()
     return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6))
 
 

@@ -5,40 +5,70 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from benchmark.datasets.base import Entry, FileDataset, natural_key
+from benchmark.datasets.base import Entry, natural_key
 from benchmark.datasets.folder import mesh_files
+from benchmark.datasets.settings import FolderDataset, with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.depth import FRONT, SIDE, Camera
 
 #: Classes whose long axis is y: the depth camera looks at their side.
 QUADRUPEDS = frozenset({"cat", "centaur", "dog", "horse", "wolf"})
 
-#: The null pose of each class is number 0, except where the official set has none.
-CANONICAL_POSE = {"gorilla": "5"}
+#: Shapes of each class.
+CLASS_SIZES = {
+    "cat": 11,
+    "centaur": 6,
+    "david": 7,
+    "dog": 9,
+    "gorilla": 4,
+    "horse": 8,
+    "michael": 20,
+    "victoria": 12,
+    "wolf": 3,
+}
 
-_STEM = re.compile(r"^(?P<subject>[a-z]+)(?P<pose>\d+)$")
+#: The null pose of each class is number 0; the set has no gorilla0, and gorilla1 is the one that stands upright.
+CANONICAL_POSE = {subject: "1" if subject == "gorilla" else "0" for subject in CLASS_SIZES}
+
+_STEM = re.compile(r"^(?P<subject>[a-z]+)(?P<pose>[0-9]+)$")
 
 
-def tosca(data_root: Path) -> FileDataset:
-    """Read the list of shapes under ``DATA_ROOT/tosca``.
+def tosca(data_root: Path) -> FolderDataset:
+    """Read the list of shapes under ``DATA_ROOT/tosca``; a ``dataset.toml`` may set canonical poses and cameras.
 
     Raises
     ------
     DatasetError
-        If the folder is missing, or holds no file named like ``cat0.off``, ``cat0.mat`` or ``cat0.vert``.
+        If the folder is missing, holds no file named like ``cat0.off``, ``cat0.mat`` or ``cat0.vert``, or holds two
+        files for one shape whose names differ in case alone.
+    ConfigurationError
+        If ``dataset.toml`` has an unknown key, class or pose.
     """
     folder = data_root / "tosca"
-    entries = []
+    entries: dict[str, Entry] = {}
     for path in mesh_files(folder):
         match = _STEM.match(path.stem.lower())
-        if match:
-            entries.append(Entry(path.stem.lower(), match["subject"], match["pose"], path))
+        if not match:
+            continue
+        entry = Entry(match[0], match["subject"], match["pose"], path)
+        other = entries.setdefault(entry.identifier, entry)
+        if other.path != path:
+            raise DatasetError(f"{folder} holds one shape as {other.path} and {path.name}", "keep one of them")
     if not entries:
         raise DatasetError(
             f"no TOSCA meshes in {folder}", "expected files such as cat0.off, cat0.mat or cat0.vert + cat0.tri"
         )
-    entries.sort(key=lambda entry: natural_key(entry.identifier))
-    return FileDataset(name="tosca", title="TOSCA", entries=tuple(entries), camera_for=camera)
+    ordered = sorted(entries.values(), key=lambda entry: natural_key(entry.identifier))
+    return with_settings(
+        FolderDataset(
+            name="tosca",
+            title="TOSCA",
+            entries=tuple(ordered),
+            camera_for=camera,
+            folder=folder,
+            canonical_poses=CANONICAL_POSE,
+        )
+    )
 
 
 def camera(entry: Entry) -> Camera:

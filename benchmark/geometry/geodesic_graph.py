@@ -73,15 +73,17 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     [Ying, Wang and He 2013]. Here, as there, each vertex keeps those of its neighbourhood. From every vertex, the
     triangles around it are unfolded strip by strip into the plane; a *window* is the cone of straight lines from the
     vertex that cross one side. A vertex inside the cone is joined by an arc of exactly its unfolded distance and
-    splits the window in two. Windows are followed breadth first until their budget is spent, so the neighbourhood
-    adapts to the size of the triangles. An arc is a path on the surface: distances are never too short.
+    splits the window in two. Windows are followed breadth first, ring by ring, until at least ``windows`` have been
+    followed: the neighbourhood adapts to the size of the triangles and does not depend on the order of the faces. An
+    arc is a path on the surface, so distances are never too short.
 
     Parameters
     ----------
     mesh
         Any triangle mesh; windows end at boundaries and at edges with more than two faces.
     windows
-        Windows to follow from each vertex. More cost time and come closer to the exact distances.
+        Windows to follow from each vertex; the ring in which the number is reached is completed. More cost time and
+        come closer to the exact distances.
 
     Returns
     -------
@@ -203,8 +205,10 @@ def _follow_windows(  # type: ignore[no-untyped-def]  # noqa: ANN202
     arcs = 0
     best = np.full(count, np.inf)
     seen = np.empty(count, np.int64)
-    names = np.empty((budget, 3), np.int64)
-    plane = np.empty((budget, 8), np.float64)
+    # A ring of windows is begun below the budget and has at most two successors for each of its windows.
+    room = 3 * max(budget, np.diff(first).max())
+    names = np.empty((room, 3), np.int64)
+    plane = np.empty((room, 8), np.float64)
     for source in range(count):
         n_seen = queued = 0
         for at in range(first[source], first[source + 1]):
@@ -217,12 +221,16 @@ def _follow_windows(  # type: ignore[no-untyped-def]  # noqa: ANN202
                     seen[n_seen] = vertex
                     n_seen += 1
                 best[vertex] = min(best[vertex], distance)
-            if twins[side] >= 0 and queued < budget:
+            if twins[side] >= 0:
                 names[queued] = (twins[side], p, q)
                 plane[queued] = (-x, -y, width - x, -y, -x, -y, width - x, -y)
                 queued += 1
-        window = 0
+        window = ring_end = 0
         while window < queued:
+            if window == ring_end:
+                if window >= budget:
+                    break
+                ring_end = queued
             side, p, q = names[window]
             p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y = plane[window]
             window += 1
@@ -244,12 +252,12 @@ def _follow_windows(  # type: ignore[no-untyped-def]  # noqa: ANN202
                     seen[n_seen] = apex
                     n_seen += 1
                 best[apex] = min(best[apex], np.hypot(a_x, a_y))
-            if beyond_low and past_p >= 0 and queued < budget:
+            if beyond_low and past_p >= 0:
                 names[queued] = (past_p, p, apex)
                 end_x, end_y = (a_x, a_y) if visible else (high_x, high_y)
                 plane[queued] = (p_x, p_y, a_x, a_y, low_x, low_y, end_x, end_y)
                 queued += 1
-            if before_high and past_q >= 0 and queued < budget:
+            if before_high and past_q >= 0:
                 names[queued] = (past_q, apex, q)
                 end_x, end_y = (a_x, a_y) if visible else (low_x, low_y)
                 plane[queued] = (a_x, a_y, q_x, q_y, end_x, end_y, high_x, high_y)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape, did_you_mean
-from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
 from benchmark.geometry.geodesic_graph import edge_graph, geodesic_graph, unfolded_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
@@ -44,6 +44,7 @@ def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
 def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
     import igl
 
+    _require_proper_manifold(mesh)
     faces = mesh.faces.astype(np.int64)
     everywhere = np.arange(mesh.n_vertices, dtype=np.int64)
     rows = [
@@ -56,6 +57,16 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
     if not (np.isfinite(distances).all() and (distances >= straight * (1 - 1e-6)).all()):
         raise UnsupportedShape("the exact solver did not reach every vertex", "clean the mesh: it is not a manifold")
     return distances
+
+
+def _require_proper_manifold(mesh: Mesh) -> None:
+    # Anything else makes libigl read outside its arrays and ends the process.
+    sides = np.linalg.norm(mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)], axis=2)
+    if (edge_counts(mesh.faces) > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (sides > 0).all():
+        raise UnsupportedShape(
+            "the exact solver needs a manifold without edges of length zero",
+            "clean the mesh (benchmark.geometry.cleaning), or use the solver 'default'",
+        )
 
 
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {

@@ -71,7 +71,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     InvalidMesh
         If nothing usable is left: no area, or fewer than four vertices.
     """
-    extent = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
+    extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not 0 < extent < np.inf:
         raise InvalidMesh(
             f"the bounding box of the mesh has extent {extent}", "pass a surface of finite, positive size"
@@ -122,8 +122,9 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """Collapse edges by least quadric error until about ``n_vertices`` remain; fewer are never made more.
 
-    Topology and boundaries are preserved. The number of faces that belongs to a number of vertices depends on the
-    length of the boundary after decimation, so the face target is corrected until the vertex count is met.
+    Topology is preserved; boundaries keep their course, but not all their vertices. The number of faces that belongs to
+    a number of vertices depends on the length of the boundary after decimation, so the face target is corrected until
+    the vertex count is met.
 
     Parameters
     ----------
@@ -149,7 +150,7 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
         if abs(candidate.n_vertices - n_vertices) < abs(best.n_vertices - n_vertices):
             best = candidate
         miss = n_vertices - candidate.n_vertices
-        if abs(miss) <= _LARGEST_MISS * n_vertices / 4 or candidate.n_faces > target + 2:
+        if abs(miss) <= _LARGEST_MISS * n_vertices / 2 or candidate.n_faces > target + 2:
             break
         target = max(target + 2 * miss, 4)
     return best
@@ -160,14 +161,21 @@ def _collapse(mesh: Mesh, n_faces: int, quality: bool = True) -> Mesh:
 
     work = pymeshlab.MeshSet(verbose=False)
     work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    # pymeshlab remembers parameters from call to call, so every one is named.
     work.meshing_decimation_quadric_edge_collapse(
         targetfacenum=int(n_faces),
+        targetperc=0.0,
         qualitythr=0.3 if quality else 0.0,
-        preserveboundary=True,
-        preservenormal=quality,
+        preserveboundary=False,
+        boundaryweight=1.0,
+        preservenormal=True,
         preservetopology=True,
-        planarquadric=quality,
+        optimalplacement=True,
+        planarquadric=True,
+        planarweight=0.001,
+        qualityweight=False,
         autoclean=True,
+        selected=False,
     )
     collapsed = work.current_mesh()
     return Mesh(collapsed.vertex_matrix(), collapsed.face_matrix())

@@ -58,7 +58,7 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
     return image
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image: DepthImage) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
 
@@ -107,7 +107,7 @@ def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image:
                 _draw_span(image, row, width, left, left_depth, right, right_depth)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _draw_span(image: DepthImage, row: int, width: int, x0: float, z0: float, x1: float, z1: float) -> None:
     if x1 < x0:
         x0, x1, z0, z1 = x1, x0, z1, z0

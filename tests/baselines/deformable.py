@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import CanonicalForm, Method, Mesh, Shape
+from benchmark.contracts import CanonicalForm, Mesh, Method, Shape
 
 
 def tube(bend: float, *, radius: float = 0.1, rings: int = 40, sides: int = 14) -> Mesh:
@@ -79,9 +82,7 @@ def implicit_surface(distance, *, extent: float = 1.6, resolution: int = 56, n_v
     # Moved off the grid: marching cubes makes triangles without area where the level passes through a node.
     vertices, faces, _ = igl.marching_cubes(distance(grid + 0.0123), grid, resolution, resolution, resolution, 0.0)
     mesh = Mesh(vertices, faces)
-    signed_volume = np.einsum("fi,fi->", np.cross(*mesh.vertices[mesh.faces[:, :2]].swapaxes(0, 1)),
-                              mesh.vertices[mesh.faces[:, 2]])  # fmt: skip
-    return prepare(Mesh(vertices, faces if signed_volume > 0 else faces[:, ::-1]), n_vertices).mesh
+    return prepare(mesh if signed_volume(mesh) > 0 else Mesh(vertices, faces[:, ::-1]), n_vertices).mesh
 
 
 def capsule(points: np.ndarray, start, end, radius: float) -> np.ndarray:
@@ -114,11 +115,15 @@ def check_symmetries(method: Method, mesh: Mesh, tolerance: float) -> CanonicalF
     assert dict(again.notes) == dict(form.notes)
 
     rotation = Rotation.from_euler("xyz", [0.4, -1.1, 2.3])
-    turned = method.canonicalise(shape_of(mesh.with_vertices(mesh.vertices @ rotation.as_matrix().T + [3.0, -2.0, 1.0])))
+    turned = method.canonicalise(
+        shape_of(mesh.with_vertices(mesh.vertices @ rotation.as_matrix().T + [3.0, -2.0, 1.0]))
+    )
     np.testing.assert_allclose(moved_to(turned.vertices, form.vertices), form.vertices, atol=tolerance * size)
 
     scaled = method.canonicalise(shape_of(mesh.with_vertices(7.0 * mesh.vertices)))
-    np.testing.assert_allclose(moved_to(scaled.vertices, 7 * form.vertices), 7 * form.vertices, atol=7 * tolerance * size)
+    np.testing.assert_allclose(
+        moved_to(scaled.vertices, 7 * form.vertices), 7 * form.vertices, atol=7 * tolerance * size
+    )
 
     order = np.random.default_rng(5).permutation(mesh.n_vertices)
     rank = np.argsort(order)
@@ -128,6 +133,32 @@ def check_symmetries(method: Method, mesh: Mesh, tolerance: float) -> CanonicalF
         moved_to(relabelled.vertices, form.vertices[order]), form.vertices[order], atol=tolerance * size
     )
     return form
+
+
+def check_real_body(method: Method, path: Path) -> CanonicalForm:
+    """Assert that the form of a scanned body unfolds it, keeps its volume, and is not inside out."""
+    from benchmark.geometry.io import read_mesh
+    from benchmark.geometry.preparation import prepare
+
+    mesh = prepare(read_mesh(path), 2000).mesh
+    shape = shape_of(mesh, path.stem)
+    form = method.canonicalise(shape)
+    assert 0.6 < signed_volume(form.mesh) / signed_volume(mesh) < 1.5
+    geodesics = squareform(shape.geodesics(), checks=False)
+    unfolded, folded = (cosine(pdist(vertices), geodesics) for vertices in (form.vertices, mesh.vertices))
+    assert 1 - unfolded < 0.9 * (1 - folded)
+    return form
+
+
+def cosine(first: np.ndarray, second: np.ndarray) -> float:
+    """Cosine between two vectors of distances: 1 if one is a multiple of the other."""
+    return float(first @ second / np.linalg.norm(first) / np.linalg.norm(second))
+
+
+def signed_volume(mesh: Mesh) -> float:
+    """Volume inside a closed surface, negative if its triangles face inwards."""
+    a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
+    return float(np.einsum("fi,fi->", np.cross(a, b), c) / 6)
 
 
 UNSUPPORTED = {

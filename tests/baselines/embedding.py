@@ -23,7 +23,9 @@ def sphere(n: int = 400) -> Mesh:
     vertices = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
     hull = ConvexHull(vertices)
     faces = hull.simplices
-    outward = (np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))) * vertices[faces[:, 0]]).sum(1)
+    outward = (np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))) * vertices[faces[:, 0]]).sum(
+        1
+    )
     faces[outward < 0] = faces[outward < 0][:, ::-1]
     return Mesh(vertices, faces)
 
@@ -71,7 +73,8 @@ def moved(shape: Shape, *, scale: float = 1.0) -> Shape:
     """Return the shape turned, shifted and scaled."""
     turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
     return Shape(
-        identifier=shape.identifier, mesh=shape.mesh.with_vertices(scale * shape.mesh.vertices @ turn.T + [1.0, -2.0, 0.5])
+        identifier=shape.identifier,
+        mesh=shape.mesh.with_vertices(scale * shape.mesh.vertices @ turn.T + [1.0, -2.0, 0.5]),
     )
 
 

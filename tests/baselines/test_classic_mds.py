@@ -55,7 +55,7 @@ def test_eigenpairs_agree_with_double_centring_and_arpack(n):
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6), st.integers(65, 140))
+@given(st.integers(0, 10**6), st.integers(4, 140))
 def test_eigenvalues_agree_on_any_symmetric_matrix(seed, n):
     distances = np.random.default_rng(seed).random((n, n))
     distances = distances + distances.T
@@ -63,11 +63,11 @@ def test_eigenvalues_agree_on_any_symmetric_matrix(seed, n):
     squared = distances**2
     means = squared.mean(axis=0)
     expected = np.linalg.eigvalsh(-0.5 * (squared - means - means[:, None] + means.mean()))[:-4:-1]
-    np.testing.assert_allclose(centred_eigenpairs(distances, 3, accurate=3)[0], expected, rtol=1e-9)
+    np.testing.assert_allclose(centred_eigenpairs(distances, 3, accurate=3)[0], expected, rtol=1e-9, atol=1e-12)
 
 
 def test_no_matrix_is_stored_beside_the_distances():
-    distances = spread(np.random.default_rng(0).standard_normal((1000, 4)))
+    distances = spread(np.random.default_rng(0).standard_normal((1000, 5)) * [4, 3, 2, 1, 0.5])
     classic_scaling(distances)
     tracemalloc.start()
     classic_scaling(distances)

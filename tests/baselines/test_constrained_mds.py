@@ -10,6 +10,7 @@ from benchmark.contracts import UnsupportedShape
 from tests.baselines.deformable import (
     UNSUPPORTED,
     centre_line,
+    check_real_body,
     check_symmetries,
     moved_to,
     shape_of,
@@ -29,7 +30,7 @@ def best_rotation_by_svd(covariance):
     return vt.T @ signs @ u.T
 
 
-@pytest.mark.parametrize("kind", ["generic", "flat", "mirrored"])
+@pytest.mark.parametrize("kind", ["generic", "flat", "mirrored", "nearly a line", "nearly ambiguous", "tiny"])
 def test_nearest_rotation_agrees_with_the_singular_value_decomposition(kind):
     random = np.random.default_rng(0)
     for _ in range(200):
@@ -38,10 +39,22 @@ def test_nearest_rotation_agrees_with_the_singular_value_decomposition(kind):
             covariance[2] = 0
         if kind == "mirrored":
             covariance *= -np.sign(np.linalg.det(covariance))
+        if kind in ("nearly a line", "nearly ambiguous"):
+            u, _, vt = np.linalg.svd(covariance)
+            values = [1, 1e-5, 1e-7] if kind == "nearly a line" else [1, 0.999, -0.998 * np.linalg.det(u @ vt)]
+            covariance = u @ np.diag(values) @ vt
+        if kind == "tiny":
+            covariance *= 1e-13
         rotation = np.empty((3, 3))
         nearest_rotation(covariance, rotation)
-        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
         np.testing.assert_allclose(rotation, best_rotation_by_svd(covariance), atol=1e-7)
+
+
+def test_nearest_rotation_of_nothing_is_the_identity():
+    rotation = np.empty((3, 3))
+    nearest_rotation(np.zeros((3, 3)), rotation)
+    np.testing.assert_array_equal(rotation, np.eye(3))
 
 
 def test_rotations_of_a_rigid_motion_are_that_motion_and_cost_nothing():
@@ -166,8 +179,12 @@ def test_a_bent_tube_straightens_and_keeps_its_details():
     assert form.notes["mean_edge_strain"] == pytest.approx(strains.mean())
     assert form.notes["largest_edge_strain"] == pytest.approx(strains.max())
     assert strains.mean() < 0.08
-    width = np.linalg.norm(form.vertices[:-2].reshape(-1, 14, 3) - centre_line(form.vertices)[:, None], axis=2).mean(axis=1)
-    before = np.linalg.norm(mesh.vertices[:-2].reshape(-1, 14, 3) - centre_line(mesh.vertices)[:, None], axis=2).mean(axis=1)
+    width = np.linalg.norm(form.vertices[:-2].reshape(-1, 14, 3) - centre_line(form.vertices)[:, None], axis=2).mean(
+        axis=1
+    )
+    before = np.linalg.norm(mesh.vertices[:-2].reshape(-1, 14, 3) - centre_line(mesh.vertices)[:, None], axis=2).mean(
+        axis=1
+    )
     np.testing.assert_allclose(width, before, rtol=0.25)
 
 
@@ -194,3 +211,10 @@ def test_symmetries_of_an_open_surface():
 def test_unsupported_shapes(name):
     with pytest.raises(UnsupportedShape):
         ConstrainedMDS().canonicalise(shape_of(UNSUPPORTED[name]))
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", ["cat8", "michael6"])
+def test_real_bodies_spread_their_limbs(data_root, name):
+    form = check_real_body(ConstrainedMDS(), data_root / "tosca" / f"{name}.off")
+    assert form.notes["mean_edge_strain"] <= 0.08

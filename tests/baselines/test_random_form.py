@@ -18,8 +18,6 @@ def test_the_form_depends_on_seed_and_name_and_not_on_the_order_of_calls():
     mesh = limbed(100).mesh
     first = RandomForm().canonicalise(Shape(identifier="a", mesh=mesh, seed=1)).vertices
     RandomForm().canonicalise(Shape(identifier="b", mesh=mesh, seed=1))
-    np.testing.assert_array_equal(
-        first, RandomForm().canonicalise(Shape(identifier="a", mesh=mesh, seed=1)).vertices
-    )
+    np.testing.assert_array_equal(first, RandomForm().canonicalise(Shape(identifier="a", mesh=mesh, seed=1)).vertices)
     for identifier, seed in (("a", 2), ("b", 1)):
         assert (first != RandomForm().canonicalise(Shape(identifier=identifier, mesh=mesh, seed=seed)).vertices).any()

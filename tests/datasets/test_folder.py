@@ -1,8 +1,13 @@
+import re
+
 import pytest
 
-from benchmark.datasets.base import check_retrievable, natural_key
+from benchmark.datasets.base import Entry, check_retrievable, natural_key
+from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.folder import folder_dataset, read_cla
-from benchmark.errors import DatasetError
+from benchmark.datasets.manifest import Listed, read_manifest, write_manifest
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
+from benchmark.geometry.depth import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
 
 CLA = "PSB 1\n2 4\n\nman 0 2\n0\n1\n\nwoman 0 2\n2\n3\n"
@@ -113,3 +118,209 @@ def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
     write_off(tmp_path / "b" / "thin0.off", rod(0.07, 0))
     changed = folder_dataset(tmp_path / "b")
     assert sum(first.recipe(a) != changed.recipe(b) for a, b in zip(first.entries, changed.entries, strict=True)) == 1
+
+
+def test_a_cla_file_that_counts_from_1_is_told_so(tmp_path):
+    numbered(tmp_path)
+    (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n1\n2\n\nwoman 0 2\n3\n4\n")
+    with pytest.raises(DatasetError, match="lists model 4, .*counts from 1, the meshes from 0: subtract 1"):
+        folder_dataset(tmp_path)
+
+
+def test_shapes_of_a_cla_file_are_in_the_order_of_their_numbers(tmp_path):
+    numbered(tmp_path)
+    (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n3\n0\n\nwoman 0 2\n2\n1\n")
+    assert [(e.identifier, e.subject) for e in folder_dataset(tmp_path).entries] == [
+        ("0", "man"),
+        ("1", "woman"),
+        ("2", "woman"),
+        ("3", "man"),
+    ]
+
+
+def test_a_number_that_two_files_bear_is_named(tmp_path):
+    numbered(tmp_path)
+    write_off(tmp_path / "03.off", rod(0.1, 1.0))
+    (tmp_path / "test.cla").write_text(CLA)
+    with pytest.raises(DatasetError, match="lists model 3, which may be 3.off or 03.off|03.off or 3.off"):
+        folder_dataset(tmp_path)
+
+
+def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
+    numbered(tmp_path / "set")
+    (tmp_path / "set" / "test.cla").write_text(CLA)
+    (tmp_path / "set" / "1.off").rename(tmp_path / "secret.off")
+    (tmp_path / "set" / "1.off").symlink_to(tmp_path / "secret.off")
+    with pytest.raises(DatasetError, match="names '1.off', which lies outside its folder; copy the mesh"):
+        folder_dataset(tmp_path / "set")
+
+
+# Manifests
+
+
+def test_a_manifest_with_classes_lists_the_shapes(tmp_path):
+    numbered(tmp_path)
+    listed = [Listed("3.off", "old man", "sits", 290, 576, ""), Listed("0.off", "man-1", "", 290, 576, "")]
+    write_manifest(tmp_path, listed)
+    assert read_manifest(tmp_path) == tuple(listed)
+    assert [(e.identifier, e.subject, e.pose) for e in folder_dataset(tmp_path).entries] == [
+        ("3", "old man", "sits"),
+        ("0", "man-1", ""),
+    ]
+
+
+def test_a_manifest_without_classes_changes_nothing(tmp_path):
+    write_rods(tmp_path)
+    before = folder_dataset(tmp_path).entries
+    (tmp_path / "MANIFEST.tsv").write_bytes(b"file\tvertices\r\nthin0.off\t290\r\n")
+    assert folder_dataset(tmp_path).entries == before
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("file\tclass\n../secret.off\ta\n", "names '../secret.off', which lies outside its folder"),
+        ("file\n/etc/passwd\n", "names '/etc/passwd', which lies outside its folder"),
+        ("file\tclass\nlink.off\ta\n", "names 'link.off', which lies outside its folder"),
+        ("file\tclass\nlinked/secret.off\ta\n", "names 'linked/secret.off', which lies outside its folder"),
+        ("file\tclass\n9.off\ta\n", "names '9.off', which is not there; add the mesh or remove"),
+        ("file\tclass\n0.off\ta\n0.off\ta\n", "names 0.off twice"),
+        ("file\tclass\n0.off\ta\n0.obj\ta\n", "names '0' in two formats"),
+        ("file\tclass\n0.off a\n", "line 2 has 1 cells, not 2; separate the columns by one tab"),
+        ("file\tclass\n0.off\t\n", "line 2 names no class"),
+        ("file\tclass\n\ta\n", "line 2 names no file"),
+        ("file\tvertices\n0.off\tmany\n", "line 2: vertices are 'many'; write a whole number"),
+        ("file\tclas\n0.off\ta\n", "unknown column of .*MANIFEST.tsv 'clas'; did you mean class"),
+        ("class\n", "names no column 'file'"),
+        ("", "names no column 'file'"),
+    ],
+)
+def test_a_wrong_manifest_is_named(tmp_path, text, message):
+    folder = numbered(tmp_path / "set")
+    write_off(folder / "0.obj", rod(0.1, 1.0))
+    write_off(tmp_path / "secret.off", rod(0.1, 1.0))
+    (folder / "link.off").symlink_to(tmp_path / "secret.off")
+    (folder / "linked").symlink_to(tmp_path)
+    (folder / "MANIFEST.tsv").write_text(text)
+    with pytest.raises(BenchmarkError, match=message):
+        folder_dataset(folder)
+
+
+def test_a_manifest_and_a_cla_file_must_agree(tmp_path):
+    numbered(tmp_path)
+    (tmp_path / "test.cla").write_text(CLA)
+    subjects = ("man", "man", "woman", "woman")
+    (tmp_path / "MANIFEST.tsv").write_text(
+        "file\tclass\n" + "".join(f"{number}.off\t{subject}\n" for number, subject in enumerate(subjects))
+    )
+    assert [e.subject for e in folder_dataset(tmp_path).entries] == list(subjects)
+    (tmp_path / "MANIFEST.tsv").write_text(
+        (tmp_path / "MANIFEST.tsv").read_text().replace("1.off\tman", "1.off\twoman")
+    )
+    with pytest.raises(DatasetError, match="test.cla puts '1' into class 'man', MANIFEST.tsv into 'woman'; correct"):
+        folder_dataset(tmp_path)
+
+
+# Settings
+
+
+def settled(tmp_path, text):
+    write_rods(tmp_path / "rods")
+    (tmp_path / "rods" / "dataset.toml").write_text(text, encoding="utf-8")
+    return folder_dataset(tmp_path / "rods")
+
+
+def cameras(dataset):
+    return {e.subject: dataset.camera(e) for e in dataset.entries}
+
+
+def test_without_settings_the_first_pose_is_canonical_and_the_camera_looks_at_the_front(tmp_path):
+    dataset = settled(tmp_path, "")
+    assert canonical_entry(dataset, "thick").identifier == "thick0"
+    assert cameras(dataset) == {"thick": FRONT, "thin": FRONT}
+    assert (dataset.half_width, dataset.stand_in_for) == (None, "")
+    with pytest.raises(ConfigurationError, match="unknown subject of data set 'rods' 'thik'; did you mean thick"):
+        canonical_entry(dataset, "thik")
+
+
+def test_the_first_pose_of_a_generated_set_is_canonical():
+    from tests.datasets.test_export import Beasts
+
+    assert canonical_entry(Beasts(), "cat") == Entry("cat_stand", "cat", "stand")
+
+
+def test_settings_of_the_whole_set(tmp_path):
+    text = 'canonical_pose = 1\ncamera = "back"\nhalf_width = 2\nstand_in_for = "tosca"\n'
+    dataset = settled(tmp_path, text)
+    assert [canonical_entry(dataset, subject).identifier for subject in ("thick", "thin")] == ["thick1", "thin1"]
+    assert cameras(dataset) == dict.fromkeys(("thick", "thin"), Camera((0, -1, 0)))
+    assert (dataset.half_width, dataset.stand_in_for) == (2.0, "tosca")
+
+
+def test_settings_of_a_class(tmp_path):
+    text = '[canonical_pose]\nthin = "2"\n[camera]\nthin = { direction = [-2, 0, 0] }\n'
+    dataset = settled(tmp_path, text)
+    assert [canonical_entry(dataset, subject).identifier for subject in ("thick", "thin")] == ["thick0", "thin2"]
+    assert cameras(dataset) == {"thick": FRONT, "thin": Camera((-1, 0, 0))}
+
+
+@pytest.mark.parametrize(
+    ("text", "camera"),
+    [
+        ('camera = "side"', SIDE),
+        ('camera = "other-side"', Camera((-1, 0, 0))),
+        ("camera = { direction = [0, 0, -3], up = [0, 1, 0.5] }", Camera((0, 0, -1), (0, 1, 0))),
+        ('up = "y"', Camera((0, 0, -1), (0, 1, 0))),
+        ('up = "y"\ncamera = "front"', Camera((0, 0, -1), (0, 1, 0))),
+        ('up = "y"\ncamera = "back"', Camera((0, 0, 1), (0, 1, 0))),
+        ('up = "y"\ncamera = "side"', Camera((1, 0, 0), (0, 1, 0))),
+        ('up = "y"\ncamera = { direction = [1, 0, 0] }', Camera((1, 0, 0), (0, 1, 0))),
+        ('up = "z"', FRONT),
+    ],
+)
+def test_cameras(tmp_path, text, camera):
+    assert cameras(settled(tmp_path, text)) == {"thick": camera, "thin": camera}
+
+
+def test_y_up_shows_what_z_up_shows_of_the_turned_shape(tmp_path):
+    from benchmark.geometry.depth import camera_coordinates
+
+    mesh = rod(0.1, 1.0)
+    x, y, z = mesh.vertices.T
+    turned = mesh.with_vertices(list(zip(x, z, -y, strict=True)))
+    for view in ("front", "side", "back", "other-side"):
+        upright = cameras(settled(tmp_path, f'camera = "{view}"'))["thin"]
+        lying = cameras(settled(tmp_path, f'camera = "{view}"\nup = "y"'))["thin"]
+        assert camera_coordinates(turned, lying) == pytest.approx(camera_coordinates(mesh, upright), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('camra = "front"', "unknown key of .*dataset.toml 'camra'; did you mean camera"),
+        ('camera = "fornt"', "unknown camera in .*dataset.toml 'fornt'; did you mean front"),
+        ('[camera]\nthik = "front"', "unknown class under camera in .*toml 'thik'; did you mean thick"),
+        ("camera = 3", "3 is no camera; write the name of a view, or { direction"),
+        ("camera = { up = [0, 0, 1] }", "unknown class under camera in .*toml 'up'"),
+        ("camera = { direction = [0, 1, 0], upp = [0, 0, 1] }", "unknown key of a camera in .* 'upp'; did you mean up"),
+        ("camera = { direction = [0, 1] }", "dataset.toml: .*write the name of a view"),
+        ('camera = { direction = "x" }', "'x' is no vector"),
+        ("camera = { direction = [0, 0, 1] }", "no camera looks along .*pass two finite vectors"),
+        ("[camera]\nthin = {}", "{} is no camera"),
+        ('canonical_pose = "7"', "unknown pose of class 'thick' in .*toml '7'; choose one of 0, 1, 2"),
+        ('[canonical_pose]\nthn = "0"', "unknown class under canonical_pose in .*toml 'thn'; did you mean thin"),
+        ("canonical_pose = 1.5", "the canonical pose of 'thick' is 1.5; write a pose in quotes"),
+        ("half_width = 0", "half_width is 0; write a positive number"),
+        ("half_width = inf", "half_width is inf; write a positive number"),
+        ("half_width = nan", "half_width is nan; write a positive number"),
+        ("half_width = true", "half_width is True; write a positive number"),
+        ('half_width = "wide"', "half_width is 'wide'; write a positive number"),
+        ('up = "x"', 'up is \'x\'; write up = "z" or up = "y"'),
+        ("stand_in_for = 3", "stand_in_for is 3; write the name of the official set"),
+        ("camera = ", "cannot read .*dataset.toml: .*correct the file or remove it"),
+    ],
+)
+def test_wrong_settings_are_named(tmp_path, text, message):
+    with pytest.raises(BenchmarkError, match=message) as caught:
+        settled(tmp_path, text)
+    assert re.search(r"dataset\.toml", str(caught.value))

@@ -270,6 +270,11 @@ def test_a_recipe_names_body_and_pose_without_making_them() -> None:
     assert recipe(man, replace(pose, head=Column(turn=1))) not in recipes
 
 
+def test_a_recipe_follows_the_code_of_the_generator() -> None:
+    assert humans.code_digest("humans") in recipe(SUBJECTS["man-1"], POSES["walking"])
+    assert humans.code_digest("humans") != humans.code_digest("scanning")
+
+
 def test_importing_and_listing_loads_nothing_heavy() -> None:
     program = (
         "import sys; from benchmark.datasets.humans import Humans; data = Humans(); data.recipe(data.entries[0])\n"

@@ -67,7 +67,8 @@ def test_obj(tmp_path, content):
 def ply_header(encoding, face="property list uchar int vertex_indices\n", faces=2):
     return (
         f"ply\nformat {encoding} 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\n"
-        f"property float z\nproperty uchar red\nelement face {faces}\n{face}element edge 1\nproperty int a\nend_header\n"
+        f"property float z\nproperty uchar red\nelement face {faces}\n{face}"
+        "element edge 1\nproperty int a\nend_header\n"
     ).encode()
 
 

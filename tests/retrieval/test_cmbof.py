@@ -57,10 +57,9 @@ def test_a_form_equals_itself_and_differs_from_others(figures: list[Mesh]) -> No
 
 
 def test_cube_rotations_hardly_matter_even_without_pose_normalisation(figures: list[Mesh]) -> None:
-    meshes = [turned(figures[0], rotation) for rotation in CUBE_ROTATIONS] + figures[1:]
+    meshes = [turned(figures[0], rotation) for rotation in CUBE_ROTATIONS[::3]] + figures[1:]
     matrix = distances(FIXED, meshes)
-    others = matrix[0, 24:]
-    assert matrix[0, 1:24].max() < 0.4 * others.min()
+    assert matrix[:8, :8].max() < 0.4 * matrix[:8, 8:].min()
 
 
 def test_any_rotation_translation_and_scale_hardly_matter_with_pose_normalisation(figures: list[Mesh]) -> None:

@@ -44,7 +44,7 @@ def peer_views(mesh: Mesh, size: int, views: list[int]) -> int:
 
     cv2.setNumThreads(1)
     caster = RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
-    sift = cv2.SIFT_create()
+    sift = cv2.SIFT.create()
     offsets = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, -offsets))
     keypoints = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,9 @@ SUBDIVISIONS = 6
 
 VOXELS_PER_EDGE = 1.6
 """Fineness of the polygonisation against the edges of the final mesh."""
+
+BLOCK = 4
+"""Voxels along the side of a block; only blocks near the surface are evaluated voxel by voxel."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +68,9 @@ class Field:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners of a box that holds the body, each shape (3,)."""
-        radius = np.maximum(self.pieces[:, 6] * np.maximum(self.pieces[:, 7], 1.0), 0.0)
-        radius = np.maximum(radius, self.pieces[:, 8] * np.maximum(self.pieces[:, 9], 1.0))[:, None]
-        ends = self.pieces[:, :6].reshape(-1, 2, 3)
+        boxes = np.array([_box(piece[None]) for piece in self.pieces])
         margin = 0.25 * self.blends.max()
-        return (ends.min(axis=1) - radius).min(axis=0) - margin, (ends.max(axis=1) + radius).max(axis=0) + margin
+        return boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
 
     def evaluate(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Evaluate the body at points of shape (n, 3).
@@ -78,24 +80,24 @@ class Field:
         numpy.ndarray, numpy.ndarray
             Signed distances to first order, negative inside, and the piece that is nearest, both shape (n,).
         """
-        boxes = np.array(
-            [
-                [np.r_[s[:, :3], s[:, 3:6]].min(axis=0) - r, np.r_[s[:, :3], s[:, 3:6]].max(axis=0) + r]
-                for s, r in ((s, _largest_radius(s)) for s in np.split(self.pieces, self.first[1:-1]))
-            ]
-        )
-        return _evaluate(np.ascontiguousarray(points), self.pieces, self.first, self.flats, self.blends, self.hollow, boxes)
+        tubes = np.split(self.pieces, self.first[1:-1])
+        arguments = (self.pieces, self.first, self.flats, self.blends, self.hollow, np.array([_box(t) for t in tubes]))
+        values, nearest = _evaluate(np.array(points, order="C"), *arguments)
+        return values, nearest
 
 
-def _largest_radius(pieces: NDArray[np.float64]) -> float:
-    return float((pieces[:, [6, 8]] * np.maximum(pieces[:, [7, 9]], 1.0)).max())
+def _box(pieces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lower and upper corner of a box that holds pieces, shape (2, 3)."""
+    radius = (pieces[:, [6, 8]] * np.maximum(pieces[:, [7, 9]], 1.0)).max()
+    ends = pieces[:, :6].reshape(-1, 3)
+    return np.array([ends.min(axis=0) - radius, ends.max(axis=0) + radius])
 
 
 def _pieces(part: Tube, skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cut a tube into straight tapered pieces along a smooth curve through its sections."""
     rows = np.array([[*s.position, s.depth, s.breadth / s.depth] for s in part.sections])
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1))])
-    at = np.concatenate([np.linspace(a, b, SUBDIVISIONS, endpoint=False) for a, b in zip(chord, chord[1:], strict=False)])
+    at = np.concatenate([np.linspace(a, b, SUBDIVISIONS, endpoint=False) for a, b in pairwise(chord)])
     # Monotone cubics do not overshoot: no section grows thicker or thinner than its neighbours say.
     samples = PchipInterpolator(chord, rows)(np.append(at, chord[-1]))
     start, end = samples[:-1], samples[1:]
@@ -187,12 +189,15 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
     low, high = field.bounds()
     # A coarse pass measures the area, from which the length of an edge follows: 2 n triangles of area l^2 sqrt(3) / 4.
     coarse = _marching_cubes(field, low, high, float((high - low).max()) / 60.0)
-    edge = float(np.sqrt(coarse.area / (2 * n_vertices) * 4.0 / np.sqrt(3.0)))
+    # Rounded, so that the last bits of a sum cannot change the triangles.
+    edge = round(float(np.sqrt(coarse.area / (2 * n_vertices) * 4.0 / np.sqrt(3.0))), 3)
     mesh = _isotropic(_marching_cubes(field, low, high, edge / VOXELS_PER_EDGE), edge)
     euler = mesh.n_vertices - mesh.n_faces // 2
     pieces = int(igl.connected_components(igl.adjacency_matrix(mesh.faces.astype(np.int64)))[0])
     if pieces != 1 or euler != 2:
-        raise InvalidMesh(f"the body has {pieces} pieces and Euler number {euler}", "mend the proportions of the species")
+        raise InvalidMesh(
+            f"the body has {pieces} pieces and Euler number {euler}", "mend the proportions of the species"
+        )
     _, owner = field.evaluate(mesh.vertices)
     return mesh, field.bones[owner]
 
@@ -200,11 +205,19 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
 def _marching_cubes(field: Field, low: NDArray[np.float64], high: NDArray[np.float64], step: float) -> Mesh:
     import igl
 
-    counts = np.ceil((high - low) / step).astype(int) + 3
+    counts = (np.ceil((high - low) / step).astype(int) // BLOCK + 2) * BLOCK
     axes = [start + step * (np.arange(count) - 1.0) for start, count in zip(low, counts, strict=True)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     grid = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    values, _ = field.evaluate(grid)
+    # Only blocks that the surface may cross are worth a closer look; the others keep the value at their centre.
+    middle = np.s_[BLOCK // 2 :: BLOCK, BLOCK // 2 :: BLOCK, BLOCK // 2 :: BLOCK]
+    centres = np.column_stack([x[middle].ravel(), y[middle].ravel(), z[middle].ravel()])
+    values = field.evaluate(centres)[0].reshape(x[middle].shape)
+    for axis in range(3):
+        values = values.repeat(BLOCK, axis=axis)
+    values = values.ravel()
+    near = np.abs(values) < 2.0 * BLOCK * step
+    values[near], _ = field.evaluate(grid[near])
     vertices, faces, _ = igl.marching_cubes(values, grid, *(int(count) for count in counts), 0.0)
     mesh = Mesh(vertices, faces)
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))

@@ -1,15 +1,97 @@
-"""The data set: nine classes with the sizes of TOSCA, eighty shapes."""
+"""The data set: nine classes with the sizes of TOSCA's, eighty shapes."""
 
 from __future__ import annotations
 
-import hashlib
-import re
 from dataclasses import dataclass
+
+import numpy as np
 
 from benchmark.datasets.animals.generate import generated_mesh, generated_recipe
 from benchmark.datasets.animals.people import PEOPLE, person_mesh, person_recipe
 from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.base import Entry
-from benchmark.errors import DatasetError
+from benchmark.errors import did_you_mean
 from benchmark.geometry.depth import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
+
+CANONICAL_POSE = "standing"
+"""The first pose of every class."""
+
+FROM_THE_SIDE = frozenset({"cat", "centaur", "dog", "horse", "wolf"})
+"""Classes whose long axis is y; the gorilla and the people show their face."""
+
+_DECIMALS = 4
+"""Coordinates are rounded to micrometres, far above rounding errors."""
+
+_POSES: dict[str, tuple[str, ...]] = dict(
+    sorted({**{name: tuple(poses) for name, poses in POSES.items()}, **PEOPLE}.items())
+)
+
+CLASSES = {name: len(poses) for name, poses in _POSES.items()}
+"""Number of shapes in each class, as in TOSCA (Bronstein, Bronstein and Kimmel, 2008)."""
+
+ENTRIES = {
+    f"{name}{number}": Entry(f"{name}{number}", name, pose)
+    for name, poses in _POSES.items()
+    for number, pose in enumerate(poses)
+}
+"""All shapes by identifier: ``cat0`` to ``cat10``, ``centaur0`` ..., number 0 in the canonical pose."""
+
+
+def animals_mesh(identifier: str) -> Mesh:
+    """Return one shape of the set.
+
+    Parameters
+    ----------
+    identifier
+        Class and number, e.g. ``"cat0"``.
+
+    Returns
+    -------
+    Mesh
+        Closed, of one piece and genus 0, with the same triangles for all poses of a class. Centimetres, z up, facing
+        -y; the lowest point lies on z = 0 and the middle of the extent above the origin.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such shape.
+    DatasetError
+        If the packages that make human bodies are missing.
+    """
+    if identifier not in ENTRIES:
+        raise did_you_mean("shape of the data set 'animals'", identifier, ENTRIES)
+    entry = ENTRIES[identifier]
+    make = person_mesh if entry.subject in PEOPLE else generated_mesh
+    mesh = make(entry.subject, entry.pose)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    origin = np.append(0.5 * (low + high)[:2], low[2])
+    return mesh.with_vertices(np.round(mesh.vertices - origin, _DECIMALS))
+
+
+@dataclass(frozen=True)
+class Animals:
+    """The data set of animals and people, ordered by class, then by pose."""
+
+    name: str = "animals"
+    title: str = "animals (stand-in for TOSCA)"
+    stand_in_for: str = "tosca"
+    half_width: float = 190.0
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The 80 shapes."""
+        return tuple(ENTRIES.values())
+
+    def load(self, entry: Entry) -> Mesh:
+        """Make the mesh of one shape; see :func:`animals_mesh`."""
+        return animals_mesh(entry.identifier)
+
+    def recipe(self, entry: Entry) -> str:
+        """Digest of the generator, the body and the pose."""
+        make = person_recipe if entry.subject in PEOPLE else generated_recipe
+        return make(entry.subject, entry.pose)
+
+    def camera(self, entry: Entry) -> Camera:
+        """Look at the flank of four-legged animals and at the front of the others."""
+        return SIDE if entry.subject in FROM_THE_SIDE else FRONT

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import hashlib
+import importlib.metadata
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +23,11 @@ from benchmark.geometry.mesh import Mesh
 N_VERTICES = 9000
 """Vertices that a generated animal has, about."""
 
-RELAXATIONS = 30
+RELAXATIONS = 50
 """Local and global steps that spread the strain of the joints."""
+
+_MACHINERY = ("anatomy", "body", "generate", "relaxation", "skeleton", "skinning")
+"""Modules that make a mesh from the data of :mod:`.species` and :mod:`.poses`."""
 
 
 @dataclass(frozen=True)
@@ -32,27 +39,48 @@ class Animal:
     weights: NDArray[np.float64]
     relaxation: Relaxation
 
+    @classmethod
+    def of(cls, name: str) -> Animal:
+        """Build the animal of a species."""
+        species = SPECIES[name]
+        skeleton = Skeleton.of(species)
+        mesh, owners = surface(Field.of(species, skeleton), N_VERTICES)
+        weights = bone_weights(mesh, owners, skeleton)
+        return cls(skeleton, mesh, weights, Relaxation.of(mesh, weights))
+
     def posed(self, pose: Pose) -> Mesh:
-        """Return the skin in a pose, standing on z = 0 with the middle of its extent above the origin."""
+        """Return the skin in a pose."""
         vertices = np.array(self.mesh.vertices)
         if pose:
             blended = blend(vertices, self.weights, *self.skeleton.transforms(pose))
             vertices = self.relaxation(*blended, RELAXATIONS)
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        middle = 0.5 * (low + high)
-        return self.mesh.with_vertices(vertices - [middle[0], middle[1], low[2]])
+        return self.mesh.with_vertices(vertices)
 
 
-@lru_cache(maxsize=None)
+@cache
 def animal(name: str) -> Animal:
     """Return the animal of a species, built once per process."""
-    species = SPECIES[name]
-    skeleton = Skeleton.of(species)
-    mesh, owners = surface(Field.of(species, skeleton), N_VERTICES)
-    weights = bone_weights(mesh, owners, skeleton)
-    return Animal(skeleton, mesh, weights, Relaxation.of(mesh, weights))
+    return Animal.of(name)
 
 
-def generated_mesh(name: str, pose: int) -> Mesh:
-    """Return one of the animals in the pose of this number, in centimetres."""
-    return animal(name).posed(list(POSES[name].values())[pose])
+def generated_mesh(name: str, pose: str) -> Mesh:
+    """Return one of the animals in one of its poses, in centimetres."""
+    return animal(name).posed(POSES[name][pose])
+
+
+@cache
+def _machinery() -> str:
+    """Digest of the code and the libraries that make a mesh; comments and layout do not count."""
+    digest = hashlib.sha256()
+    for module in _MACHINERY:
+        source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+        digest.update(ast.unparse(ast.parse(source)).encode())
+    for library in ("libigl", "pymeshlab"):
+        digest.update(f"{library} {importlib.metadata.version(library)}".encode())
+    return digest.hexdigest()
+
+
+def generated_recipe(name: str, pose: str) -> str:
+    """Name what determines a mesh, without making it."""
+    parts = repr((_machinery(), SPECIES[name], sorted(POSES[name][pose].items())))
+    return f"animal {hashlib.sha256(parts.encode()).hexdigest()}"

@@ -1,21 +1,22 @@
 """Poses of the six animals, as data: where the bones of each part point.
 
 Angles are degrees in the sagittal plane of the world: 0 forward, 90 up, 180 (or -180) backward, -90 down. A pair adds
-the outward angle, positive to the animal's left on the midline and away from the body on a limb. ``_`` lets a bone
+the outward angle, positive to the animal's left on the midline and away from the body on a limb. ``FOLLOW`` lets a bone
 follow its parent, ``None`` for a whole part keeps its rest directions. A part that a pose does not name follows.
 
-Chains: trunk = pelvis, loin, back, chest; fore = scapula, upper arm, forearm, paw, toes (horse: cannon, pastern, hoof);
-hind = thigh, shank, foot, toes (horse: cannon, pastern, hoof); arm = clavicle, upper arm, forearm, hand.
+Chains: trunk = pelvis, loin, back, chest; fore = scapula, upper arm, forearm, paw, toes; hind = thigh, shank, foot,
+toes; the hoofed have cannon, pastern and hoof for paw and toes. Gorilla: trunk = pelvis, belly, ribs. Centaur: torso =
+belly, waist, ribs. Both: arm = clavicle, upper arm, forearm, hand (fingers); leg = thigh, shank, foot, toes.
 """
 
 from __future__ import annotations
 
 from benchmark.datasets.animals.skeleton import Pose
 
-_ = None
+FOLLOW = None
 
 _SITTING: Pose = {
-    "trunk": (58, 50, 40, 32),
+    "trunk": (52, 44, 33, 25),
     "neck": (65,),
     "head": (-12,),
     "fore": (-62, -118, -88, -80, -8),
@@ -24,7 +25,7 @@ _SITTING: Pose = {
 }
 
 _LYING: Pose = {
-    "trunk": (2, 0, 4, 10),
+    "trunk": (0, -4, 0, 8),
     "neck": (55,),
     "head": (-12,),
     "fore": (-40, -165, -6, -2, -2),
@@ -45,8 +46,8 @@ _LEAPING: Pose = {
     "trunk": (34, 32, 28, 26),
     "neck": (40,),
     "head": (5,),
-    "fore.left": (_, -88, -18, -5, -15),
-    "fore.right": (_, -80, -5, -20, -45),
+    "fore.left": (FOLLOW, -88, -18, -5, -15),
+    "fore.right": (FOLLOW, -80, -5, -20, -45),
     "hind.left": (-98, -148, -112, -105),
     "hind.right": (-88, -152, -122, -120),
     "tail": (188, 180, 170, 160),
@@ -93,11 +94,11 @@ _BOWING: Pose = {
 
 CAT: dict[str, Pose] = {
     "standing": {},
-    "walking, tail up": {**_WALKING, "neck": (48,), "tail": (115, 95, 85, 110)},
+    "walking-tail-up": {**_WALKING, "neck": (48,), "tail": (115, 95, 85, 110)},
     "sitting": _SITTING,
-    "licking a paw": {
+    "licking-a-paw": {
         **_SITTING,
-        "trunk": (62, 50, 30, 10),
+        "trunk": (58, 48, 28, 8),
         "neck": ((5, 8),),
         "head": ((-62, 10),),
         "fore.left": ((-50, 5), (-95, 12), (38, -8), (60, -30), (20, -40)),
@@ -106,12 +107,12 @@ CAT: dict[str, Pose] = {
     "begging": {**_BEGGING, "fore.left": (0, -40, 48, 40, 0), "fore.right": (-10, -60, 25, 10, -40)},
     "pouncing": _LEAPING,
     "running": {**_GALLOP_STRETCHED, "tail": (165, 160, 175, 195)},
-    "arched back": {
-        "trunk": (66, 40, -40, -66),
+    "arched-back": {
+        "trunk": (54, 30, -28, -56),
         "neck": (-10,),
         "head": (-35,),
-        "fore": (-75, -122, -100, -95, -12),
-        "hind": (-46, -118, -68, -8),
+        "fore": (-72, -118, -92, -86, -10),
+        "hind": (-54, -128, -78, -8),
         "tail": (110, 92, 80, 95),
     },
     "stretching": _BOWING,
@@ -139,10 +140,10 @@ DOG: dict[str, Pose] = {
         "tail": (184, 186, (182, 20), (180, 40)),
     },
     "leaping": _LEAPING,
-    "galloping, gathered": _GALLOP_GATHERED,
-    "galloping, stretched": _GALLOP_STRETCHED,
-    "lying": {**_LYING, "tail": (200, 190, 184, 180)},
-    "bowing to play": _BOWING,
+    "galloping-gathered": _GALLOP_GATHERED,
+    "galloping-stretched": _GALLOP_STRETCHED,
+    "lying": {**_LYING, "trunk": (-4, -7, -3, 6), "tail": (200, 190, 184, 180)},
+    "bowing-to-play": {**_BOWING, "trunk": (-34, -42, -40, -26)},
     "sniffing": {
         **_WALKING,
         "trunk": (-3, -5, -6, -10),
@@ -156,12 +157,12 @@ WOLF: dict[str, Pose] = {
     "standing": {},
     "howling": {
         **_SITTING,
-        "trunk": (64, 58, 48, 40),
+        "trunk": (54, 47, 38, 32),
         "neck": (80,),
         "head": (66,),
         "tail": (186, 188, 182, 180),
     },
-    "trotting, head turned": {
+    "trotting-head-turned": {
         "trunk": (-2, 0, 2, (2, 5)),
         "neck": ((28, 28),),
         "head": ((-14, 52),),
@@ -176,11 +177,11 @@ WOLF: dict[str, Pose] = {
 HORSE: dict[str, Pose] = {
     "standing": {},
     "grazing": {
-        "trunk": (4, -4, -12, -24),
-        "neck": (-24, -54, -70),
-        "head": (-84,),
-        "fore.left": (_, -128, -66, -76, -58, -60),
-        "fore.right": (_, -142, -92, -98, -75, -65),
+        "trunk": (6, 2, -8, -22),
+        "neck": ((-24, -4), (-54, -8), (-70, -8)),
+        "head": ((-84, -6),),
+        "fore.left": (FOLLOW, -122, -52, -62, -50, -55),
+        "fore.right": (FOLLOW, -150, -112, -116, -85, -75),
         "hind": None,
     },
     "walking": {
@@ -193,7 +194,7 @@ HORSE: dict[str, Pose] = {
         "tail": (240, 262, 268, 270),
     },
     "prancing": {
-        "trunk": (6, 4, 2, 4),
+        "trunk": (1, -2, -3, 0),
         "neck": (56, 66, 50),
         "head": (-82,),
         "fore.left": (-40, -95, -14, -62, -75, -80),
@@ -206,8 +207,8 @@ HORSE: dict[str, Pose] = {
         "trunk": (48, 52, 56, 58),
         "neck": (64, 74, 74),
         "head": (-10,),
-        "fore.left": (_, -78, -8, -95, -120, -120),
-        "fore.right": (_, -88, -34, -120, -140, -140),
+        "fore.left": (FOLLOW, -78, -8, -95, -120, -120),
+        "fore.right": (FOLLOW, -88, -34, -120, -140, -140),
         "hind.left": (-40, -128, -68, -58, -60),
         "hind.right": (-55, -138, -80, -60, -60),
         "tail": (225, 250, 265, 270),
@@ -231,12 +232,12 @@ HORSE: dict[str, Pose] = {
         "hind.right": (-118, -165, -178, -170, -165),
         "tail": (120, 140, 190, 230),
     },
-    "jumping, head turned": {
+    "jumping-head-turned": {
         "trunk": (26, 24, 20, (18, 4)),
         "neck": ((36, 10), (40, 24), (38, 36)),
         "head": ((-30, 44),),
-        "fore.left": (_, -85, -2, -100, -140, -140),
-        "fore.right": (_, -92, -12, -115, -150, -150),
+        "fore.left": (FOLLOW, -85, -2, -100, -140, -140),
+        "fore.right": (FOLLOW, -92, -12, -115, -150, -150),
         "hind.left": (-88, -145, -110, -108, -112),
         "hind.right": (-84, -140, -104, -102, -106),
         "tail": (170, 195, 225, 240),
@@ -245,23 +246,23 @@ HORSE: dict[str, Pose] = {
 
 CENTAUR: dict[str, Pose] = {
     "standing": {},
-    "rearing, arms raised": {
+    "rearing-arms-raised": {
         "trunk": (42, 46, 50, 52),
         "torso": (92, 95),
         "neck": (90,),
         "head": (90,),
-        "fore.left": (_, -78, -4, -95, -120, -120),
-        "fore.right": (_, -88, -34, -120, -140, -140),
+        "fore.left": (FOLLOW, -78, -4, -95, -120, -120),
+        "fore.right": (FOLLOW, -88, -34, -120, -140, -140),
         "hind.left": (-42, -128, -68, -58, -60),
         "hind.right": (-58, -138, -80, -60, -60),
-        "arm": (_, (70, 35), (75, 15), (75, 15)),
+        "arm": (FOLLOW, (70, 35), (75, 15), (75, 15)),
         "tail": (225, 250, 265, 270),
     },
-    "drawing a bow": {
+    "drawing-a-bow": {
         "trunk": (2, 0, 2, 2),
         "torso": (94, 96),
-        "arm.left": (_, (5, 20), (5, 10), (5, 10)),
-        "arm.right": (_, (180, 70), (5, -35), (5, -30)),
+        "arm.left": (FOLLOW, (5, 20), (5, 10), (5, 10)),
+        "arm.right": (FOLLOW, (180, 70), (5, -35), (5, -30)),
         "head": ((85, 8),),
         "fore.left": (-40, -110, -60, -64, -45, -50),
         "fore.right": None,
@@ -276,8 +277,8 @@ CENTAUR: dict[str, Pose] = {
         "fore.right": (-42, -102, -50, -80, -110, -120),
         "hind.left": (-88, -152, -120, -130, -135),
         "hind.right": (-78, -146, -105, -108, -115),
-        "arm.left": (_, (-60, 15), (15, 0), (20, -5)),
-        "arm.right": (_, (-125, 20), (-45, 5), (-40, 0)),
+        "arm.left": (FOLLOW, (-60, 15), (15, 0), (20, -5)),
+        "arm.right": (FOLLOW, (-125, 20), (-45, 5), (-40, 0)),
         "tail": (160, 175, 190, 200),
     },
     "bowing": {
@@ -288,7 +289,7 @@ CENTAUR: dict[str, Pose] = {
         "fore.left": (-40, -110, -25, -28, -35, -45),
         "fore.right": (-62, -150, -70, -140, -150, -160),
         "hind": None,
-        "arm": (_, (-60, 25), (-35, 0), (-30, -10)),
+        "arm": (FOLLOW, (-60, 25), (-35, 0), (-30, -10)),
         "tail": (235, 255, 265, 268),
     },
     "bucking": {
@@ -299,19 +300,19 @@ CENTAUR: dict[str, Pose] = {
         "fore": (-70, -120, -84, -92, -66, -63),
         "hind.left": (-132, -176, 174, 168, 165),
         "hind.right": (-122, -168, -178, -175, -170),
-        "arm": (_, (-70, 60), (30, 50), (40, 40)),
+        "arm": (FOLLOW, (-70, 60), (30, 50), (40, 40)),
         "tail": (110, 130, 180, 220),
     },
 }
 
 GORILLA: dict[str, Pose] = {
     "standing": {},
-    "knuckle walking": {
+    "knuckle-walking": {
         "trunk": (32, 28, 26),
         "neck": (40,),
         "head": (70,),
-        "arm.left": (_, (-74, 10), (-80, 2), (-95, 2), (-160, 0)),
-        "arm.right": (_, (-92, 10), (-98, 2), (-110, 2), (-170, 0)),
+        "arm.left": (FOLLOW, (-74, 10), (-80, 2), (-95, 2), (-160, 0)),
+        "arm.right": (FOLLOW, (-92, 10), (-98, 2), (-110, 2), (-170, 0)),
         "leg.left": ((-45, 12), -112, -25, -5),
         "leg.right": ((-85, 10), -128, -30, -5),
     },
@@ -320,15 +321,15 @@ GORILLA: dict[str, Pose] = {
         "neck": (65,),
         "head": (80,),
         "leg": ((12, 28), (-38, 10), (25, 14), (40, 14)),
-        "arm": (_, (-58, 22), (-15, -5), (-35, -12), (-60, -12)),
+        "arm": (FOLLOW, (-58, 22), (-15, -5), (-35, -12), (-60, -12)),
     },
-    "beating the chest": {
+    "beating-the-chest": {
         "trunk": (84, 88, 94),
         "neck": (80,),
         "head": (95,),
         "leg": ((-70, 22), (-104, 10), (-22, 18), (-5, 18)),
-        "arm.left": (_, (-40, 50), (25, -25), (30, -45), (60, -60)),
-        "arm.right": (_, (-10, 62), (60, -20), (60, -40), (80, -55)),
+        "arm.left": (FOLLOW, (-40, 50), (25, -25), (30, -45), (60, -60)),
+        "arm.right": (FOLLOW, (-10, 62), (60, -20), (60, -40), (80, -55)),
     },
 }
 

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 from benchmark.geometry.mesh import Mesh
 
-SPRING = 0.0015
+SPRING = 0.0008
 """Stiffness of the springs that hold the skin to where the bones want it, against the stiffness of an edge."""
 
 TURNS = 4

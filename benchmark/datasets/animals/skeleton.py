@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,14 +49,14 @@ class Skeleton:
         index: dict[str, int] = {"": -1}
         chains: dict[str, tuple[int, ...]] = {}
         for part in species.parts():
-            joints = [s for s in part.sections if s.bone]
-            ends = [*joints[1:], part.sections[-1]]
+            joints = [section for section in part.sections if section.bone]
+            if not joints:
+                continue
             parent = index[part.parent]
-            for joint, end in zip(joints, ends, strict=bool(joints)):
+            for joint, end in pairwise([*joints, part.sections[-1]]):
                 bones.append(Bone(joint.bone, parent, joint.position, end.position))
                 parent = index[joint.bone] = len(bones) - 1
-            if joints:
-                chains[part.part] = tuple(index[joint.bone] for joint in joints)
+            chains[part.part] = tuple(index[joint.bone] for joint in joints)
         return cls(tuple(bones), chains)
 
     def index(self, name: str) -> int:
@@ -124,7 +125,7 @@ def direction(aim: float | tuple[float, float], outward: float = 1.0) -> NDArray
 def smallest_rotation(start: NDArray[np.float64], end: NDArray[np.float64]) -> Rotation:
     """Return the rotation by the smallest angle that takes one unit vector to another, both shape (3,).
 
-    Opposite vectors turn about the x axis, in the sagittal plane.
+    Opposite vectors turn about the x axis, so they have to lie in the sagittal plane.
     """
     axis = np.cross(start, end)
     sine = float(np.linalg.norm(axis))

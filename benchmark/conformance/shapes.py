@@ -1,4 +1,4 @@
-"""Small shapes that show whether a method keeps its contract: a limbed figure in two poses, and what is hard to treat."""
+"""Small shapes to try methods on: a figure with limbs in a few poses, and surfaces that are hard to treat."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from benchmark.geometry.cleaning import compact
 from benchmark.geometry.depth import Camera, back_project, fit_half_width, render_depth
 from benchmark.geometry.preparation import prepare
 
+#: Angles in radians by which the limbs of the figure bend in its poses.
+BENDS = (0.7, 0.2, 1.1)
+
 #: Vertices of the figure: enough for a hundred eigenfunctions, few enough for all pairs in a blink.
 N_VERTICES = 500
 
@@ -21,7 +24,7 @@ _CAMERA = Camera((0.35, 1.0, -0.2))
 
 
 @cache
-def figure(bend: float = 0.7) -> Mesh:
+def figure(bend: float = BENDS[0]) -> Mesh:
     """Closed surface of a body with a head, an arm, a leg and a tail, of unit area.
 
     No two limbs share length, thickness or direction, so the surface has no symmetry that would leave an axis or the
@@ -45,7 +48,7 @@ def figure(bend: float = 0.7) -> Mesh:
 
 
 @cache
-def view(bend: float = 0.7) -> Shape:
+def view(bend: float = BENDS[0]) -> Shape:
     """The figure as one depth camera sees it: open, in pieces that are bridged, with its depth image."""
     mesh = figure(bend)
     half_width = fit_half_width([mesh], _CAMERA)
@@ -65,10 +68,10 @@ def awkward() -> dict[str, Mesh]:
     """Valid meshes that a method may refuse as unsupported, but must not stumble over, by name."""
     corners = np.array([[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [0.3, 0.9, 0.1], [0.2, 0.4, 1.3]])
     sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    small = figure(0.2)
+    other = figure(BENDS[1])
     pair = Mesh(
-        np.concatenate([figure().vertices, small.vertices + [3.0, 0.0, 0.0]]),
-        np.concatenate([figure().faces, small.faces + figure().n_vertices]),
+        np.concatenate([figure().vertices, other.vertices + np.array([3.0, 0.0, 0.0])]),
+        np.concatenate([figure().faces, other.faces + figure().n_vertices]),
     )
     return {
         "a triangle": Mesh(corners[:3], sides[:1]),

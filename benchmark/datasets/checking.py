@@ -1,0 +1,300 @@
+"""Is a data set what it should be? Every anomaly becomes one line that names the file and the mend."""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from benchmark.datasets.base import Dataset, Entry, check_retrievable
+from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.folder import all_mesh_files, sub_folders
+from benchmark.datasets.inspection import Inspection, flaws, inspect
+from benchmark.datasets.manifest import MANIFEST_FILE, Listed, read_manifest, sha256
+from benchmark.datasets.settings import SETTINGS_FILE, FolderDataset
+from benchmark.datasets.shrec14 import SIZES
+from benchmark.datasets.tosca import CLASS_SIZES
+from benchmark.errors import BenchmarkError, DatasetError, ShapeError
+from benchmark.geometry.depth import FILL
+
+Severity = Literal["error", "warning"]
+
+#: Shapes of each class of the official sets, by the name of the set.
+OFFICIAL_SIZES: dict[str, dict[str, int]] = {
+    "tosca": CLASS_SIZES,
+    **{
+        f"shrec14-{part}": {str(subject): poses for subject in range(count // poses)}
+        for part, (poses, count) in SIZES.items()
+    },
+}
+
+
+@dataclass(frozen=True)
+class Anomaly:
+    """Something that is not as it should be.
+
+    Parameters
+    ----------
+    severity
+        ``"error"`` if the data set cannot be used as it is, ``"warning"`` if it can.
+    file
+        The file, relative to the folder, or the identifier of a generated shape.
+    what
+        What is wrong.
+    mend
+        What to do about it.
+    """
+
+    severity: Severity
+    file: str
+    what: str
+    mend: str
+
+    def __str__(self) -> str:
+        return f"{self.severity:<7}  {self.file}  {self.what}; {self.mend}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a check found.
+
+    Parameters
+    ----------
+    name, stand_in_for
+        As in :class:`~benchmark.datasets.base.Dataset`.
+    n_shapes
+        Number of shapes.
+    class_sizes
+        Number of shapes of each class; empty for a folder that could not be opened.
+    inspections
+        Facts about each mesh that could be read, by identifier.
+    anomalies
+        Everything that is not as it should be, errors and warnings, those of the set before those of its shapes.
+    """
+
+    name: str
+    stand_in_for: str
+    n_shapes: int
+    class_sizes: dict[str, int]
+    inspections: dict[str, Inspection] = field(repr=False)
+    anomalies: tuple[Anomaly, ...]
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is no error."""
+        return not any(anomaly.severity == "error" for anomaly in self.anomalies)
+
+    def lines(self) -> list[str]:
+        """The report as text: a summary, then one line for each anomaly, then their number."""
+        kind = f"stand-in for {self.stand_in_for}" if self.stand_in_for else "not a stand-in"
+        found = [inspection.cleaning for inspection in self.inspections.values()]
+        errors = sum(anomaly.severity == "error" for anomaly in self.anomalies)
+        return [
+            f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}",
+            f"classes     {', '.join(f'{subject} {size}' for subject, size in self.class_sizes.items()) or 'unknown'}",
+            f"vertices    {_spread([report.vertices_before for report in found])}",
+            f"faces       {_spread([report.faces_before for report in found])}",
+            f"components  {_spread([report.components for report in found])}",
+            f"holes       {_spread([inspection.holes for inspection in self.inspections.values()])}",
+            *map(str, self.anomalies),
+            f"{errors} errors, {len(self.anomalies) - errors} warnings",
+        ]
+
+
+def check_source(name: str, data_root: Path | None) -> Report:
+    """Check a data set by name, or a folder; one that cannot be opened is a finding, and its meshes are still read.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name is neither a data set nor a folder.
+    DatasetError
+        If the set is absent.
+    """
+    try:
+        return check(open_dataset(name, data_root))
+    except BenchmarkError as error:
+        folder = _folder_of(name, data_root)
+        if folder is None or not folder.is_dir():
+            raise
+        return _check_unopened(name if name in CATALOGUE else folder.resolve().name, folder, error)
+
+
+def check(dataset: Dataset) -> Report:
+    """Check a data set: its files, its classes, and every mesh.
+
+    Parameters
+    ----------
+    dataset
+        Opened; what keeps a folder from being opened is found by :func:`check_source`.
+    """
+    anomalies = list(_of_classes(dataset))
+    folder = dataset.folder if isinstance(dataset, FolderDataset) else None
+    if folder is not None:
+        anomalies += _of_files(folder, dataset.entries)
+    inspections, of_shapes = _inspect_all(dataset, folder)
+    if folder is not None:
+        anomalies += _of_manifest(folder, dataset.entries, inspections)
+    sizes = dict(Counter(entry.subject for entry in dataset.entries))
+    found = (*anomalies, *of_shapes)
+    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, found)
+
+
+def _folder_of(name: str, data_root: Path | None) -> Path | None:
+    if name not in CATALOGUE:
+        return Path(name)
+    part = CATALOGUE[name].folder
+    return data_root / part if data_root is not None and part else None
+
+
+def _check_unopened(name: str, folder: Path, error: BenchmarkError) -> Report:
+    """Report why a folder is no data set, and look at the meshes that lie there all the same."""
+    anomalies = [Anomaly("error", folder.name, error.problem, error.mend)]
+    paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
+    entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
+    anomalies += _of_files(folder, entries)
+    inspections, of_shapes = _inspect_all(FolderDataset(name, name, entries, folder=folder), folder)
+    return Report(name, "", len(entries), {}, inspections, (*anomalies, *of_shapes))
+
+
+def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
+    try:
+        check_retrievable(dataset)
+    except DatasetError as error:
+        yield Anomaly("error", dataset.name, error.problem, error.mend)
+    sizes = Counter(entry.subject for entry in dataset.entries)
+    official = OFFICIAL_SIZES.get(dataset.name, {}) if isinstance(dataset, FolderDataset) else {}
+    for subject in dict.fromkeys([*official, *sizes]) if official else ():
+        if sizes[subject] != official.get(subject, 0):
+            yield Anomaly(
+                "error",
+                dataset.name,
+                f"class '{subject}' has {sizes[subject]} shapes, officially {official.get(subject, 0)}",
+                "unpack the official archive, or use the folder by its path",
+            )
+
+
+def _of_files(folder: Path, entries: Sequence[Entry]) -> Iterator[Anomaly]:
+    used = {entry.path for entry in entries}
+    places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
+    for place in places:
+        files = all_mesh_files(place)
+        by_stem: dict[str, list[Path]] = {}
+        for path in files:
+            by_stem.setdefault(path.stem, []).append(path)
+        for path, *others in by_stem.values():
+            for other in others:
+                what = f"the same name as {path.name} in another format"
+                yield Anomaly("warning", _relative(other, folder), what, "keep one of the two; this one is not read")
+        extensions = Counter(files_of_stem[0].suffix.lower() for files_of_stem in by_stem.values())
+        if len(extensions) > 1:
+            what = "mixes " + ", ".join(f"{count} {suffix}" for suffix, count in extensions.most_common())
+            yield Anomaly("warning", _relative(place, folder), what, "check that no mesh is left from another copy")
+        for path in (files_of_stem[0] for files_of_stem in by_stem.values()):
+            if path not in used:
+                what = "is none of the shapes of this data set"
+                yield Anomaly("warning", _relative(path, folder), what, "remove it, or list it if it belongs here")
+        yield from _of_numbers(place, by_stem, folder)
+
+
+def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Anomaly]:
+    """Gaps in files that are named by a number alone, as those of SHREC are."""
+    names = list(stems)
+    if not names or not all(re.fullmatch("[0-9]+", name) for name in names):
+        return
+    numbers = {int(name) for name in names}
+    where = _relative(place, folder)
+    if min(numbers) == 1:
+        what = f"numbered from 1 to {max(numbers)}"
+        yield Anomaly("warning", where, what, "subtract 1 from each if the classes count from 0, as those of SHREC do")
+    missing = sorted(set(range(min(numbers), max(numbers))) - numbers)
+    if missing:
+        listed = ", ".join(map(str, missing[:10])) + (" ..." if len(missing) > 10 else "")
+        what = f"numbers {min(numbers)} to {max(numbers)} lack {listed}"
+        yield Anomaly("warning", where, what, "fetch the missing meshes or renumber the others")
+
+
+def _inspect_all(dataset: Dataset, folder: Path | None) -> tuple[dict[str, Inspection], list[Anomaly]]:
+    inspections: dict[str, Inspection] = {}
+    anomalies: list[Anomaly] = []
+    first_with: dict[str, str] = {}
+    widest, widest_file = 0.0, ""
+    for entry in dataset.entries:
+        file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
+        try:
+            found = inspect(dataset.load(entry), dataset.camera(entry))
+        except ShapeError as error:
+            anomalies.append(Anomaly("error", file, _without_path(error.problem, entry.path), error.mend))
+            continue
+        inspections[entry.identifier] = found
+        if not found.faces_left:
+            anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
+        anomalies += [Anomaly("warning", file, what, mend) for what, mend in flaws(found)]
+        twin = first_with.setdefault(found.digest, file)
+        if twin != file:
+            anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
+        if found.extent > widest:
+            widest, widest_file = found.extent, file
+    if dataset.half_width is not None and widest >= dataset.half_width:
+        what = f"extends to {widest:.6g}, beyond the camera's half width of {dataset.half_width:.6g}"
+        mend = f"set half_width = {widest / FILL:.6g} in {SETTINGS_FILE}, or remove it"
+        anomalies.append(Anomaly("error", widest_file, what, mend))
+    return inspections, anomalies
+
+
+def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, Inspection]) -> Iterator[Anomaly]:
+    try:
+        manifest = read_manifest(folder)
+    except BenchmarkError as error:
+        yield Anomaly("error", MANIFEST_FILE, error.problem, error.mend)
+        return
+    by_file = {_relative(entry.path, folder): entry for entry in entries if entry.path}
+    for row in manifest:
+        entry = by_file.pop(row.file, None)
+        if entry is None:
+            what = "is named in the manifest but is no shape of the data set"
+            yield Anomaly("error", row.file, what, f"add the mesh or remove the line of {MANIFEST_FILE}")
+        elif row.sha256 is not None and row.sha256 != sha256(folder / row.file):
+            yield Anomaly("error", row.file, "is not the file of the manifest", "fetch it again, or correct the line")
+        else:
+            yield from _of_counts(row, inspections.get(entry.identifier))
+    if manifest:
+        for file in by_file:
+            yield Anomaly("warning", file, "is not in the manifest", f"add a line to {MANIFEST_FILE}")
+
+
+def _of_counts(row: Listed, found: Inspection | None) -> Iterator[Anomaly]:
+    if found is None:
+        return
+    pairs = (
+        ("vertices", found.cleaning.vertices_before, row.n_vertices),
+        ("faces", found.cleaning.faces_before, row.n_faces),
+    )
+    for what, count, listed in pairs:
+        if listed is not None and count != listed:
+            yield Anomaly(
+                "error",
+                row.file,
+                f"has {count} {what}, in the manifest {listed}",
+                "fetch it again, or correct the line",
+            )
+
+
+def _spread(values: Sequence[int]) -> str:
+    if not values:
+        return "none could be read"
+    return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
+
+
+def _relative(path: Path | None, folder: Path) -> str:
+    if path is None or path == folder:
+        return folder.resolve().name
+    return path.relative_to(folder).as_posix()
+
+
+def _without_path(problem: str, path: Path | None) -> str:
+    return problem.removeprefix(f"{path}: ")

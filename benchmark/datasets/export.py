@@ -1,0 +1,207 @@
+"""Write a data set as files in one of the official layouts, so that reading them again gives the same shapes."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.folder import subject_of_stem
+from benchmark.datasets.manifest import MANIFEST_FILE, Listed, sha256, write_manifest
+from benchmark.datasets.settings import SETTINGS_FILE, VIEWS, FolderDataset
+from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.geometry.depth import Camera
+from benchmark.geometry.io import write_mesh
+
+LAYOUTS = ("shrec14", "tosca")
+
+CLA_FILE = "classes.cla"
+
+
+def export(dataset: Dataset, folder: Path, layout: str, *, force: bool = False) -> tuple[str, ...]:
+    """Write every shape of a data set, its classes, cameras and canonical poses into a folder.
+
+    Coordinates survive to the last bit, and the order of the shapes is kept. Everything is made beside the folder and
+    moved into it at the end, so a failure leaves the folder as it was.
+
+    Parameters
+    ----------
+    dataset
+        The data set.
+    folder
+        Where to write; made if it does not exist.
+    layout
+        ``"shrec14"``: ``0.obj``, ``1.obj`` ... with a PSB ``.cla`` file [Shilane et al. 2004]. ``"tosca"``:
+        ``cat0.off``, ``cat1.off`` ..., the class and a number: that of the pose where all poses of the class are
+        numbers, else the place in the class.
+    force
+        Write into a folder that is not empty. Files of the same name are replaced, others stay.
+
+    Returns
+    -------
+    tuple of str
+        Names of the files, meshes first.
+
+    Raises
+    ------
+    ConfigurationError
+        If the layout is unknown, the folder is not empty or holds the data set itself, or a class has a name that the
+        layout cannot carry.
+    DatasetError
+        If the shapes of one class have different cameras.
+    ShapeError
+        If a mesh cannot be read.
+    """
+    if layout not in LAYOUTS:
+        raise did_you_mean("layout", layout, LAYOUTS)
+    names = _numbered_names(dataset.entries) if layout == "shrec14" else _class_names(dataset.entries)
+    cla = {CLA_FILE: _classification(dataset.entries)} if layout == "shrec14" else {}
+    texts = {**cla, SETTINGS_FILE: _settings(dataset)}
+    _check_target(dataset, folder, {*names, *texts}, force)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
+            made = Path(name)
+            listed = [_write(dataset, entry, made / file) for entry, file in zip(dataset.entries, names, strict=True)]
+            for file, text in texts.items():
+                (made / file).write_bytes(text.encode())
+            write_manifest(made, listed)
+            folder.mkdir(exist_ok=True)
+            written = (*names, *texts, MANIFEST_FILE)
+            for file in written:
+                (made / file).replace(folder / file)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
+    return written
+
+
+def _check_target(dataset: Dataset, folder: Path, files: set[str], force: bool) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise ConfigurationError(f"{folder} is not a folder", "choose another one")
+    sources = {entry.path.resolve().parent for entry in dataset.entries if entry.path}
+    if isinstance(dataset, FolderDataset):
+        sources.add(dataset.folder.resolve())
+    if folder.resolve() in sources:
+        raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
+    if not folder.exists():
+        return
+    if any(folder.iterdir()) and not force:
+        raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
+    other = sorted(path.name for path in folder.glob("*.cla") if path.name not in files)
+    if other:
+        raise ConfigurationError(
+            f"{folder / other[0]} would classify the exported meshes", "remove it or choose another folder"
+        )
+
+
+def _write(dataset: Dataset, entry: Entry, path: Path) -> Listed:
+    mesh = dataset.load(entry)
+    write_mesh(path, mesh)
+    return Listed(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, sha256(path))
+
+
+def _numbered_names(entries: Sequence[Entry]) -> list[str]:
+    _check_words(entries)
+    return [f"{number}.obj" for number in range(len(entries))]
+
+
+def _class_names(entries: Sequence[Entry]) -> list[str]:
+    _check_words(entries)
+    poses: dict[str, list[str]] = {}
+    for entry in entries:
+        poses.setdefault(entry.subject, []).append(entry.pose)
+    place: Counter[str] = Counter()
+    names = []
+    for entry in entries:
+        of_class = poses[entry.subject]
+        numbered = len(set(of_class)) == len(of_class) and all(re.fullmatch("0|[1-9][0-9]*", pose) for pose in of_class)
+        number = entry.pose if numbered else str(place[entry.subject])
+        place[entry.subject] += 1
+        # Class 'man-1' and number 0 must not be read as class 'man' and number 10.
+        stem = f"{entry.subject}{'-' if entry.subject[-1].isdecimal() else ''}{number}"
+        if subject_of_stem(stem) != entry.subject or not re.fullmatch(r"[\w][\w .+-]*", stem):
+            raise ConfigurationError(
+                f"'{entry.subject}' cannot be the class in a file name", "rename the class, or use --layout shrec14"
+            )
+        names.append(f"{stem}.off")
+    twice = [name for name, count in Counter(name.casefold() for name in names).items() if count > 1]
+    if twice:
+        raise ConfigurationError(
+            f"two classes would share the file {twice[0]}", "rename one of the classes, or use --layout shrec14"
+        )
+    return names
+
+
+def _check_words(entries: Sequence[Entry]) -> None:
+    """Raise ``ConfigurationError`` for what a line of a ``.cla`` file or of the manifest cannot hold."""
+    for entry in entries:
+        if not re.fullmatch(r"\S+", entry.subject):
+            raise ConfigurationError(f"class '{entry.subject}' is not one word", "rename the class")
+        if re.search(r"[\t\r\n]", entry.pose):
+            raise ConfigurationError(f"pose {entry.pose!r} of '{entry.identifier}' is not one line", "rename the pose")
+
+
+def _classification(entries: Sequence[Entry]) -> str:
+    numbers: dict[str, list[int]] = {}
+    for number, entry in enumerate(entries):
+        numbers.setdefault(entry.subject, []).append(number)
+    blocks = [
+        f"\n{subject} 0 {len(members)}\n" + "".join(f"{number}\n" for number in members)
+        for subject, members in numbers.items()
+    ]
+    return f"PSB 1\n{len(numbers)} {len(entries)}\n" + "".join(blocks)
+
+
+def _settings(dataset: Dataset) -> str:
+    """The ``dataset.toml`` that gives the exported files the depth images and canonical poses of the data set."""
+    lines = [f"# Written from the data set {_quoted(dataset.name)}."]
+    if dataset.stand_in_for:
+        lines.append(f"stand_in_for = {_quoted(dataset.stand_in_for)}")
+    if dataset.half_width is not None:
+        lines.append(f"half_width = {float(dataset.half_width)!r}")
+    cameras = _cameras(dataset)
+    views = {subject: _view(camera) for subject, camera in cameras.items()}
+    if len(set(views.values())) == 1:
+        lines.append(f"camera = {next(iter(views.values()))}")
+        views = {}
+    first: dict[str, str] = {}
+    for entry in dataset.entries:
+        first.setdefault(entry.subject, entry.pose)
+    canonical = {subject: canonical_entry(dataset, subject).pose for subject in first}
+    poses = {subject: _quoted(pose) for subject, pose in canonical.items() if pose != first[subject]}
+    return "\n".join(lines) + "\n" + _table("camera", views) + _table("canonical_pose", poses)
+
+
+def _cameras(dataset: Dataset) -> dict[str, Camera]:
+    cameras: dict[str, Camera] = {}
+    for entry in dataset.entries:
+        camera = dataset.camera(entry)
+        if cameras.setdefault(entry.subject, camera) != camera:
+            raise DatasetError(
+                f"the shapes of class '{entry.subject}' have different cameras, which {SETTINGS_FILE} cannot say",
+                "give every shape of a class the same camera",
+            )
+    return cameras
+
+
+def _view(camera: Camera) -> str:
+    for name, view in VIEWS.items():
+        if view == camera:
+            return _quoted(name)
+    return f"{{ direction = {list(camera.direction)}, up = {list(camera.up)} }}"
+
+
+def _table(name: str, values: Mapping[str, str]) -> str:
+    if not values:
+        return ""
+    return f"\n[{name}]\n" + "".join(f"{_quoted(key)} = {value}\n" for key, value in values.items())
+
+
+def _quoted(text: str) -> str:
+    # A basic string of TOML is a string of JSON.
+    return json.dumps(text, ensure_ascii=False)

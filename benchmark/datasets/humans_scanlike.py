@@ -1,0 +1,147 @@
+"""Generated humans as a body scanner sees them: the stand-in for the real part of SHREC'14 [Pickup et al. 2014].
+
+The official set holds 40 people in 10 poses each. Against the synthetic part it shifts the domain: the bodies are
+adults of usual build and nearer to each other, nobody is symmetric or takes a pose exactly, fingers and toes are fused,
+and no two surfaces share their triangles. The stand-in does all of this to the bodies of
+:mod:`benchmark.datasets.humans`.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.datasets import humans
+from benchmark.datasets.base import Entry
+from benchmark.datasets.human_poses import POSES, Pose, jittered
+from benchmark.datasets.human_subjects import Subject
+from benchmark.datasets.scanning import membrane, scan, sheltered_vertices, vertex_normals
+from benchmark.geometry.depth import FRONT, Camera
+from benchmark.geometry.mesh import Mesh, Points
+
+N_SUBJECTS = 40
+N_VERTICES = 15_000
+
+POSE_NAMES = (
+    "standing",
+    "walking",
+    "running",
+    "arms-up",
+    "t-pose",
+    "dancing",
+    "lunging",
+    "kicking",
+    "waving",
+    "throwing",
+)
+"""Poses without contact, which a scanner would fuse; the first is the canonical one."""
+
+_LOWEST = np.array([0.60, 0.20, 0.15, 0.22, 0.15])
+_HIGHEST = np.array([0.98, 0.85, 0.90, 0.52, 0.85])
+"""Ranges of age, muscle, weight, height and proportions."""
+
+_POSE_DEVIATION = 3.0
+"""Standard deviation in degrees by which a person misses the angles of a pose."""
+
+_WAVES, _WAVELENGTHS, _ASYMMETRY = 8, (0.3, 0.8), 0.003
+"""Number, lengths in metres and root mean square height in metres of the waves that make a body asymmetric."""
+
+_FUSED = (
+    (("wrist", "metacarpal", "finger"), ".L"),
+    (("wrist", "metacarpal", "finger"), ".R"),
+    (("foot", "toe"), ".L"),
+    (("foot", "toe"), ".R"),
+)
+
+
+@dataclass(frozen=True)
+class HumansScanlike:
+    """The data set of 40 subjects in 10 poses.
+
+    Entries are ordered by subject, then by pose, like the files of SHREC'14.
+    """
+
+    name: str = "humans-scanlike"
+    title: str = "humans, scan-like (stand-in for SHREC'14 real)"
+    stand_in_for: str = "shrec14-real"
+    half_width: float = 1.345
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The 400 shapes."""
+        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults() for pose in POSE_NAMES)
+
+    def load(self, entry: Entry) -> Mesh:
+        """Make the mesh of one shape: about 15 000 vertices, closed, in metres, z up, facing -y.
+
+        Raises
+        ------
+        DatasetError
+            If the packages that make bodies are missing.
+        """
+        # Mouth, nostrils and eye sockets are cavities behind thin lids that a scanner does not see.
+        body = membrane(humans.human_mesh(adults()[entry.subject], _pose(entry)), _cavities())
+        heights = _asymmetry(_random(entry.subject, "asymmetry"))
+        body = body.with_vertices(body.vertices + heights[:, np.newaxis] * vertex_normals(body))
+        fused = [humans.vertices_of(bones, side) for bones, side in _FUSED]
+        return scan(body, fused, N_VERTICES, _random(entry.identifier, "scan"))
+
+    def recipe(self, entry: Entry) -> str:
+        """Name the scanner, the libraries that it uses, and the body in its pose."""
+        libraries = " ".join(f"{name} {importlib.metadata.version(name)}" for name in ("libigl", "pymeshlab"))
+        scanner = humans.code_digest("humans_scanlike", "scanning")
+        body = humans.recipe(adults()[entry.subject], _pose(entry))
+        return f"scan of {entry.identifier} by {scanner}, {libraries}, {body}"
+
+    def camera(self, entry: Entry) -> Camera:
+        """Look at the front."""
+        return FRONT
+
+
+@functools.cache
+def adults() -> Mapping[str, Subject]:
+    """The 20 men and 20 women, spread evenly by an additive recurrence [Roberts 2018]."""
+    # Its step is made of powers of the root of x^(d + 1) = x + 1, which generalises the golden ratio.
+    dimension = len(_LOWEST)
+    roots = np.roots([1, *[0] * (dimension - 1), -1, -1])
+    golden = roots[np.abs(roots.imag) < 1e-9].real.max()
+    steps = golden ** -np.arange(1.0, dimension + 1)
+    points = (0.5 + np.outer(np.arange(1, N_SUBJECTS + 1), steps)) % 1
+    values = np.round(_LOWEST + points * (_HIGHEST - _LOWEST), 3).tolist()
+    return {
+        f"{('man', 'woman')[index % 2]}-{index // 2 + 1}": Subject(float(index % 2), *row)
+        for index, row in enumerate(values)
+    }
+
+
+def _pose(entry: Entry) -> Pose:
+    return jittered(POSES[entry.pose], _POSE_DEVIATION, _random(entry.identifier, "pose"))
+
+
+@functools.cache
+def _cavities() -> NDArray[np.bool_]:
+    template = humans.reference_mesh()
+    of_head = np.zeros(template.n_vertices, dtype=bool)
+    of_head[humans.vertices_of(("head", "eye"))] = True
+    return sheltered_vertices(template) & of_head
+
+
+def _asymmetry(random: np.random.Generator) -> Points:
+    """Heights by which the vertices of a body stand out, in metres, the same in all its poses."""
+    directions = random.normal(size=(_WAVES, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    frequencies = 2 * np.pi / random.uniform(*_WAVELENGTHS, _WAVES)
+    phases = random.uniform(0, 2 * np.pi, _WAVES)
+    angles = humans.reference_mesh().vertices @ (directions * frequencies[:, np.newaxis]).T + phases
+    return np.asarray(_ASYMMETRY * np.sqrt(2 / _WAVES) * np.cos(angles).sum(axis=1))
+
+
+def _random(name: str, purpose: str) -> np.random.Generator:
+    digest = hashlib.sha256(f"humans-scanlike|{name}|{purpose}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:8], "big"))

@@ -1,0 +1,97 @@
+"""What is to be known about one mesh before it is used: counts, pieces, holes, and what is wrong with it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from benchmark.geometry.cleaning import CleaningReport, clean
+from benchmark.geometry.depth import Camera, camera_coordinates
+from benchmark.geometry.mesh import Faces, Mesh
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Facts about one mesh.
+
+    Parameters
+    ----------
+    digest
+        Of the vertices and the faces, whatever the format of the file.
+    cleaning
+        Counts, as :func:`benchmark.geometry.cleaning.clean` finds them.
+    faces_left
+        Faces that have an area.
+    holes
+        Loops of boundary edges; two that touch in a vertex count as one.
+    extent
+        Half the longest side of the bounding box in the frame of the camera, in file units.
+    """
+
+    digest: str
+    cleaning: CleaningReport
+    faces_left: int
+    holes: int
+    extent: float
+
+
+def inspect(mesh: Mesh, camera: Camera) -> Inspection:
+    """Collect the facts about a mesh as it was read; holes and pieces are counted after exact duplicates are merged."""
+    cleaned, report = clean(mesh)
+    return Inspection(
+        digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
+        cleaning=report,
+        faces_left=cleaned.n_faces,
+        holes=count_holes(cleaned.faces) if report.boundary_edges else 0,
+        extent=float(np.abs(camera_coordinates(cleaned, camera)).max()) if cleaned.n_faces else 0.0,
+    )
+
+
+def count_holes(faces: Faces) -> int:
+    """Number of connected chains of boundary edges."""
+    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    edges, counts = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    boundary = edges[counts == 1]
+    vertices, ends = np.unique(boundary, return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    shape = (len(vertices), len(vertices))
+    graph = coo_array((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=shape)
+    return int(connected_components(graph.tocsr(), directed=False)[0])
+
+
+def flaws(inspection: Inspection) -> Iterator[tuple[str, str]]:
+    """What makes a mesh less than a closed manifold in one piece, each with what becomes of it or how to mend it."""
+    found = inspection.cleaning
+    if found.merged:
+        what = _many(found.merged, "duplicate vertex", "duplicate vertices")
+        yield what, "nothing to do: preparation merges equal positions"
+    useless = (
+        (found.unreferenced, "vertex without a face", "vertices without a face"),
+        (found.degenerate_faces, "degenerate face", ""),
+        (found.duplicate_faces, "duplicate face", ""),
+    )
+    for count, one, several in useless:
+        if count:
+            yield _many(count, one, several), "nothing to do: preparation drops what carries no surface"
+    if found.components > 1:
+        yield f"{found.components} components", "join them if the surface should be in one piece"
+    if found.boundary_edges:
+        holes = _many(inspection.holes, "hole")
+        yield (
+            f"{_many(found.boundary_edges, 'boundary edge')} around {holes}",
+            "close the surface for methods that need it closed",
+        )
+    if found.non_manifold_edges:
+        yield _many(found.non_manifold_edges, "non-manifold edge"), "remove faces until each edge has two"
+    if found.non_manifold_vertices:
+        what = _many(found.non_manifold_vertices, "non-manifold vertex", "non-manifold vertices")
+        yield what, "split each into one vertex per fan of faces"
+
+
+def _many(count: int, one: str, several: str = "") -> str:
+    return f"{count} {one if count == 1 else several or one + 's'}"

@@ -1,0 +1,135 @@
+"""``MANIFEST.tsv``: which meshes a folder holds, one line each, with what tells whether they are intact."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.errors import DatasetError, did_you_mean
+
+MANIFEST_FILE = "MANIFEST.tsv"
+
+_COLUMNS = ("file", "class", "pose", "vertices", "faces", "sha256")
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One line of a manifest; a column that the manifest does not have is None.
+
+    Parameters
+    ----------
+    file
+        Path of the mesh, relative to the folder.
+    subject, pose
+        As in :class:`~benchmark.datasets.base.Entry`.
+    n_vertices, n_faces
+        Counts of the mesh as it is read.
+    sha256
+        Digest of the file, in hexadecimal.
+    """
+
+    file: str
+    subject: str | None = None
+    pose: str | None = None
+    n_vertices: int | None = None
+    n_faces: int | None = None
+    sha256: str | None = None
+
+
+def read_manifest(folder: Path) -> tuple[Listed, ...]:
+    """Read the manifest of a folder; a folder without one has no lines.
+
+    Parameters
+    ----------
+    folder
+        Holds ``MANIFEST.tsv``: tab-separated, the first line names the columns ``file`` and any of ``class``, ``pose``,
+        ``vertices``, ``faces``, ``sha256``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a column is unknown.
+    DatasetError
+        If the file is not such a table, names a file twice, or names one outside the folder.
+    """
+    path = folder / MANIFEST_FILE
+    if not path.exists():
+        return ()
+    try:
+        lines = path.read_text(encoding="utf-8").rstrip("\n").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
+    columns = lines[0].split("\t")
+    if "file" not in columns:
+        raise DatasetError(f"the first line of {path} names no column 'file'", f"begin with {'<tab>'.join(_COLUMNS)}")
+    for column in columns:
+        if column not in _COLUMNS:
+            raise did_you_mean(f"column of {path}", column, _COLUMNS)
+    listed: dict[str, Listed] = {}
+    for number, line in enumerate(lines[1:], start=2):
+        cells = line.split("\t")
+        if len(cells) != len(columns):
+            raise DatasetError(
+                f"{path}: line {number} has {len(cells)} cells, not {len(columns)}", "separate the columns by one tab"
+            )
+        row = _listed(dict(zip(columns, cells, strict=True)), f"{path}: line {number}")
+        inside(folder, row.file, path)
+        if row.file in listed:
+            raise DatasetError(f"{path} names {row.file} twice", "keep one of the lines")
+        listed[row.file] = row
+    return tuple(listed.values())
+
+
+def write_manifest(folder: Path, listed: Sequence[Listed]) -> None:
+    """Write the manifest of a folder, with all columns."""
+    rows = [_COLUMNS] + [(r.file, r.subject, r.pose, r.n_vertices, r.n_faces, r.sha256) for r in listed]
+    text = "".join("\t".join(map(str, row)) + "\n" for row in rows)
+    (folder / MANIFEST_FILE).write_bytes(text.encode())
+
+
+def inside(folder: Path, name: str, source: Path) -> Path:
+    """Return the path of a file that a list names, which must lie in the folder once links are resolved.
+
+    Parameters
+    ----------
+    folder
+        The folder of the data set.
+    name
+        Path relative to the folder.
+    source
+        The list, for the message.
+
+    Raises
+    ------
+    DatasetError
+        If the path leads out of the folder.
+    """
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise DatasetError(
+            f"{source} names '{name}', which lies outside its folder", "copy the mesh into the folder and name it there"
+        )
+    return path
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _listed(cells: dict[str, str], where: str) -> Listed:
+    counts = {}
+    for column in ("vertices", "faces"):
+        if column in cells and not re.fullmatch("[0-9]+", cells[column]):
+            raise DatasetError(f"{where}: {column} are '{cells[column]}'", "write a whole number")
+        counts[column] = int(cells[column]) if column in cells else None
+    if not cells["file"]:
+        raise DatasetError(f"{where} names no file", "complete or remove the line")
+    if cells.get("class") == "":
+        raise DatasetError(f"{where} names no class", "complete the line or drop the column")
+    return Listed(
+        cells["file"], cells.get("class"), cells.get("pose"), counts["vertices"], counts["faces"], cells.get("sha256")
+    )

@@ -1,0 +1,109 @@
+import numpy as np
+import pytest
+
+from baselines._kernels.extrapolation import _extrapolate, extrapolated_smacof
+from baselines._kernels.interpolation import biharmonic_interpolation
+from baselines._kernels.smacof import smacof
+from baselines.accelerated_mds import AcceleratedMDS
+from baselines.classic_mds import ClassicMDS
+from benchmark.contracts import Shape
+from benchmark.datasets.tosca import tosca
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.preparation import prepare
+from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, spread
+
+
+def test_interpolation_solves_the_constrained_quadratic_problem():
+    laplacian = limbed(150).laplacian()
+    samples = [3, 40, 77, 120, 149]
+    energy = (laplacian.stiffness.T @ (laplacian.stiffness / laplacian.mass[:, None])).toarray()
+    free = np.setdiff1d(np.arange(150), samples)
+    expected = np.zeros((150, 5))
+    expected[samples] = np.eye(5)
+    expected[free] = np.linalg.solve(energy[np.ix_(free, free)], -energy[np.ix_(free, samples)])
+    found = biharmonic_interpolation(laplacian, samples)
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    np.testing.assert_allclose(found[samples], np.eye(5), atol=1e-9)
+    np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-9)
+
+
+def test_all_vertices_as_samples_give_classic_scaling():
+    shape = limbed(120)
+    classic = ClassicMDS().canonicalise(shape).vertices
+    for variant in ("interpolated", "samples"):
+        form = AcceleratedMDS(variant=variant, samples=120).canonicalise(shape).vertices
+        np.testing.assert_allclose(form, classic, atol=1e-5)
+
+
+def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs():
+    shape = limbed(1200)
+    classic = ClassicMDS().canonicalise(shape).notes["stress"]
+
+    class RowsOnly(Shape):
+        def geodesics(self, solver: str = "default") -> np.ndarray:
+            raise AssertionError("all pairs were asked for")
+
+    form = AcceleratedMDS().canonicalise(RowsOnly(identifier="limbed", mesh=shape.mesh))
+    assert brute_force_stress(form.vertices, shape.geodesics()) < 1.2 * classic
+    assert form.notes["samples"] == 25
+    assert form.notes["stress_of_rows"] == pytest.approx(classic, rel=0.7)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("identifier", ["cat0", "horse5", "michael3"])
+def test_the_stress_of_animals_and_people_is_within_five_per_cent_of_classic_scaling(data_root, identifier):
+    dataset = tosca(data_root)
+    entry = next(entry for entry in dataset.entries if entry.identifier == identifier)
+    shape = Shape(identifier=identifier, mesh=prepare(dataset.load(entry)).mesh)
+    form = AcceleratedMDS().canonicalise(shape)
+    assert (
+        brute_force_stress(form.vertices, shape.geodesics()) < 1.05 * ClassicMDS().canonicalise(shape).notes["stress"]
+    )
+
+
+def test_more_samples_bring_the_published_formula_nearer_to_classic_scaling():
+    shape = limbed()
+    classic = spread(ClassicMDS().canonicalise(shape).vertices)
+    misses = [
+        np.abs(spread(AcceleratedMDS(variant="samples", samples=count).canonicalise(shape).vertices) - classic).max()
+        for count in (15, 60, 240)
+    ]
+    assert misses[0] > misses[1] > misses[2]
+
+
+def test_extrapolation_finds_the_limit_of_a_linear_iteration():
+    generator = np.random.default_rng(0)
+    limit, slow, fast = generator.standard_normal((3, 3, 10))
+    steps = [limit + 0.9**j * slow + 0.5**j * fast for j in range(4)]
+    # Two modes, so two differences beside the first one are enough.
+    np.testing.assert_allclose(_extrapolate(steps), limit, atol=1e-5)
+
+
+@pytest.mark.parametrize("passes", [20, 50, 100])
+def test_extrapolation_is_at_least_as_good_as_plain_majorisation(passes):
+    shape = limbed(600)
+    distances, start = shape.geodesics(), shape.mesh.vertices
+    plain = smacof(distances, start, max_iterations=passes, rtol=0)
+    fast = extrapolated_smacof(distances, start, max_iterations=passes, rtol=0)
+    assert fast.iterations <= plain.iterations == passes
+    assert fast.stress[-1] <= plain.stress[-1]
+    assert (np.diff(fast.stress) <= 1e-12).all()
+    assert fast.stress[-1] == pytest.approx(brute_force_stress(fast.points, distances), rel=1e-8)
+
+
+def test_extrapolation_agrees_with_plain_majorisation_until_the_first_cycle_ends():
+    shape = limbed(100)
+    plain, fast = (
+        run(shape.geodesics(), shape.mesh.vertices, max_iterations=6, rtol=0) for run in (smacof, extrapolated_smacof)
+    )
+    np.testing.assert_allclose(fast.points, plain.points, atol=1e-12)
+
+
+def test_an_unknown_variant_is_refused():
+    with pytest.raises(ConfigurationError, match="did you mean samples"):
+        AcceleratedMDS(variant="sample").canonicalise(limbed(100))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("variant", ["interpolated", "samples", "rre"])
+def test_contract(variant):
+    assert_contract(AcceleratedMDS(variant=variant), limbed(), atol=1e-4)

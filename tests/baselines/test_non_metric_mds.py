@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import isotonic_regression as scipy_isotonic_regression
+from sklearn.isotonic import IsotonicRegression
+from sklearn.manifold import smacof as sklearn_smacof
+
+from baselines._kernels.isotonic import RankedPairs, isotonic_regression
+from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
+from tests.baselines.embedding import (
+    PointShape,
+    assert_contract,
+    brute_force_stress,
+    limbed,
+    points_on_ellipsoid,
+    spread,
+)
+
+
+def random_problem(seed: int, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    return spread(generator.standard_normal((n, 5))), generator.standard_normal((n, 3))
+
+
+def test_isotonic_regression_by_hand():
+    np.testing.assert_allclose(
+        isotonic_regression(np.array([1.0, 3, 2, 2, 5, 4]), np.arange(1, 7)), [1, 7 / 3, 7 / 3, 7 / 3, 4.5, 4.5]
+    )
+    # Places 1 and 2 are tied: they share one value.
+    np.testing.assert_allclose(isotonic_regression(np.array([1.0, 4, 2, 5]), np.array([1, 3, 4])), [1, 3, 3, 5])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 1000), st.sampled_from([0.0, 0.1, 1.0, 10.0]))
+def test_isotonic_regression_agrees_with_scipy(seed, length, trend):
+    values = np.random.default_rng(seed).standard_normal(length) + trend * np.linspace(0, 1, length)
+    found = isotonic_regression(values, np.arange(1, length + 1))
+    np.testing.assert_allclose(found, scipy_isotonic_regression(values).x, atol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(2, 1000), st.integers(1, 200))
+def test_ties_agree_with_scikit_learn(seed, length, levels):
+    generator = np.random.default_rng(seed)
+    ranks = np.sort(generator.integers(0, levels, length))
+    values = generator.random(length) + 0.5 * ranks / levels
+    ends = np.append(np.flatnonzero(np.diff(ranks)) + 1, length)
+    found = isotonic_regression(values, ends)
+    np.testing.assert_allclose(found, IsotonicRegression().fit_transform(ranks, values), atol=1e-12)
+
+
+def test_pairs_come_in_the_order_of_their_dissimilarity():
+    dissimilarities, points = random_problem(0, 20)
+    dissimilarities = dissimilarities.round(1)
+    pairs = RankedPairs.of(dissimilarities)
+    values = dissimilarities[pairs.first, pairs.second]
+    assert len(values) == 190
+    assert (np.diff(values) >= 0).all()
+    np.testing.assert_array_equal(np.unique(values), values[pairs.tie_ends - 1])
+    np.testing.assert_allclose(pairs.distances(points), spread(points)[pairs.first, pairs.second])
+
+
+def test_one_iteration_agrees_with_scipy_and_the_definition():
+    dissimilarities, points = random_problem(1)
+    points -= points.mean(axis=0)
+    first, second = np.triu_indices(60, 1)
+    order = dissimilarities[first, second].argsort()
+    distances = spread(points)
+    disparities = np.zeros((60, 60))
+    disparities[first[order], second[order]] = scipy_isotonic_regression(distances[first[order], second[order]]).x
+    disparities += disparities.T
+    disparities *= np.linalg.norm(dissimilarities) / np.linalg.norm(disparities)
+    ratios = disparities / (distances + np.eye(60))
+    expected = (np.diag(ratios.sum(axis=1)) - ratios) @ points / 60
+    found, course = non_metric_scaling(dissimilarities, points, max_iterations=1, rtol=0)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert course[0] == pytest.approx(np.linalg.norm(disparities - distances) / np.linalg.norm(disparities), rel=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6))
+def test_the_stress_never_rises(seed):
+    dissimilarities, start = random_problem(seed, 30)
+    _, course = non_metric_scaling(dissimilarities, start, max_iterations=40, rtol=0)
+    assert (np.diff(course) <= 1e-12).all()
+
+
+def test_only_the_order_counts():
+    dissimilarities, start = random_problem(3)
+    bent = dissimilarities**3
+    bent *= np.linalg.norm(dissimilarities) / np.linalg.norm(bent)
+    plain, other = (non_metric_scaling(each, start, max_iterations=20, rtol=0)[0] for each in (dissimilarities, bent))
+    np.testing.assert_allclose(other, plain, atol=1e-9)
+
+
+def test_the_stress_is_as_low_as_that_of_scikit_learn():
+    dissimilarities, start = random_problem(4)
+    _, stress = sklearn_smacof(
+        dissimilarities, metric=False, n_components=3, init=start, n_init=1, max_iter=300, eps=0, normalized_stress=True
+    )
+    _, course = non_metric_scaling(dissimilarities, start, max_iterations=300, rtol=0)
+    assert course[-1] == pytest.approx(stress, rel=0.02)
+
+
+def test_the_form_neither_shrinks_nor_grows():
+    shape = limbed()
+    form = NonMetricMDS(rtol=0).canonicalise(shape)
+    assert np.linalg.norm(spread(form.vertices)) == pytest.approx(np.linalg.norm(shape.geodesics()), rel=0.01)
+    assert form.notes["stress"] == pytest.approx(brute_force_stress(form.vertices, shape.geodesics()), rel=1e-8)
+    assert form.notes["stress_1"] ** 2 <= form.notes["stress"]
+
+
+def test_points_in_space_are_recovered():
+    points = points_on_ellipsoid()
+    form = NonMetricMDS().canonicalise(PointShape(points))
+    np.testing.assert_allclose(spread(form.vertices), spread(points), atol=1e-7)
+
+
+def test_contract():
+    assert_contract(NonMetricMDS(), limbed(), atol=1e-4)

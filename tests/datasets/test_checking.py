@@ -1,0 +1,276 @@
+import time
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli_data import data
+from benchmark.datasets.checking import check, check_source
+from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.inspection import count_holes
+from benchmark.datasets.manifest import sha256
+from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.geometry.mesh import Mesh
+from tests.toy import rod, write_off, write_rods
+
+ROD = rod(0.1, 1.0)
+
+
+def lines(folder):
+    return [str(anomaly) for anomaly in check_source(str(folder), None).anomalies]
+
+
+def only(folder):
+    (line,) = lines(folder)
+    return line
+
+
+@pytest.fixture
+def rods(tmp_path):
+    return write_rods(tmp_path / "rods")
+
+
+def without_faces(mesh, faces):
+    return Mesh(mesh.vertices, np.delete(mesh.faces, faces, axis=0))
+
+
+def test_a_good_set_has_no_anomalies(rods):
+    report = check(folder_dataset(rods))
+    assert report.usable
+    assert report.anomalies == ()
+    assert report.lines() == [
+        "rods: 6 shapes, 2 classes, not a stand-in",
+        "classes     thick 3, thin 3",
+        "vertices    290 to 290, median 290",
+        "faces       576 to 576, median 576",
+        "components  1 to 1, median 1",
+        "holes       0 to 0, median 0",
+        "0 errors, 0 warnings",
+    ]
+
+
+def test_holes_are_counted_as_loops(rods):
+    # The fans of the two ends of a rod of 12 sides.
+    ends = [face for face, corners in enumerate(ROD.faces) if corners.max() >= ROD.n_vertices - 2]
+    write_off(rods / "thin1.off", without_faces(ROD, ends))
+    found = lines(rods)
+    assert found[0].startswith("warning  thin1.off  2 vertices without a face; ")
+    assert found[1].startswith("warning  thin1.off  24 boundary edges around 2 holes; close the surface")
+    assert len(found) == 2
+
+
+def test_the_number_of_holes_agrees_with_libigl():
+    import igl
+
+    random = np.random.default_rng(0)
+    compared = 0
+    for _ in range(40):
+        faces = without_faces(ROD, random.choice(ROD.n_faces, 6, replace=False)).faces.astype(np.int64)
+        loops = igl.boundary_loop_all(faces)
+        if min(map(len, loops)) >= 3:  # holes that touch in a vertex are cut up differently
+            assert count_holes(faces) == len(loops)
+            compared += 1
+    assert compared > 20
+
+
+def test_the_number_of_holes_follows_from_the_euler_number():
+    # Removing k faces without a common vertex from a closed surface leaves k holes.
+    apart = list(range(0, 24 * 20, 49))
+    assert len(np.unique(ROD.faces[apart])) == 3 * len(apart)
+    assert count_holes(without_faces(ROD, apart).faces) == len(apart)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        ([], [[0, 0, 1]], "1 degenerate face; "),
+        ([[9.0, 9, 9]], [], "1 vertex without a face; "),
+        ([], [ROD.faces[0]], "1 duplicate face; "),
+        ([ROD.vertices[0]], [], "1 duplicate vertex; nothing to do: preparation merges"),
+        ([[0.0, 0, 9], [0, 1, 9], [1, 0, 9]], [[290, 291, 292]], "2 components; join them"),
+        ([[0.0, 0, 9]], [[0, 1, 290]], "1 non-manifold edge; remove faces"),
+        ([[0.0, 0, 9], [0, 1, 9]], [[0, 290, 291]], "1 non-manifold vertex; split each"),
+    ],
+)
+def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
+    flawed = Mesh(
+        np.vstack([ROD.vertices, *map(np.atleast_2d, vertices)]), np.vstack([ROD.faces, *map(np.atleast_2d, faces)])
+    )
+    write_off(rods / "thick2.off", flawed)
+    assert any(line.startswith(f"warning  thick2.off  {message}") for line in lines(rods))
+    assert check(folder_dataset(rods)).usable
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty; fetch or export the file again"),
+        ("OFF\n3 1 0\n0 0 0\n", "not a readable off file: 3 vertices and 1 faces announced"),
+        ("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "1 of 3 vertices are NaN or infinite; "),
+        (
+            "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 1 2 3\n",
+            "faces name vertices 1 to 3, but there are 3, from 0; .* counts from 1",
+        ),
+        ("OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "there are no faces; "),
+        ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "no face has an area; export the mesh again"),
+    ],
+)
+def test_a_mesh_that_cannot_be_used_is_an_error(rods, text, message):
+    import re
+
+    (rods / "thin0.off").write_text(text)
+    report = check_source(str(rods), None)
+    assert not report.usable
+    assert any(re.match(f"error    thin0.off  {message}", str(anomaly)) for anomaly in report.anomalies)
+
+
+def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
+    from benchmark.geometry.io import read_mesh, write_mesh
+
+    write_mesh(rods / "thick7.obj", read_mesh(rods / "thin1.off"))
+    assert lines(rods) == [
+        "warning  rods  mixes 6 .off, 1 .obj; check that no mesh is left from another copy",
+        "warning  thin1.off  the same geometry as thick7.obj; keep one of the two",
+    ]
+
+
+def test_one_name_in_two_formats_is_named(rods):
+    (rods / "thin1.obj").write_text("v 0 0 0\n")
+    assert only(rods) == (
+        "warning  thin1.obj  the same name as thin1.off in another format; keep one of the two; this one is not read"
+    )
+
+
+def test_meshes_that_are_passed_over_are_named(rods):
+    write_off(rods / "more" / "extra0.off", rod(0.3, 1.0))
+    assert only(rods).startswith("warning  more/extra0.off  is none of the shapes of this data set; ")
+
+
+def numbered(folder, numbers):
+    for place, number in enumerate(numbers):
+        write_off(folder / f"{number}.off", rod(0.1, 0.1 * place))
+    half = len(numbers) // 2
+    blocks = [
+        f"{name} 0 {len(part)}\n" + "".join(f"{n}\n" for n in part)
+        for name, part in (("a", numbers[:half]), ("b", numbers[half:]))
+    ]
+    (folder / "x.cla").write_text(f"PSB 1\n2 {len(numbers)}\n\n" + "\n".join(blocks))
+    return folder
+
+
+def test_missing_numbers_and_numbers_from_1_are_named(tmp_path):
+    assert only(numbered(tmp_path / "gap", [0, 1, 2, 5])).startswith("warning  gap  numbers 0 to 5 lack 3, 4; fetch")
+    assert only(numbered(tmp_path / "one", [1, 2, 3, 4])).startswith("warning  one  numbered from 1 to 4; subtract 1")
+    assert lines(numbered(tmp_path / "good", [0, 1, 2, 3])) == []
+
+
+def test_a_set_that_cannot_be_ranked_is_an_error(tmp_path):
+    for number in range(2):
+        write_off(tmp_path / f"cat{number}.off", rod(0.1, number))
+    assert "has one class ('cat')" in only(tmp_path)
+    assert not check(folder_dataset(tmp_path)).usable
+
+
+def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(tmp_path):
+    numbered(tmp_path / "set", [0, 1, 2, 3])
+    (tmp_path / "set" / "x.cla").write_text("PSB 2\n")
+    (tmp_path / "set" / "3.off").write_text("")
+    first, second = lines(tmp_path / "set")
+    assert first.startswith("error    set  ")
+    assert "does not start with 'PSB 1'" in first
+    assert second.startswith("error    3.off  the file is empty")
+
+
+def test_an_incomplete_official_set_is_an_error(tmp_path):
+    folder = tmp_path / "shrec14" / "synthetic"
+    for number in (0, 1):
+        write_off(folder / f"{number}.off", rod(0.1, number))
+    report = check_source("shrec14-synthetic", tmp_path)
+    assert not report.usable
+    assert "holds 2 numbered meshes, not 0 to 299, number 2 is missing" in str(report.anomalies[0])
+    for number in range(3):
+        write_off(tmp_path / "tosca" / f"cat{number}.off", rod(0.1, number))
+        write_off(tmp_path / "tosca" / f"pig{number}.off", rod(0.2, number))
+    found = [str(anomaly) for anomaly in check_source("tosca", tmp_path).anomalies]
+    assert found[0].startswith("error    tosca  class 'cat' has 3 shapes, officially 11; unpack")
+    assert found[-1].startswith("error    tosca  class 'pig' has 3 shapes, officially 0; ")
+    assert len(found) == 10
+
+
+def test_a_frame_that_is_too_small_is_an_error(rods):
+    (rods / "dataset.toml").write_text("half_width = 0.3\n")
+    assert only(rods).startswith("error    thick1.off  extends to 0.567563, beyond")
+    assert "set half_width = 0.630626" in only(rods)
+
+
+def manifest(folder, header, *rows):
+    (folder / "MANIFEST.tsv").write_text("\n".join("\t".join(map(str, row)) for row in (header, *rows)) + "\n")
+
+
+def test_the_files_are_compared_with_the_manifest(rods):
+    names = sorted(path.name for path in rods.glob("*.off"))
+    good = [(name, 290, 576, sha256(rods / name)) for name in names]
+    header = ("file", "vertices", "faces", "sha256")
+    manifest(rods, header, *good)
+    assert lines(rods) == []
+    manifest(
+        rods, header, (names[0], 291, 576, good[0][3]), (*good[1][:3], "0" * 64), *good[2:5], ("gone.off", 1, 1, "")
+    )
+    assert lines(rods) == [
+        "error    thick0.off  has 290 vertices, in the manifest 291; fetch it again, or correct the line",
+        "error    thick1.off  is not the file of the manifest; fetch it again, or correct the line",
+        "error    gone.off  is named in the manifest but is no shape of the data set; "
+        "add the mesh or remove the line of MANIFEST.tsv",
+        "warning  thin2.off  is not in the manifest; add a line to MANIFEST.tsv",
+    ]
+
+
+def test_a_manifest_that_points_outside_is_an_error_also_for_an_official_set(tmp_path):
+    write_off(tmp_path / "secret.off", ROD)
+    write_rods(tmp_path / "tosca")
+    manifest(tmp_path / "tosca", ("file",), ("../secret.off",))
+    for name, root in (("tosca", tmp_path), (str(tmp_path / "tosca"), None)):
+        report = check_source(name, root)
+        assert any("'../secret.off', which lies outside its folder" in str(a) for a in report.anomalies)
+        assert not report.usable
+
+
+def test_generated_sets_are_checked_too():
+    from tests.datasets.test_export import Beasts
+
+    report = check(Beasts())
+    assert report.usable
+    assert report.lines()[0] == "beasts: 9 shapes, 3 classes, stand-in for tosca"
+
+
+def test_what_is_not_there_is_no_finding(tmp_path):
+    with pytest.raises(DatasetError, match="data set 'tosca' is not at"):
+        check_source("tosca", tmp_path)
+    with pytest.raises(ConfigurationError, match="unknown data set 'tosac'; did you mean tosca"):
+        check_source("tosac", None)
+    with pytest.raises(ConfigurationError, match="is not a folder"):
+        check_source(str(tmp_path / "none"), None)
+
+
+def test_the_verb_exits_with_1_on_errors_alone(rods):
+    assert CliRunner().invoke(data, ["check", str(rods)]).exit_code == 0
+    (rods / "thin1.obj").write_text("")
+    warned = CliRunner().invoke(data, ["check", str(rods)])
+    assert (warned.exit_code, warned.output.splitlines()[-1]) == (0, "0 errors, 1 warnings")
+    (rods / "thin1.off").write_text("")
+    failed = CliRunner().invoke(data, ["check", str(rods)])
+    assert (failed.exit_code, failed.output.splitlines()[-1]) == (1, "1 errors, 1 warnings")
+    assert CliRunner().invoke(data, ["check"]).exit_code == 2
+
+
+@pytest.mark.data
+def test_tosca_is_whole_but_for_one_open_mesh(data_root):
+    start = time.process_time()
+    done = CliRunner().invoke(data, ["check", "tosca", "--data-root", str(data_root)])
+    assert time.process_time() - start < 10
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    assert lines[0] == "tosca: 80 shapes, 9 classes, not a stand-in"
+    assert [line for line in lines if line.startswith(("error", "warning"))] == [
+        "warning  victoria10.off  20 boundary edges around 3 holes; close the surface for methods that need it closed"
+    ]

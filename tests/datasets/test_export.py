@@ -1,0 +1,261 @@
+import json
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmark.cli_data import data
+from benchmark.datasets.base import Entry
+from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.export import CLA_FILE, export
+from benchmark.datasets.folder import folder_dataset, read_cla
+from benchmark.datasets.manifest import read_manifest
+from benchmark.datasets.tosca import tosca
+from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
+from benchmark.geometry.depth import FRONT, SIDE, Camera, depth_surface
+from benchmark.geometry.mesh import Mesh
+from tests.toy import rod, write_rods
+
+SUBJECTS = ("man-2", "cat", "man-1")
+POSES = ("stand", "sit", "7")
+
+
+@dataclass(frozen=True)
+class Beasts:
+    """Generated shapes with awkward names; classes lie between each other."""
+
+    name: str = "beasts"
+    title: str = "Beasts"
+    stand_in_for: str = "tosca"
+    half_width: float | None = 1.3
+    entries: tuple = tuple(Entry(f"{s}_{p}", s, p) for p in POSES for s in SUBJECTS)
+
+    def load(self, entry):
+        return rod(0.05 + 0.03 * SUBJECTS.index(entry.subject), 0.7 * POSES.index(entry.pose))
+
+    def recipe(self, entry):
+        return entry.identifier
+
+    def camera(self, entry):
+        return SIDE if entry.subject == "cat" else FRONT
+
+
+def facts(dataset):
+    return [(e.subject, e.pose, dataset.camera(e)) for e in dataset.entries]
+
+
+@pytest.mark.parametrize("layout", ["shrec14", "tosca"])
+def test_the_same_shapes_come_back(tmp_path, layout):
+    source = Beasts()
+    written = export(source, tmp_path / "out", layout)
+    back = folder_dataset(tmp_path / "out")
+    assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert facts(back) == facts(source)
+    assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
+    for before, after in zip(source.entries, back.entries, strict=True):
+        first, second = source.load(before), back.load(after)
+        assert first.vertices.tobytes() == second.vertices.tobytes()
+        assert first.faces.tobytes() == second.faces.tobytes()
+        views = [
+            depth_surface(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
+        ]
+        assert views[0].depth.tobytes() == views[1].depth.tobytes()
+
+
+def test_the_layouts_have_the_names_and_the_classes_of_the_official_sets(tmp_path):
+    numbered = export(Beasts(), tmp_path / "a", "shrec14")
+    assert numbered == (*(f"{k}.obj" for k in range(9)), "classes.cla", "dataset.toml", "MANIFEST.tsv")
+    assert read_cla(tmp_path / "a" / CLA_FILE) == {k: SUBJECTS[k % 3] for k in range(9)}
+    assert (tmp_path / "a" / CLA_FILE).read_text().startswith("PSB 1\n3 9\n\nman-2 0 3\n0\n3\n6\n\ncat 0 3\n1\n4\n")
+    by_class = export(Beasts(), tmp_path / "b", "tosca")
+    assert by_class[:5] == ("man-2-0.off", "cat0.off", "man-1-0.off", "man-2-1.off", "cat1.off")
+
+
+@pytest.mark.parametrize("layout", ["shrec14", "tosca"])
+def test_classes_survive_without_the_manifest(tmp_path, layout):
+    export(Beasts(), tmp_path / "out", layout)
+    (tmp_path / "out" / "MANIFEST.tsv").unlink()
+    back = folder_dataset(tmp_path / "out")
+    pairs = {(e.subject, back.load(e).vertices.tobytes()) for e in back.entries}
+    assert pairs == {(e.subject, Beasts().load(e).vertices.tobytes()) for e in Beasts().entries}
+
+
+def test_poses_that_are_numbers_stay_in_the_file_names(tmp_path):
+    entries = tuple(Entry(f"{s}{p}", s, p) for s in ("cat", "dog") for p in ("3", "10"))
+
+    class Numbers(Beasts):
+        def load(self, entry):
+            return rod(0.1, float(entry.pose))
+
+    numbers = Numbers(entries=entries)
+    assert export(numbers, tmp_path / "tosca", "tosca")[:4] == ("cat3.off", "cat10.off", "dog3.off", "dog10.off")
+    # Also as the official set, which it may stand in for.
+    back = tosca(tmp_path)
+    assert [(e.identifier, e.pose) for e in back.entries][:2] == [("cat3", "3"), ("cat10", "10")]
+    assert back.stand_in_for == "tosca"
+
+
+def test_exporting_twice_gives_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        export(Beasts(), tmp_path / name, "shrec14")
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9),
+    st.sampled_from([".obj", ".off"]),
+)
+def test_every_finite_coordinate_survives(tmp_path_factory, numbers, suffix):
+    from benchmark.geometry.io import read_mesh, write_mesh
+
+    path = tmp_path_factory.mktemp("bits") / f"x{suffix}"
+    mesh = Mesh(np.array(numbers).reshape(3, 3), [[0, 1, 2]])
+    write_mesh(path, mesh)
+    assert read_mesh(path).vertices.tobytes() == mesh.vertices.tobytes()
+
+
+def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
+    write_rods(tmp_path / "in")
+    (tmp_path / "in" / "dataset.toml").write_text(
+        'camera = { direction = [1, 2, 3] }\n[canonical_pose]\nthick = "2"\n', encoding="utf-8"
+    )
+    source = folder_dataset(tmp_path / "in")
+    export(source, tmp_path / "out", "shrec14")
+    back = folder_dataset(tmp_path / "out")
+    assert canonical_entry(back, "thick").pose == "2"
+    assert canonical_entry(back, "thin").pose == "0"
+    # A unit vector may change in its last bit when it is normalised again.
+    camera = back.camera(back.entries[0])
+    assert camera.direction == pytest.approx(Camera((1, 2, 3)).direction, abs=1e-15)
+    values = tomllib.loads((tmp_path / "out" / "dataset.toml").read_text())
+    assert values["canonical_pose"] == {"thick": "2"}
+
+
+def test_a_folder_with_files_is_left_alone_unless_forced(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "elsewhere.obj").write_text("precious")
+    (tmp_path / "out" / "0.obj").symlink_to(tmp_path / "elsewhere.obj")
+    with pytest.raises(ConfigurationError, match="out is not empty; .*--force"):
+        export(Beasts(), tmp_path / "out", "shrec14")
+    assert (tmp_path / "out" / "0.obj").is_symlink()
+    export(Beasts(), tmp_path / "out", "shrec14", force=True)
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "elsewhere.obj").read_text() == "precious"
+    assert facts(folder_dataset(tmp_path / "out")) == facts(Beasts())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere.obj", "out"]
+
+
+def test_a_forced_export_does_not_mix_with_another_classification(tmp_path):
+    export(Beasts(), tmp_path / "out", "shrec14")
+    with pytest.raises(ConfigurationError, match="classes.cla would classify the exported meshes; remove it"):
+        export(Beasts(), tmp_path / "out", "tosca", force=True)
+
+
+def test_a_set_is_never_written_over_itself(tmp_path):
+    write_rods(tmp_path / "in")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
+    with pytest.raises(ConfigurationError, match="in holds the data set itself"):
+        export(folder_dataset(tmp_path / "in"), tmp_path / "in", "tosca", force=True)
+    assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
+
+
+def test_a_bad_mesh_leaves_no_half_written_folder(tmp_path):
+    write_rods(tmp_path / "in")
+    (tmp_path / "in" / "thin1.off").write_text("")
+    with pytest.raises(UnreadableMesh, match=r"thin1.off"):
+        export(folder_dataset(tmp_path / "in"), tmp_path / "out", "tosca")
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+@pytest.mark.parametrize(
+    ("subject", "pose", "layout", "message"),
+    [
+        ("big cat", "0", "shrec14", "class 'big cat' is not one word"),
+        ("../cat", "0", "tosca", "'../cat' cannot be the class in a file name; .*--layout shrec14"),
+        ("cat-", "0", "tosca", "'cat-' cannot be the class in a file name"),
+        ("cat", "a\tb", "shrec14", "pose .* is not one line"),
+    ],
+)
+def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, layout, message):
+    entries = (Entry("x", subject, pose), Entry("y", subject, "1"))
+    with pytest.raises(ConfigurationError, match=message):
+        export(Beasts(entries=entries), tmp_path / "out", layout)
+
+
+def test_classes_that_differ_in_case_alone_would_share_files(tmp_path):
+    entries = tuple(Entry(f"{s}{p}", s, str(p)) for s in ("cat", "Cat") for p in range(2))
+    with pytest.raises(ConfigurationError, match="two classes would share the file cat0.off"):
+        export(Beasts(entries=entries), tmp_path / "out", "tosca")
+
+
+def test_cameras_that_differ_in_a_class_are_named(tmp_path):
+    class Turning(Beasts):
+        def camera(self, entry):
+            return SIDE if entry.pose == "sit" else FRONT
+
+    with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
+        export(Turning(), tmp_path / "out", "tosca")
+
+
+def test_an_unknown_layout_is_named(tmp_path):
+    with pytest.raises(ConfigurationError, match="unknown layout 'toska'; did you mean tosca"):
+        export(Beasts(), tmp_path / "out", "toska")
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match="file is not a folder"):
+        export(Beasts(), tmp_path / "file", "tosca")
+    with pytest.raises(ConfigurationError, match="cannot write to .*choose another folder"):
+        export(Beasts(), tmp_path / "file" / "below", "tosca")
+
+
+def test_the_verb_writes_what_the_manifest_says(tmp_path):
+    write_rods(tmp_path / "in")
+    arguments = ["export", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--layout", "tosca"]
+    done = CliRunner().invoke(data, arguments)
+    assert done.exit_code == 0, done.output
+    assert "wrote 8 files" in done.output
+    assert [row.file for row in read_manifest(tmp_path / "out")] == [
+        *("thick0.off", "thick1.off", "thick2.off", "thin0.off", "thin1.off", "thin2.off")
+    ]
+    again = CliRunner().invoke(data, arguments)
+    assert isinstance(again.exception, ConfigurationError)
+    assert CliRunner().invoke(data, [*arguments, "--force"]).exit_code == 0
+    assert CliRunner().invoke(data, [*arguments[:-1], "vrml"]).exit_code == 2
+
+
+def test_the_list_says_what_is_here(tmp_path):
+    (tmp_path / "tosca").mkdir()
+    rows = json.loads(CliRunner().invoke(data, ["list", "--json", "--data-root", str(tmp_path)]).output)
+    states = {row["name"]: (row["kind"], row["state"]) for row in rows}
+    assert states["tosca"] == ("official", "present")
+    assert states["shrec14-real"] == ("official", "absent: DATA_ROOT/shrec14/real")
+    assert states["humans"] == ("generated", "present")
+    text = CliRunner().invoke(data, ["list"], env={"CANONICAL_FORMS_DATA": str(tmp_path)}).output
+    assert len(text.splitlines()) == len(rows)
+    assert "tosca              official   present" in text
+
+
+@pytest.mark.slow
+def test_scores_are_the_same_after_the_round_trip(tmp_path):
+    from tests.test_command_line import benchmark
+
+    write_rods(tmp_path / "in")
+    export(folder_dataset(tmp_path / "in"), tmp_path / "out", "shrec14")
+    scores = []
+    for name in ("in", "out"):
+        arguments = ("-d", tmp_path / name, "-m", "identity", "-m", "classic-mds", "--results", tmp_path / "results")
+        assert benchmark("run", *arguments).returncode == 0
+        rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+        keys = ("method", "input", "NN", "FT", "ST", "DCG", "chance", "n_shapes", "status")
+        scores.append([{key: row[key] for key in keys} for row in rows])
+    assert scores[0] == scores[1]
+    assert all(row["status"] == "ok" for row in scores[0])

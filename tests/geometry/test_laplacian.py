@@ -1,0 +1,126 @@
+import igl
+import numpy as np
+import pytest
+
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import prepare
+from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
+
+BODY = prepare(limbed_body(), 500).mesh
+
+
+def test_right_triangle_by_hand():
+    """Legs 1: cotangents 0 at the right angle, 1 at the two others; half of them weigh the opposite edges."""
+    laplacian = cotangent_laplacian(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    expected = [[1, -0.5, -0.5], [-0.5, 0.5, 0], [-0.5, 0, 0.5]]
+    np.testing.assert_allclose(laplacian.stiffness.toarray(), expected, atol=1e-15)
+    np.testing.assert_allclose(laplacian.mass, [1 / 6] * 3)
+
+
+@pytest.mark.parametrize("mesh", [BODY, sphere(3), flat_grid(7), joined(sphere(1), flat_grid(3))])
+def test_agrees_with_libigl(mesh):
+    laplacian = cotangent_laplacian(mesh)
+    vertices, faces = np.array(mesh.vertices), mesh.faces.astype(np.int64)
+    np.testing.assert_allclose(laplacian.stiffness.toarray(), -igl.cotmatrix(vertices, faces).toarray(), atol=1e-9)
+    mass = igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_BARYCENTRIC).diagonal()
+    np.testing.assert_allclose(laplacian.mass, mass, rtol=1e-12)
+
+
+def test_symmetric_positive_semidefinite_rows_sum_to_zero():
+    laplacian = cotangent_laplacian(BODY)
+    matrix = laplacian.stiffness.toarray()
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-14)
+    np.testing.assert_allclose(matrix.sum(axis=1), 0, atol=1e-11)
+    assert np.linalg.eigvalsh(matrix).min() > -1e-12 * np.abs(matrix).max()
+    assert laplacian.mass.sum() == pytest.approx(BODY.area)
+    assert (laplacian.mass > 0).all()
+
+
+def test_dirichlet_energy_of_a_linear_function():
+    """On a flat square the energy of f = 3 x + 4 y is |grad f|^2 times the area, whatever the triangles."""
+    grid = flat_grid(9, spacing=0.25)
+    function = grid.vertices @ [3.0, 4.0, 0.0]
+    assert function @ cotangent_laplacian(grid).stiffness @ function == pytest.approx(25.0 * 4.0)
+
+
+def test_spectrum_of_the_sphere():
+    """l (l + 1), each 2 l + 1 times."""
+    values, functions = eigenpairs(cotangent_laplacian(sphere(5)), 9)
+    np.testing.assert_allclose(values, [0, 2, 2, 2, 6, 6, 6, 6, 6], rtol=3e-3, atol=1e-9)
+    np.testing.assert_allclose(functions[:, 0], functions[0, 0], rtol=1e-6)
+
+
+def test_spectrum_of_a_flat_square_with_free_boundary():
+    """pi^2 (p^2 + q^2) on the unit square with Neumann conditions."""
+    values, _ = eigenpairs(cotangent_laplacian(flat_grid(61, spacing=1 / 60)), 6)
+    np.testing.assert_allclose(values / np.pi**2, [0, 1, 1, 2, 4, 4], rtol=3e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("k", [1, 5, 40])
+def test_eigenpairs_solve_the_generalised_problem(k):
+    laplacian = cotangent_laplacian(BODY)
+    values, functions = eigenpairs(laplacian, k)
+    assert values.shape == (k,)
+    assert (np.diff(values) >= 0).all()
+    weighted = laplacian.mass[:, None] * functions
+    np.testing.assert_allclose(functions.T @ weighted, np.eye(k), atol=1e-9)
+    np.testing.assert_allclose(laplacian.stiffness @ functions, weighted * values, atol=1e-8 * max(values[-1], 1))
+
+
+def test_sparse_and_dense_solvers_agree():
+    laplacian = cotangent_laplacian(BODY)
+    few, _ = eigenpairs(laplacian, 20)
+    many, _ = eigenpairs(laplacian, BODY.n_vertices)
+    np.testing.assert_allclose(few, many[:20], rtol=1e-8, atol=1e-9)
+
+
+def test_same_call_same_bits():
+    laplacian = cotangent_laplacian(BODY)
+    first, second = eigenpairs(laplacian, 6), eigenpairs(laplacian, 6)
+    np.testing.assert_array_equal(first[0], second[0])
+    np.testing.assert_array_equal(first[1], second[1])
+
+
+def test_scale_relabelling_and_rigid_motion():
+    values, _ = eigenpairs(cotangent_laplacian(BODY), 6)
+    for scale in (1e-6, 1e6):
+        scaled, _ = eigenpairs(cotangent_laplacian(BODY.with_vertices(scale * BODY.vertices)), 6)
+        np.testing.assert_allclose(scaled[1:] * scale**2, values[1:], rtol=1e-7)
+    other, _ = relabelled(BODY)
+    np.testing.assert_allclose(eigenpairs(cotangent_laplacian(other), 6)[0][1:], values[1:], rtol=1e-7)
+    rotation, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
+    moved = BODY.with_vertices(BODY.vertices @ rotation.T + 7)
+    np.testing.assert_allclose(eigenpairs(cotangent_laplacian(moved), 6)[0][1:], values[1:], rtol=1e-7)
+
+
+def test_one_zero_eigenvalue_for_each_component():
+    values, _ = eigenpairs(cotangent_laplacian(joined(sphere(2), sphere(2), flat_grid(5))), 5)
+    assert (values[:3] < 1e-9).all()
+    assert values[3] > 0.1
+
+
+def test_slivers_and_flat_triangles_do_not_spoil_the_matrix():
+    """A needle, a triangle without area and an unreferenced vertex beside a good square."""
+    mesh = Mesh(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, -1e-9, 0], [2, 0, 0], [5, 5, 5]],
+        [[0, 1, 2], [0, 2, 3], [0, 4, 1], [0, 1, 5]],
+    )
+    laplacian = cotangent_laplacian(mesh)
+    matrix = laplacian.stiffness.toarray()
+    assert np.isfinite(matrix).all()
+    assert np.abs(matrix).max() < 2e3
+    assert np.linalg.eigvalsh(matrix).min() > -1e-9
+    assert (laplacian.mass > 0).all()
+    assert np.isfinite(eigenpairs(laplacian, 3)[1]).all()
+
+
+def test_faults():
+    with pytest.raises(UnsupportedShape, match="no area"):
+        cotangent_laplacian(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    with pytest.raises(UnsupportedShape, match="no area"):
+        cotangent_laplacian(Mesh(np.empty((0, 3)), np.empty((0, 3))))
+    for k in (0, 13):
+        with pytest.raises(UnsupportedShape, match="1 to 12"):
+            eigenpairs(cotangent_laplacian(sphere(0)), k)

@@ -1,0 +1,174 @@
+import resource
+import time
+
+import numpy as np
+import pymeshlab
+import pytest
+import trimesh
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.cleaning import clean, connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import decimate, prepare
+from tests.geometry.surfaces import flat_grid, joined, limbed_body, sphere
+
+
+def assert_ready(prepared):
+    mesh = prepared.mesh
+    assert mesh.area == pytest.approx(1.0)
+    assert connected_components(mesh).max() == 0
+    assert edge_counts(mesh.faces).max() <= 2
+    assert (fans_per_vertex(mesh) == 1).all()
+    assert prepared.report["vertices"] == mesh.n_vertices
+    assert all(isinstance(value, float) for value in prepared.report.values())
+
+
+def torus(sections=100):
+    ring = trimesh.creation.torus(2.0, 0.7, major_sections=sections, minor_sections=sections // 2)
+    return Mesh(ring.vertices, ring.faces)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "euler"),
+    [(sphere(5), 2), (limbed_body(5), 2), (flat_grid(80), 1), (torus(), 0)],
+    ids=["sphere", "body", "open", "torus"],
+)
+@pytest.mark.parametrize("count", [300, 2000])
+def test_vertex_count_is_met_and_topology_kept(mesh, euler, count):
+    prepared = prepare(mesh, count)
+    assert abs(prepared.mesh.n_vertices - count) <= 0.01 * count
+    assert prepared.report["euler_characteristic"] == euler
+    assert prepared.source_area == pytest.approx(mesh.area)
+    assert_ready(prepared)
+
+
+def test_decimation_stays_on_the_surface():
+    mesh = prepare(sphere(5), 2000).mesh
+    radius = np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1) * np.sqrt(4 * np.pi)
+    assert np.abs(radius - 1).max() < 0.01
+
+
+def test_decimation_keeps_the_course_of_a_boundary():
+    """A square stays a square, with far fewer vertices along its rim."""
+    mesh = prepare(flat_grid(80), 300).mesh
+    assert mesh.vertices[:, :2].min() == pytest.approx(-0.5, abs=1e-3)
+    assert mesh.vertices[:, :2].max() == pytest.approx(0.5, abs=1e-3)
+    assert (edge_counts(mesh.faces) == 1).sum() < 158
+
+
+def test_small_meshes_are_never_refined():
+    for mesh in (sphere(2), flat_grid(4)):
+        prepared = prepare(mesh)
+        np.testing.assert_array_equal(prepared.mesh.faces, mesh.faces)
+        ratio = prepared.mesh.vertices[1:] - prepared.mesh.vertices[0]
+        np.testing.assert_allclose(ratio * np.sqrt(mesh.area), mesh.vertices[1:] - mesh.vertices[0], atol=1e-12)
+    assert decimate(sphere(2), 162) is not None
+
+
+def test_same_call_same_bits():
+    first, second = prepare(limbed_body(5), 500), prepare(limbed_body(5), 500)
+    np.testing.assert_array_equal(first.mesh.vertices, second.mesh.vertices)
+    np.testing.assert_array_equal(first.mesh.faces, second.mesh.faces)
+    assert first.report == second.report
+
+
+def test_parameters_of_an_earlier_pymeshlab_call_have_no_influence():
+    before = prepare(flat_grid(40), 300)
+    work = pymeshlab.MeshSet(verbose=False)
+    work.add_mesh(pymeshlab.Mesh(flat_grid(40).vertices, flat_grid(40).faces))
+    work.meshing_decimation_quadric_edge_collapse(targetfacenum=2000, preserveboundary=True, qualityweight=True)
+    np.testing.assert_array_equal(prepare(flat_grid(40), 300).mesh.vertices, before.mesh.vertices)
+
+
+@pytest.mark.parametrize("scale", [2.0**-300, 1e-3, 2.0**300])
+def test_unit_of_the_file_does_not_matter(scale):
+    mesh = limbed_body(4)
+    prepared = prepare(mesh.with_vertices(scale * mesh.vertices), 500)
+    assert_ready(prepared)
+    assert prepared.source_area == pytest.approx(mesh.area * scale**2)
+    np.testing.assert_allclose(prepared.mesh.area, 1.0)
+
+
+def test_limbs_are_bridged_and_debris_is_dropped():
+    """A body, a limb of a few per cent of the area at a gap, and a speck."""
+    body = sphere(4)
+    limb = sphere(2).with_vertices(0.3 * sphere(2).vertices + [1.4, 0, 0])
+    speck = sphere(1).with_vertices(0.01 * sphere(1).vertices + [0, 3, 0])
+    prepared = prepare(joined(speck, body, limb), 1000)
+    report = prepared.report
+    assert (report["components"], report["dropped_components"], report["bridges"]) == (3, 1, 1)
+    assert report["dropped_area"] == pytest.approx(speck.area / (speck.area + body.area + limb.area))
+    assert prepared.source_area == pytest.approx(body.area + limb.area)
+    assert_ready(prepared)
+    extent = np.ptp(prepared.mesh.vertices, axis=0)
+    assert extent[0] / extent[1] == pytest.approx(2.7 / 2.0, rel=0.03)
+
+
+def test_many_parts_all_below_one_per_cent_keep_the_largest():
+    parts = [sphere(1).with_vertices(sphere(1).vertices * (1 + 0.001 * at) + [3 * at, 0, 0]) for at in range(150)]
+    prepared = prepare(joined(*parts))
+    assert prepared.report["dropped_components"] == 149
+    assert prepared.mesh.n_vertices == 42
+
+
+def test_dirty_mesh_is_mended_and_the_report_says_how():
+    ball = sphere(3)
+    soup = ball.vertices[ball.faces].reshape(-1, 3)
+    n = len(soup)
+    dirty = Mesh(
+        np.concatenate((soup, [[0, 0, 1.5], [7, 7, 7]])),
+        np.concatenate((np.arange(n).reshape(-1, 3), [[0, 1, n], [0, 0, 1], [2, 1, 0]])),
+    )
+    prepared = prepare(dirty)
+    report = prepared.report
+    assert report["merged"] == n - ball.n_vertices
+    assert (report["degenerate_faces"], report["duplicate_faces"], report["unreferenced"]) == (1, 1, 1)
+    assert report["non_manifold_edges"] == 1
+    assert report["boundary_edges"] == 2
+    assert_ready(prepared)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
+        Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]], [[0, 1, 2], [1, 2, 3]]),
+        Mesh([[1, 1, 1]] * 5, [[0, 1, 2], [2, 3, 4]]),
+        Mesh(np.random.default_rng(0).random((9, 3)), np.empty((0, 3))),
+        Mesh(np.empty((0, 3)), np.empty((0, 3))),
+        joined(*[Mesh([[0, 0, at], [1, 0, at], [0, 1, at]], [[0, 1, 2]]) for at in range(150)]),
+    ],
+    ids=["one triangle", "collinear", "one point", "no faces", "empty", "only lone triangles"],
+)
+def test_what_is_no_surface_is_refused_with_a_mend(mesh):
+    with pytest.raises(InvalidMesh) as caught:
+        prepare(mesh)
+    assert caught.value.mend
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)  # half a minute on a quiet machine
+def test_a_million_vertices():
+    ball = sphere(8)
+    bumps = 1 + 0.1 * np.sin(5 * ball.vertices[:, [0]]) * np.cos(4 * ball.vertices[:, [1]])
+    half = Mesh(ball.vertices * bumps, ball.faces)
+    mesh = joined(half, half.with_vertices(half.vertices + np.array([1.9, 0, 0])))
+    assert mesh.n_vertices > 1_000_000
+    start = time.process_time()
+    prepared = prepare(mesh)
+    assert time.process_time() - start < 60
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 3 * 2**20  # KiB; the test's own meshes included
+    assert_ready(prepared)
+    assert abs(prepared.mesh.n_vertices - 2000) <= 20
+
+
+@pytest.mark.data
+def test_tosca_needs_no_bridge(data_root):
+    from benchmark.geometry.io import read_mesh
+
+    for name in ("cat0", "gorilla1", "victoria10"):
+        prepared = prepare(read_mesh(data_root / "tosca" / f"{name}.off"))
+        assert abs(prepared.mesh.n_vertices - 2000) <= 20
+        assert prepared.report["bridges"] == 0
+        assert_ready(prepared)
+        assert clean(prepared.mesh)[1].degenerate_faces == 0
