@@ -236,11 +236,11 @@ POSES: Mapping[str, Pose] = {
         body=Column(bend=20),
     ),
     "waving": Pose(
-        left_arm=Arm(raised=100, forward=5, roll=75, bend=75),
+        left_arm=Arm(raised=125, forward=5, roll=75, bend=60),
         right_arm=Arm(raised=34, bend=18),
-        left_leg=Leg(abduction=4),
-        right_leg=Leg(abduction=10, roll=12),
-        trunk=Column(lean=-6),
+        left_leg=Leg(flexion=35, abduction=6, bend=50),
+        right_leg=Leg(abduction=8, roll=12),
+        trunk=Column(lean=-10),
         head=Column(lean=8),
     ),
     "thinking": Pose(

@@ -58,7 +58,7 @@ class Humans:
     name: str = "humans"
     title: str = "humans (stand-in for SHREC'14 synthetic)"
     stand_in_for: str = "shrec14-synthetic"
-    half_width: float = 1.305
+    half_width: float = 1.285
 
     @property
     def entries(self) -> tuple[Entry, ...]:

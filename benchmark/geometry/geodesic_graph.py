@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Windows followed from each vertex; docs/geodesics.md has the measurements behind the number.
-WINDOWS = 400
+WINDOWS = 800
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,6 @@ SMALLEST_SHARE = 0.01
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
 _FEWEST_VERTICES = 4
-_DENSE = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +122,8 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """Collapse edges by least quadric error until about ``n_vertices`` remain; fewer are never made more.
 
     Topology is preserved; boundaries keep their course, but not all their vertices. The number of faces that belongs to
-    a number of vertices depends on the length of the boundary after decimation, so the face target is corrected until
-    the vertex count is met.
+    a number of vertices depends on the length of the boundary after decimation, so the first face target assumes none
+    and the surplus of vertices is taken away in a few small steps.
 
     Parameters
     ----------
@@ -140,23 +139,18 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """
     if mesh.n_vertices <= n_vertices:
         return mesh
-    if mesh.n_vertices > _DENSE * n_vertices:
-        # Far from the end the shape of the triangles does not matter yet, and weighing it takes most of the time.
-        mesh = _collapse(mesh, mesh.n_faces - 2 * (mesh.n_vertices - _DENSE * n_vertices), quality=False)
-    target = mesh.n_faces - 2 * (mesh.n_vertices - n_vertices)
-    best = mesh
+    boundary = int((edge_counts(mesh.faces) == 1).sum())
+    target = mesh.n_faces + boundary - 2 * (mesh.n_vertices - n_vertices)
     for _ in range(_MOST_ROUNDS):
-        candidate = _collapse(mesh, target)
-        if abs(candidate.n_vertices - n_vertices) < abs(best.n_vertices - n_vertices):
-            best = candidate
-        miss = n_vertices - candidate.n_vertices
-        if abs(miss) <= _LARGEST_MISS * n_vertices / 2 or candidate.n_faces > target + 2:
+        mesh = _collapse(mesh, target)
+        surplus = mesh.n_vertices - n_vertices
+        if surplus <= _LARGEST_MISS * n_vertices / 4 or mesh.n_faces > target + 2:
             break
-        target = max(target + 2 * miss, 4)
-    return best
+        target = mesh.n_faces - round(surplus * mesh.n_faces / mesh.n_vertices)
+    return mesh
 
 
-def _collapse(mesh: Mesh, n_faces: int, quality: bool = True) -> Mesh:
+def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
     import pymeshlab
 
     work = pymeshlab.MeshSet(verbose=False)
@@ -165,7 +159,7 @@ def _collapse(mesh: Mesh, n_faces: int, quality: bool = True) -> Mesh:
     work.meshing_decimation_quadric_edge_collapse(
         targetfacenum=int(n_faces),
         targetperc=0.0,
-        qualitythr=0.3 if quality else 0.0,
+        qualitythr=0.3,
         preserveboundary=False,
         boundaryweight=1.0,
         preservenormal=True,
