@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark import __version__
+from benchmark.cli_data import DATA_VARIABLE, data, data_root_option, print_rows
 from benchmark.errors import BenchmarkError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
     from benchmark.store import Store
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
-
-DATA_VARIABLE = "CANONICAL_FORMS_DATA"
-_DATA_ROOT_HELP = f"Folder of the official data sets; also {DATA_VARIABLE}."
 
 RETRY = ("failed", "timeout", "crashed", "memory", "unsupported", "all")
 FORMATS = ("latex", "markdown", "csv", "json")
@@ -73,13 +71,13 @@ class Duration(click.ParamType[float]):
 def _selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
     folder, file = click.Path(path_type=Path), click.Path(path_type=Path)
     options = [
-        click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, III."),
+        click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III."),
         click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'."),
         click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
         click.option("--plugin", "plugins", multiple=True, type=file, metavar="FILE", help="Python file with methods."),
         click.option("--results", type=folder, default=Path("results"), show_default=True, metavar="DIR"),
-        click.option("--data-root", type=folder, envvar=DATA_VARIABLE, metavar="DIR", help=_DATA_ROOT_HELP),
+        data_root_option,
         click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
         click.option("--quick", is_flag=True, help="Fewer poses of each subject."),
     ]
@@ -159,7 +157,7 @@ def plan(everything: bool, **options: Any) -> None:
 @click.argument("what", type=click.Choice(["methods", "datasets", "tables"]))
 @click.option("--json", "as_json", is_flag=True, help="For other programs.")
 @click.option("--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--data-root", type=click.Path(path_type=Path), envvar=DATA_VARIABLE, metavar="DIR")
+@data_root_option
 def list_(what: str, as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     """List what can be named on the command line."""
     from benchmark import listing
@@ -169,16 +167,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], data_root: Path |
         "datasets": lambda: listing.datasets(data_root),
         "tables": lambda: listing.tables(data_root),
     }[what]()
-    if as_json:
-        import json
-
-        click.echo(json.dumps(rows, indent=1))
-        return
-    widths = [max(len(str(row[key])) for row in rows) for key in rows[0]]
-    for row in rows:
-        click.echo(
-            "  ".join(str(value).ljust(width) for value, width in zip(row.values(), widths, strict=True)).rstrip()
-        )
+    print_rows(rows, as_json)
 
 
 @cli.command()
@@ -265,6 +254,35 @@ def canonicalise(method: str, source: Path, output: Path | None, plugins: tuple[
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()
     )
     click.echo(f"{target}: {len(form.vertices)} vertices{', ' + facts if facts else ''}")
+
+
+@cli.command()
+@click.argument("target", metavar="METHOD|FILE")
+def check(target: str) -> None:
+    """Check that a method, or each method of a plugin file, keeps the contract; exit 1 if it does not."""
+    from benchmark.conformance import check_target
+
+    report = check_target(target)
+    click.echo(str(report))
+    sys.exit(OK if report else NOT_OK)
+
+
+@cli.group()
+def new() -> None:
+    """Write files to start from."""
+
+
+@new.command("method")
+@click.argument("name")
+def new_method(name: str) -> None:
+    """Write a working plugin file called NAME and its test into this folder."""
+    from benchmark import scaffold
+
+    for path in scaffold.new_method(name):
+        click.echo(path)
+
+
+cli.add_command(data)
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import click
 
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
-_data_root = click.option(
+data_root_option = click.option(
     "--data-root",
     type=click.Path(path_type=Path),
     envvar=DATA_VARIABLE,
@@ -18,19 +18,8 @@ _data_root = click.option(
 )
 
 
-@click.group()
-def data() -> None:
-    """List data sets, check one, or write one out in an official layout."""
-
-
-@data.command("list")
-@click.option("--json", "as_json", is_flag=True, help="For other programs.")
-@_data_root
-def list_(as_json: bool, data_root: Path | None) -> None:
-    """List the data sets: official or generated, present or absent."""
-    from benchmark import listing
-
-    rows = listing.datasets(data_root)
+def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+    """Print what a list verb found, in columns or as JSON."""
     if as_json:
         import json
 
@@ -42,9 +31,24 @@ def list_(as_json: bool, data_root: Path | None) -> None:
         click.echo("  ".join(cells).rstrip())
 
 
+@click.group()
+def data() -> None:
+    """List data sets, check one, or write one out in an official layout."""
+
+
+@data.command("list")
+@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@data_root_option
+def list_(as_json: bool, data_root: Path | None) -> None:
+    """List the data sets: official or generated, present or absent."""
+    from benchmark import listing
+
+    print_rows(listing.datasets(data_root), as_json)
+
+
 @data.command()
 @click.argument("name", metavar="NAME|FOLDER")
-@_data_root
+@data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
     from benchmark.datasets.checking import check_source
@@ -72,7 +76,7 @@ def check(name: str, data_root: Path | None) -> None:
     help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off.",
 )
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
-@_data_root
+@data_root_option
 def export(name: str, output: Path, layout: str, force: bool, data_root: Path | None) -> None:
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
     from benchmark.datasets.catalogue import open_dataset

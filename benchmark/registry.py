@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 from benchmark.contracts import Descriptor, Method, MethodInfo
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -65,7 +65,7 @@ class MethodSpec:
         """Module name or plugin path."""
         return self.target.rpartition(":")[0]
 
-    def load(self) -> type:
+    def load(self) -> type[Any]:
         """Import and return the class.
 
         Raises
@@ -89,7 +89,7 @@ class MethodSpec:
             raise ConfigurationError(
                 f"{self.target} has no 'info: ClassVar[MethodInfo]'", "see 'Add a method' in the README"
             )
-        return found  # type: ignore[no-any-return]
+        return cast(type[Any], found)
 
     def create(self) -> Method | Descriptor:
         """Make the method with its parameters."""
@@ -104,7 +104,7 @@ class MethodSpec:
     @property
     def info(self) -> MethodInfo:
         """What the method says about itself."""
-        return self.load().info  # type: ignore[attr-defined,no-any-return]
+        return cast(MethodInfo, self.load().info)
 
     def resolved_parameters(self) -> dict[str, Any]:
         """All parameters, defaults included."""
@@ -158,11 +158,10 @@ def plugin_methods(path: Path) -> list[MethodSpec]:
     """Methods defined in a plugin file, in the order of the file."""
     module = import_plugin(str(path.resolve()))
     specs = [
-        MethodSpec(value.info.name, f"{path.resolve()}:{attribute}")
+        MethodSpec(info.name, f"{path.resolve()}:{attribute}")
         for attribute, value in vars(module).items()
-        if isinstance(value, type)
-        and isinstance(getattr(value, "info", None), MethodInfo)
-        and value.__module__ == module.__name__
+        if isinstance(value, type) and value.__module__ == module.__name__
+        if isinstance(info := getattr(value, "info", None), MethodInfo)
     ]
     if not specs:
         raise ConfigurationError(

@@ -24,7 +24,10 @@ FLOORS = {
     "benchmark.listing": 7,
     "benchmark.single": 7,
     "benchmark.progress": 7,
+    "benchmark.conformance": 7,
+    "benchmark.scaffold": 7,
     "benchmark.cli": 8,
+    "benchmark.cli_data": 8,
     "benchmark.__main__": 9,
 }
 

@@ -7,16 +7,20 @@ from tests.toy import write_rods
 
 
 def test_without_data_the_stand_ins_run_and_say_so():
-    first, third = galleries()
+    first, second, third = galleries()
     assert (first.table.identifier, first.dataset.name, first.dataset.stand_in_for) == (
         "I",
         "humans",
         "shrec14-synthetic",
     )
     assert (third.table.identifier, third.dataset.name, third.dataset.stand_in_for) == ("III", "animals", "tosca")
-    assert len(first.entries) == 100
+    assert (second.table.identifier, second.dataset.name, second.dataset.stand_in_for) == (
+        "II",
+        "humans-scanlike",
+        "shrec14-real",
+    )
+    assert [len(gallery.entries) for gallery in (first, second, third)] == [100, 400, 80]
     assert {entry.subject for entry in first.entries} == {entry.subject for entry in first.dataset.entries[200:]}
-    assert len(third.entries) == 80
 
 
 @pytest.mark.data
@@ -47,7 +51,7 @@ def test_a_folder_gets_a_table_of_its_own(tmp_path):
     ("tables", "datasets", "error", "message"),
     [
         (["V"], [], ConfigurationError, "unknown table 'V'"),
-        (["II"], [], ConfigurationError, "table II cannot be made"),
+        (["IV"], [], ConfigurationError, "table IV cannot be made"),
         ([], ["tosk"], ConfigurationError, "unknown data set 'tosk'; did you mean tosca"),
         ([], ["tosca"], DatasetError, "is not at DATA_ROOT/tosca; put it there"),
         (["I"], ["animals"], ConfigurationError, "no selected table uses animals"),

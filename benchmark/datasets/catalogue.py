@@ -52,6 +52,12 @@ def _humans(_: Path) -> Dataset:
     return Humans()
 
 
+def _humans_scanlike(_: Path) -> Dataset:
+    from benchmark.datasets.humans_scanlike import HumansScanlike
+
+    return HumansScanlike()
+
+
 def _animals(_: Path) -> Dataset:
     from benchmark.datasets.animals import Animals
 
@@ -65,6 +71,9 @@ CATALOGUE: dict[str, Known] = {
     "shrec14-real": Known("SHREC'14 real humans, 40 subjects x 10 poses", _shrec14("real"), "shrec14/real"),
     "tosca": Known("TOSCA high resolution, 80 shapes in 9 classes", _tosca, "tosca"),
     "humans": Known("generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans),
+    "humans-scanlike": Known(
+        "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike
+    ),
     "animals": Known("generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals),
 }
 

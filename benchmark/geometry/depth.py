@@ -65,7 +65,8 @@ class Camera:
         up = np.asarray(self.up, dtype=np.float64)
         length = np.linalg.norm(direction)
         if np.isfinite(length) and length > 0:
-            direction = direction / length
+            if abs(length - 1) > 1e-12:  # what is normalised already keeps its bits
+                direction = direction / length
             up = up - (up @ direction) * direction
         height = np.linalg.norm(up)
         if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
@@ -74,7 +75,9 @@ class Camera:
                 "pass two finite vectors that are neither zero nor parallel",
             )
         object.__setattr__(self, "direction", tuple(direction.tolist()))
-        object.__setattr__(self, "up", tuple((up / height).tolist()))
+        if abs(height - 1) > 1e-12:
+            up = up / height
+        object.__setattr__(self, "up", tuple(up.tolist()))
 
     @property
     def rotation(self) -> Points:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
-from benchmark.geometry.geodesic_graph import edge_graph, geodesic_graph, unfolded_graph
+from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph, unfolded_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
@@ -17,8 +18,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+@lru_cache(maxsize=1)
+def _graph_of(mesh: Mesh) -> Graph:
+    """The graph of the latest mesh: methods that ask for a few rows at a time build it once."""
+    return geodesic_graph(mesh)
+
+
 def _geodesic_graph(mesh: Mesh, sources: IntArray) -> FloatArray:
-    return shortest_paths(geodesic_graph(mesh), sources)
+    return shortest_paths(_graph_of(mesh), sources)
 
 
 def _dijkstra(mesh: Mesh, sources: IntArray) -> FloatArray:

@@ -39,7 +39,9 @@ class Mesh:
         object.__setattr__(self, "faces", _read_only(self.faces, np.int32, "faces"))
         if not np.isfinite(self.vertices).all():
             bad = int((~np.isfinite(self.vertices).all(axis=1)).sum())
-            raise InvalidMesh(f"{bad} of {self.n_vertices} vertices are NaN or infinite", "repair or re-export the mesh")
+            raise InvalidMesh(
+                f"{bad} of {self.n_vertices} vertices are NaN or infinite", "repair or re-export the mesh"
+            )
         if self.n_faces and (self.faces.min() < 0 or self.faces.max() >= self.n_vertices):
             raise InvalidMesh(
                 f"a face names vertex {int(self.faces.max())} or {int(self.faces.min())} "

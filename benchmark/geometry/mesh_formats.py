@@ -82,12 +82,12 @@ def read_mat(data: bytes) -> Arrays:
 
 
 def read_vert_tri(vert: bytes, tri: bytes) -> Arrays:
-    """Read the ascii pair of TOSCA; triangles may count from 0 or 1, so their minimum is subtracted."""
+    """Read the ascii pair of TOSCA; triangles count from 1, as published, unless one of them names vertex 0."""
     vertices = _table(vert.splitlines())
     faces = _integers(_table(tri.splitlines()))
     if vertices.shape[1] != 3 or faces.shape[1] != 3:
         raise ValueError("a line of the .vert or .tri file has not three numbers")
-    return vertices, faces - faces.min(initial=0 if not faces.size else faces.max())
+    return vertices, faces - (1 if faces.size and faces.min() > 0 else 0)
 
 
 _PLY_TYPES = {

@@ -79,8 +79,10 @@ def _lit(depth: Image, seen: NDArray[np.bool_], pixel: float) -> Image:
     normal = np.stack([right, -down, np.ones_like(filled)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     light = 0.35 + 0.65 * np.clip(normal @ LAMP, 0, 1)
-    return np.where(seen[..., None], np.clip(light[..., None] * _COLOUR * 1.25, 0, 1), 1.0)
+    coloured = np.clip(light[..., None] * _COLOUR * 1.25, 0, 1)
+    return np.asarray(np.where(seen[..., None], coloured, 1.0))
 
 
 def _average(image: Image, size: int) -> Image:
-    return image.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3).mean(axis=(1, 3))
+    blocks = image.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3)
+    return np.asarray(blocks.mean(axis=(1, 3)))

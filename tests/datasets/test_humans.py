@@ -257,7 +257,9 @@ def test_a_view_of_every_pose_has_no_lost_limb(meshes: list[Mesh]) -> None:
         assert 1000 < view.surface.n_vertices < 3200
         assert view.report.lost_samples < 0.05 * view.surface.n_vertices
         extent, seen = (np.ptp(m.vertices, axis=0) for m in (mesh, view.surface))
-        np.testing.assert_allclose(seen[:2], extent[[0, 2]], atol=0.13)  # finger tips are narrower than a sample
+        np.testing.assert_allclose(
+            seen[:2], extent[[0, 2]], atol=0.15
+        )  # fingers of both hands can be narrower than a sample
 
 
 def test_a_recipe_names_body_and_pose_without_making_them() -> None:
