@@ -15,6 +15,7 @@ from scipy.sparse.linalg import spsolve
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
+from benchmark.geometry.remeshing import isotropic_remesh
 
 CELL = 0.005
 """Side of a voxel in metres."""
@@ -192,16 +193,9 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
 
 
 def _remeshed(mesh: Mesh, n_vertices: int) -> Mesh:
-    import pymeshlab
-
     # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the edges come out a little longer.
     side = 0.97 * math.sqrt(mesh.area / n_vertices * 2 / math.sqrt(3))
-    layers = pymeshlab.MeshSet()
-    layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    layers.meshing_isotropic_explicit_remeshing(
-        iterations=3, targetlen=pymeshlab.PureValue(side), checksurfdist=False, featuredeg=180
-    )
-    return Mesh(layers.current_mesh().vertex_matrix(), layers.current_mesh().face_matrix())
+    return isotropic_remesh(mesh, side, iterations=3, feature_degrees=180)
 
 
 def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:

@@ -14,6 +14,7 @@ from benchmark.datasets.animals.anatomy import Species, Tube
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.remeshing import isotropic_remesh
 
 SUBDIVISIONS = 6
 """Straight pieces between two cross sections."""
@@ -191,7 +192,8 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
     coarse = _marching_cubes(field, low, high, float((high - low).max()) / 60.0)
     # Rounded, so that the last bits of a sum cannot change the triangles.
     edge = round(float(np.sqrt(coarse.area / (2 * n_vertices) * 4.0 / np.sqrt(3.0))), 3)
-    mesh = _isotropic(_marching_cubes(field, low, high, edge / VOXELS_PER_EDGE), edge)
+    coarse = _marching_cubes(field, low, high, edge / VOXELS_PER_EDGE)
+    mesh = isotropic_remesh(coarse, edge, iterations=5, feature_degrees=60.0, max_deviation=1.0)
     euler = mesh.n_vertices - mesh.n_faces // 2
     pieces = int(igl.connected_components(igl.adjacency_matrix(mesh.faces.astype(np.int64)))[0])
     if pieces != 1 or euler != 2:
@@ -223,13 +225,3 @@ def _marching_cubes(field: Field, low: NDArray[np.float64], high: NDArray[np.flo
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     outward = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
     return mesh if outward else Mesh(vertices, faces[:, ::-1])
-
-
-def _isotropic(mesh: Mesh, edge: float) -> Mesh:
-    import pymeshlab
-
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PureValue(edge), iterations=5, featuredeg=60.0)
-    result = meshes.current_mesh()
-    return Mesh(result.vertex_matrix(), result.face_matrix())
