@@ -1,4 +1,4 @@
-"""The verbs of ``data``: list the data sets, check one, write one out."""
+"""The verbs of ``data``: list the data sets, check one, draw one, write one out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
 
 @click.group()
 def data() -> None:
-    """List data sets, check one, or write one out in an official layout."""
+    """List data sets, check one, draw one, or write one out in an official layout."""
 
 
 @data.command("list")
@@ -84,3 +84,29 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 
     files = write(open_dataset(name, data_root), output, layout, force=force)
     click.echo(f"wrote {len(files)} files to {output}; use them with -d {output}")
+
+
+@data.command()
+@click.argument("name", metavar="NAME|FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE.png",
+    help="File to write; by default sheet-NAME.png.",
+)
+@click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
+@click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
+@data_root_option
+def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data_root: Path | None) -> None:
+    """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.report.contact_sheet import contact_sheet
+
+    dataset = open_dataset(name, data_root)
+    drawn = contact_sheet(dataset, subjects, poses)
+    for problem in drawn.problems:
+        click.echo(f"not drawn: {problem}", err=True)
+    target = output or Path(f"sheet-{dataset.name}.png")
+    drawn.save(target)
+    click.echo(f"wrote {target}")

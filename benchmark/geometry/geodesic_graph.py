@@ -93,10 +93,40 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     sides = _Sides.of(mesh)
     opposite = np.argsort(sides.apexes, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
-    tails, heads, lengths = _follow_windows(
-        sides.starts, sides.apexes, sides.twins, sides.lengths, sides.apex_x, sides.apex_y, first, opposite, windows
-    )
+    tails, heads, lengths = _follow_windows(*_first_windows(sides, opposite), *_passages(sides), first, windows)
     return _undirected(mesh.n_vertices, tails, heads, lengths)
+
+
+def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return, for the side of each triangle opposite a vertex: its ends P and Q, the passage through it; P, Q."""
+    starts, ends, x, y = sides.starts[opposite], sides.ends[opposite], sides.apex_x[opposite], sides.apex_y[opposite]
+    names = np.stack((starts, ends, _passage(sides, sides.twins[opposite], starts)), axis=1)
+    return names, np.stack((-x, -y, sides.lengths[opposite] - x, -y), axis=1)
+
+
+def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
+    """Return what a window finds behind each side: the third corner, the ways on past P and past Q; its coordinates.
+
+    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end. Coordinates are along and
+    beside the vector from P to Q, in its length.
+    """
+    last, following = _turn(sides.twins, 2), _turn(sides.twins, 1)
+    forward = (sides.apexes, _passage(sides, last, sides.starts), _passage(sides, following, sides.apexes))
+    backward = (sides.apexes, _passage(sides, following, sides.ends), _passage(sides, last, sides.apexes))
+    width = np.where(sides.lengths > 0, sides.lengths, 1.0)
+    along, beside = sides.apex_x / width, sides.apex_y / width
+    names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
+    return names, np.stack((along, beside, 1.0 - along, beside), axis=1).reshape(-1, 2)
+
+
+def _passage(sides: _Sides, twins: IntArray, start: IntArray) -> IntArray:
+    """Return the passages through the given sides with P at a given end; -1 where there is no side."""
+    return np.where(twins >= 0, 2 * twins + (sides.starts[twins] != start), -1)
+
+
+def _turn(of_sides: IntArray, steps: int) -> IntArray:
+    """Return for each side what belongs to the side that comes so many steps after it around its triangle."""
+    return np.roll(of_sides.reshape(-1, 3), -steps, axis=1).ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,48 +212,38 @@ def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # no
 
 
 @njit(cache=True, nogil=True)
-def _follow_windows(  # type: ignore[no-untyped-def]  # noqa: ANN202
-    starts,  # noqa: ANN001
-    apexes,  # noqa: ANN001
-    twins,  # noqa: ANN001
-    lengths,  # noqa: ANN001
-    apex_x,  # noqa: ANN001
-    apex_y,  # noqa: ANN001
-    first,  # noqa: ANN001
-    opposite,  # noqa: ANN001
-    budget,  # noqa: ANN001
-):
+def _follow_windows(first_names, first_plane, passages, moves, first, budget):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
-    A window is (side to enter, vertices P and Q of that side; their positions; the two rays that bound the cone), with
-    P and Q so named that Q is anticlockwise of P as seen from the source.
+    A window is a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone; P and Q are so
+    named that Q is anticlockwise of P as seen from the source.
     """
     count = first.size - 1
     tails = np.empty(64 * count, np.int64)
     heads = np.empty(64 * count, np.int64)
-    sizes = np.empty(64 * count, np.float64)
+    squares = np.empty(64 * count, np.float64)
     arcs = 0
     best = np.full(count, np.inf)
-    seen = np.empty(count, np.int64)
+    seen = np.empty(count + 1, np.int64)
     # A ring of windows is begun below the budget and has at most two successors for each of its windows.
-    room = 3 * max(budget, np.diff(first).max())
-    names = np.empty((room, 3), np.int64)
+    room = 3 * max(budget, np.diff(first).max()) + 2
+    queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):
         n_seen = queued = 0
+        best[source] = 0.0
         for at in range(first[source], first[source + 1]):
-            side = opposite[at]
-            following = side - 2 if side % 3 == 2 else side + 1
-            p, q = starts[side], starts[following]
-            x, y, width = apex_x[side], apex_y[side], lengths[side]
-            for vertex, distance in ((p, np.hypot(x, y)), (q, np.hypot(x - width, y))):
-                if best[vertex] == np.inf:
-                    seen[n_seen] = vertex
-                    n_seen += 1
-                best[vertex] = min(best[vertex], distance)
-            if twins[side] >= 0:
-                names[queued] = (twins[side], p, q)
-                plane[queued] = (-x, -y, width - x, -y, -x, -y, width - x, -y)
+            p_x, p_y, q_x, q_y = first_plane[at, 0], first_plane[at, 1], first_plane[at, 2], first_plane[at, 3]
+            for vertex, square in (
+                (first_names[at, 0], p_x * p_x + p_y * p_y),
+                (first_names[at, 1], q_x * q_x + q_y * q_y),
+            ):
+                seen[n_seen] = vertex
+                n_seen += best[vertex] == np.inf
+                best[vertex] = min(best[vertex], square)
+            if first_names[at, 2] >= 0:
+                queue[queued] = first_names[at, 2]
+                _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
                 queued += 1
         window = ring_end = 0
         while window < queued:
@@ -231,44 +251,45 @@ def _follow_windows(  # type: ignore[no-untyped-def]  # noqa: ANN202
                 if window >= budget:
                     break
                 ring_end = queued
-            side, p, q = names[window]
-            p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y = plane[window]
+            passage = queue[window]
+            p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
+            low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
             window += 1
-            width = lengths[side]
-            along_x, along_y = (q_x - p_x) / width, (q_y - p_y) / width
-            following = side - 2 if side % 3 == 2 else side + 1
-            last = following - 2 if following % 3 == 2 else following + 1
-            if starts[side] == p:
-                x, past_p, past_q = apex_x[side], twins[last], twins[following]
-            else:
-                x, past_p, past_q = width - apex_x[side], twins[following], twins[last]
-            apex, y = apexes[side], apex_y[side]
-            a_x, a_y = p_x + x * along_x + y * along_y, p_y + x * along_y - y * along_x
+            apex, past_p, past_q = passages[passage, 0], passages[passage, 1], passages[passage, 2]
+            along, beside = moves[passage, 0], moves[passage, 1]
+            width_x, width_y = q_x - p_x, q_y - p_y
+            a_x, a_y = p_x + along * width_x + beside * width_y, p_y + along * width_y - beside * width_x
             beyond_low = low_x * a_y - low_y * a_x >= 0
             before_high = a_x * high_y - a_y * high_x >= 0
-            visible = beyond_low and before_high
-            if visible and apex != source:
-                if best[apex] == np.inf:
-                    seen[n_seen] = apex
-                    n_seen += 1
-                best[apex] = min(best[apex], np.hypot(a_x, a_y))
-            if beyond_low and past_p >= 0:
-                names[queued] = (past_p, p, apex)
-                end_x, end_y = (a_x, a_y) if visible else (high_x, high_y)
-                plane[queued] = (p_x, p_y, a_x, a_y, low_x, low_y, end_x, end_y)
-                queued += 1
-            if before_high and past_q >= 0:
-                names[queued] = (past_q, apex, q)
-                end_x, end_y = (a_x, a_y) if visible else (low_x, low_y)
-                plane[queued] = (a_x, a_y, q_x, q_y, end_x, end_y, high_x, high_y)
-                queued += 1
+            # Nobody can predict where the apex falls: to write first and count afterwards is faster than to branch.
+            visible = beyond_low & before_high
+            square = a_x * a_x + a_y * a_y if visible else np.inf
+            seen[n_seen] = apex
+            n_seen += visible & (best[apex] == np.inf)
+            best[apex] = min(best[apex], square)
+            queue[queued] = past_p
+            _place(
+                plane[queued], p_x, p_y, a_x, a_y, low_x, low_y, a_x if visible else high_x, a_y if visible else high_y
+            )
+            queued += beyond_low & (past_p >= 0)
+            queue[queued] = past_q
+            _place(
+                plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
+            )
+            queued += before_high & (past_q >= 0)
         if arcs + n_seen > tails.size:
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))
-            sizes = np.concatenate((sizes, np.empty(sizes.size + n_seen, np.float64)))
+            squares = np.concatenate((squares, np.empty(squares.size + n_seen, np.float64)))
         for at in range(n_seen):
             vertex = seen[at]
-            tails[arcs], heads[arcs], sizes[arcs] = source, vertex, best[vertex]
+            tails[arcs], heads[arcs], squares[arcs] = source, vertex, best[vertex]
             best[vertex] = np.inf
             arcs += 1
-    return tails[:arcs], heads[:arcs], sizes[:arcs]
+        best[source] = np.inf
+    return tails[:arcs], heads[:arcs], np.sqrt(squares[:arcs])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _place(row, a, b, c, d, e, f, g, h):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7] = a, b, c, d, e, f, g, h

@@ -20,9 +20,9 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     """Return the lengths of the shortest paths from each source to all vertices.
 
     Sources are taken in blocks of neighbours. Dijkstra's algorithm from the first one of a block gives an order of
-    the vertices that is nearly right for all of them; Gauss-Seidel sweeps in that order relax the arcs for the
-    whole block until nothing changes, and skip what has not changed. Rounding is monotone, so the result does not
-    depend on how sources are grouped.
+    the vertices that is nearly right for all of them; Gauss-Seidel sweeps to and fro in that order relax the arcs
+    for the whole block until nothing changes, and skip what has not changed. Rounding is monotone, so the result does
+    not depend on how sources are grouped.
 
     Parameters
     ----------
@@ -45,6 +45,9 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     waiting = np.arange(len(sources))
     while len(waiting):
         reference = _dijkstra(graph.starts, graph.heads, lengths, sources[waiting[0]])
+        if len(waiting) == 1:
+            distances[waiting[0]] = reference
+            break
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(graph.starts, graph.heads, lengths, np.argsort(reference, kind="stable"), sources[block])
@@ -73,6 +76,8 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
             if _pull(rows, vertex, starts, heads, lengths, changed, since):
                 changed[vertex] = clock
                 settled = False
+        # What lies between two sources is reached from one side in this order, from the other side against it.
+        order = order[::-1].copy()
     return rows
 
 
