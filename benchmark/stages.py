@@ -165,7 +165,7 @@ class Stages:
     def _prepare_mesh(self, entry: Entry) -> Arrays:
         from benchmark.geometry.preparation import prepare
 
-        prepared = prepare(self.dataset.load(entry), N_VERTICES)
+        prepared = prepare(self._source(entry), N_VERTICES)
         report = {f"note:{name}": np.asarray(value) for name, value in prepared.report.items()}
         return {
             "vertices": prepared.mesh.vertices,
@@ -187,11 +187,24 @@ class Stages:
             **{f"note:{name}": np.asarray(value) for name, value in dataclasses.asdict(view.report).items()},
         }
 
+    def _source(self, entry: Entry) -> Mesh:
+        """The mesh of the data set; generated ones are kept, for some take seconds to make."""
+        if entry.path is not None:
+            return self.dataset.load(entry)
+
+        def compute() -> Arrays:
+            mesh = self.dataset.load(entry)
+            return {"vertices": mesh.vertices, "faces": mesh.faces}
+
+        recipe = {"stage": "source", "source": self.dataset.recipe(entry)}
+        arrays = self.store.get_or_compute(recipe, compute).arrays
+        return Mesh(arrays["vertices"], arrays["faces"])
+
     def _surface(self, entry: Entry) -> Mesh:
         """The mesh without vertices that no face names: they would move the centre and the frame of the camera."""
         from benchmark.geometry.cleaning import clean
 
-        return clean(self.dataset.load(entry))[0]
+        return clean(self._source(entry))[0]
 
     @cached_property
     def _frame(self) -> str:

@@ -38,6 +38,7 @@ def test_quick_thins_the_poses_of_each_subject_evenly():
     assert 2 < len(poses) <= QUICK_POSES
     assert poses[0] == gallery.dataset.entries[0].pose
     assert gallery.name.endswith("(quick)")
+    assert [gallery.table.identifier for gallery in galleries(quick=True)] == ["I", "III"]
 
 
 def test_a_folder_gets_a_table_of_its_own(tmp_path):
