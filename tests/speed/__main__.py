@@ -2,44 +2,42 @@
 
 from __future__ import annotations
 
-import importlib
-import json
-import pkgutil
-import platform
-import sys
-from pathlib import Path
-
-import psutil
-
-import tests.speed
 from benchmark.threads import pin_threads
 
-RESULT = Path("results/speed.json")
+pin_threads()
+
+import importlib  # noqa: E402
+import json  # noqa: E402
+import pkgutil  # noqa: E402
+import sys  # noqa: E402
+from typing import Any  # noqa: E402
+
+import tests.speed  # noqa: E402
+from tests.speed._document import SPEED, machine, write_document  # noqa: E402
 
 
 def main() -> None:
-    """Run every ``measure`` of this package whose name is asked for, or all."""
-    pin_threads()
+    """Run ``measure`` of the modules that are named, without writing anything, or of all that have one."""
     names = [module.name for module in pkgutil.iter_modules(tests.speed.__path__) if not module.name.startswith("_")]
     rows = []
     for name in sys.argv[1:] or names:
         module = importlib.import_module(f"tests.speed.{name}")
-        for row in module.measure():
-            rows.append({"group": name, **row})
+        for measured in getattr(module, "measure", list)():
+            rows.append({"group": name, **measured})
             print(line(rows[-1]), flush=True)
     if not sys.argv[1:]:
-        machine = {"system": platform.platform(), "python": platform.python_version(), "cores": psutil.cpu_count()}
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text(json.dumps({"machine": machine, "rows": rows}, indent=1) + "\n")
-        print(f"wrote {RESULT}")
+        SPEED.parent.mkdir(exist_ok=True)
+        SPEED.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n")
+        print(f"wrote {SPEED} and {write_document()}")
 
 
-def line(row: dict) -> str:
+def line(measured: dict[str, Any]) -> str:
     """One measurement in words."""
-    ours = f"{row['name']}: {row['ours_seconds']:.4g} s"
-    if not row.get("peer_seconds"):
-        return f"{ours}  {row['detail']}"
-    return f"{ours}, {row['peer']}: {row['peer_seconds']:.4g} s, ratio {row['ratio']:.2f}  {row['detail']}"
+    ours = f"{'ok  ' if measured['met'] else 'MISS'} {measured['name']}: {measured['ours_seconds']:.4g} s"
+    if not measured["peer"]:
+        return f"{ours}; {measured['detail']}"
+    peer = f"{measured['peer']}: {measured['peer_seconds']:.4g} s, ratio {measured['ratio']:.2f}"
+    return f"{ours}, {peer}; {measured['detail']}"
 
 
 main()

@@ -1,11 +1,7 @@
-"""Time and memory of the deforming methods, and of the elastic step against libigl.
-
-Run with ``python -m tests.speed.deformation``.
-"""
+"""Time and memory of the deforming methods, and of the elastic step against libigl."""
 
 from __future__ import annotations
 
-import time
 import tracemalloc
 from collections.abc import Callable
 from typing import Any
@@ -18,9 +14,13 @@ from baselines.mesh_unfolding import MeshUnfolding
 from baselines.skeleton import Skeleton
 from benchmark.contracts import Mesh, Shape
 from tests.baselines.deformable import capsule, implicit_surface, tube
+from tests.speed._timing import alternately, least_seconds, row
 
 STEPS = 50
 REPEATS = 3
+MOST_SECONDS = 2.0
+MOST_MEBIBYTES = 600
+LARGEST_DIFFERENCE = 1e-2
 LIMBS = np.array(
     [[-1.2, 0.0, 0.9], [-1.2, 0.5, -0.9], [1.1, -0.5, -1.0], [1.2, 0.4, -0.8], [-1.2, -0.6, -0.9], [1.4, 0.1, 0.7]]
 )
@@ -35,17 +35,6 @@ def body() -> Mesh:
         return np.min([trunk, *limbs], axis=0)
 
     return implicit_surface(distance, extent=1.8, resolution=80, n_vertices=2000)
-
-
-def best_time(function: Callable[[], Any]) -> float:
-    """Shortest of a few runs after one that compiles and fills the caches, in seconds."""
-    function()
-    times = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def peak_mebibytes(function: Callable[[], Any]) -> float:
@@ -92,16 +81,17 @@ def elastic_steps() -> dict[str, Any]:
         igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, handles.astype(np.int32), data)
         return np.asarray(igl.arap_solve(goals, data, mesh.vertices.copy()))
 
-    difference = np.linalg.norm(ours() - peer(), axis=1).mean()
-    seconds, peer_seconds = best_time(ours), best_time(peer)
-    return {
-        "name": f"as-rigid-as-possible, {STEPS} steps",
-        "ours_seconds": seconds,
-        "peer": "libigl ARAP (spokes)",
-        "peer_seconds": peer_seconds,
-        "ratio": peer_seconds / seconds,
-        "detail": f"{mesh.n_vertices} vertices; mean difference of the results {difference:.1e}",
-    }
+    difference = float(np.linalg.norm(ours() - peer(), axis=1).mean())
+    seconds, peer_seconds = alternately(ours, peer, REPEATS)
+    return row(
+        f"as-rigid-as-possible, {STEPS} steps",
+        seconds,
+        peer="libigl ARAP (spokes)",
+        peer_seconds=peer_seconds,
+        target="no slower, with the same result",
+        met=seconds <= peer_seconds and difference <= LARGEST_DIFFERENCE,
+        detail=f"{mesh.n_vertices} vertices, mean distance between the two results {difference:.1e}",
+    )
 
 
 def measure() -> list[dict[str, Any]]:
@@ -111,29 +101,18 @@ def measure() -> list[dict[str, Any]]:
     shape.geodesics()
     rows = [elastic_steps()]
     for method in (ConstrainedMDS(), MeshUnfolding(), Skeleton()):
-        seconds = best_time(lambda method=method: method.canonicalise(shape))
+        seconds = least_seconds(lambda method=method: method.canonicalise(shape), REPEATS)
         form = method.canonicalise(shape)
         memory = peak_mebibytes(lambda method=method: method.canonicalise(shape))
         rows.append(
-            {
-                "name": method.info.name,
-                "ours_seconds": seconds,
-                "peer": None,
-                "peer_seconds": None,
-                "ratio": None,
-                "detail": f"{mesh.n_vertices} vertices; mean edge strain {form.notes['mean_edge_strain']:.3f}; "
-                f"peak {memory:.0f} MiB",
-            }
+            row(
+                f"{method.info.name}, given the geodesics",
+                seconds,
+                target=f"at most {MOST_SECONDS:.0f} s and {MOST_MEBIBYTES} MiB",
+                met=seconds <= MOST_SECONDS and memory <= MOST_MEBIBYTES,
+                detail=f"{mesh.n_vertices} vertices, peak {memory:.0f} MiB, "
+                f"mean edge strain {form.notes['mean_edge_strain']:.3f}",
+                peak_mebibytes=memory,
+            )
         )
     return rows
-
-
-def main() -> None:
-    """Print one line per measurement."""
-    for row in measure():
-        peer = f"{row['peer']} {row['peer_seconds']:.3f} s ({row['ratio']:.1f}x)" if row["peer"] else "-"
-        print(f"{row['name']:36} {row['ours_seconds']:7.3f} s   {peer:42} {row['detail']}")
-
-
-if __name__ == "__main__":
-    main()

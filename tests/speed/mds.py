@@ -1,38 +1,33 @@
-"""Time of the scaling kernels against their peers: ``python -m tests.speed.mds`` prints one line for each.
-
-One body of 2000 vertices and one thread. Every figure is the least of several runs, ours and the peer's in turn.
-"""
+"""Time of the scaling methods against their peers, on one body of 2000 vertices and one thread."""
 
 from __future__ import annotations
 
-from benchmark.threads import pin_threads
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
-pin_threads()
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import eigsh
+from sklearn.manifold import smacof as sklearn_smacof
 
-import time  # noqa: E402
-from collections.abc import Callable  # noqa: E402
-from functools import partial  # noqa: E402
-from typing import Any  # noqa: E402
-
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-from scipy.sparse.linalg import eigsh  # noqa: E402
-from sklearn.manifold import smacof as sklearn_smacof  # noqa: E402
-
-from baselines._kernels.smacof import normalised_stress, smacof  # noqa: E402
-from baselines.accelerated_mds import AcceleratedMDS  # noqa: E402
-from baselines.classic_mds import ClassicMDS, classic_scaling  # noqa: E402
-from baselines.non_metric_mds import non_metric_scaling  # noqa: E402
-from benchmark.contracts import Shape  # noqa: E402
-from benchmark.datasets.humans import Humans  # noqa: E402
-from benchmark.geometry.preparation import prepare  # noqa: E402
+from baselines._kernels.smacof import normalised_stress, smacof
+from baselines.accelerated_mds import AcceleratedMDS
+from baselines.classic_mds import ClassicMDS, classic_scaling
+from baselines.fast_mds import FastMDS
+from baselines.non_metric_mds import non_metric_scaling
+from benchmark.contracts import Mesh, Method, Shape
+from benchmark.datasets.humans import Humans
+from benchmark.geometry.preparation import prepare
+from tests.speed._timing import alternately, row
 
 FloatArray = NDArray[np.float64]
 REPEATS = 5
+MORE_REPEATS = 15
 
 
 def measure() -> list[dict[str, Any]]:
-    """Compare classic, least-squares, non-metric and accelerated scaling with what they replace."""
+    """Compare each scaling method with what it replaces."""
     humans = Humans()
     shape = Shape(identifier="body", mesh=prepare(humans.load(humans.entries[-1])).mesh)
     distances = shape.geodesics()
@@ -41,17 +36,25 @@ def measure() -> list[dict[str, Any]]:
         classic(distances),
         least_squares(distances, start),
         non_metric(distances, start),
-        accelerated(shape),
+        *sampled(shape),
     ]
 
 
 def classic(distances: FloatArray) -> dict[str, Any]:
     """Our eigenpairs against double centring and ARPACK on the full matrix."""
-    ours, peer = _alternately(partial(classic_scaling, distances), partial(_arpack_scaling, distances))
+    ours, peer = alternately(partial(classic_scaling, distances), partial(_arpack_scaling, distances), REPEATS)
     found, expected = classic_scaling(distances)[0], _arpack_scaling(distances)
     expected *= np.sign((found * expected).sum(axis=0))
     miss = np.abs(found - expected).max() / np.abs(expected).max()
-    return _row("classic MDS", ours, "double centring + scipy eigsh", peer, f"largest relative difference {miss:.1e}")
+    return row(
+        "classic-mds, given the geodesics",
+        ours,
+        peer="double centring + scipy eigsh",
+        peer_seconds=peer,
+        target="at least 2 times faster",
+        met=peer >= 2 * ours and miss <= 1e-8,
+        detail=f"largest relative difference of a coordinate {miss:.1e}",
+    )
 
 
 def least_squares(distances: FloatArray, start: FloatArray) -> dict[str, Any]:
@@ -65,8 +68,15 @@ def least_squares(distances: FloatArray, start: FloatArray) -> dict[str, Any]:
     )
     stress = smacof(distances, start, max_iterations=few, rtol=0).stress[-1]
     other = normalised_stress(_sklearn(distances, start, few), distances)
-    detail = f"stress after {few}: {stress:.9f} (peer {other:.9f})"
-    return _row("least-squares MDS, one iteration", ours, "sklearn.manifold.smacof", peer, detail)
+    return row(
+        "least-squares-mds, one iteration",
+        ours,
+        peer="sklearn.manifold.smacof",
+        peer_seconds=peer,
+        target="at least 25 times faster at equal stress",
+        met=peer >= 25 * ours and abs(stress - other) <= 1e-9,
+        detail=f"stress after {few} iterations from the same start {stress:.9f} (peer {other:.9f})",
+    )
 
 
 def non_metric(distances: FloatArray, start: FloatArray) -> dict[str, Any]:
@@ -82,22 +92,48 @@ def non_metric(distances: FloatArray, start: FloatArray) -> dict[str, Any]:
     other = _sklearn(distances, start, many, metric=False)
     # scikit-learn leaves the scale of the form to the number of points.
     other *= np.linalg.norm(start) / np.linalg.norm(other)
-    detail = f"raw stress after {many}: {stress:.5f} (peer {normalised_stress(other, distances):.5f})"
-    return _row("non-metric MDS, one iteration", ours, "sklearn.manifold.smacof(metric=False)", peer, detail)
+    other_stress = normalised_stress(other, distances)
+    return row(
+        "non-metric-mds, one iteration",
+        ours,
+        peer="sklearn.manifold.smacof(metric=False)",
+        peer_seconds=peer,
+        target="at least 25 times faster at no more stress",
+        met=peer >= 25 * ours and stress <= other_stress,
+        detail=f"raw stress after {many} iterations from the same start {stress:.5f} (peer {other_stress:.5f})",
+    )
 
 
-def accelerated(shape: Shape) -> dict[str, Any]:
-    """Sampled scaling against all pairs of geodesics and classic scaling, both from the bare mesh."""
-    ours, peer = _alternately(
-        lambda: AcceleratedMDS().canonicalise(Shape(identifier="body", mesh=shape.mesh)),
-        lambda: ClassicMDS().canonicalise(Shape(identifier="body", mesh=shape.mesh)),
-    )
-    stress, other = (
-        normalised_stress(method.canonicalise(shape).vertices, shape.geodesics())
-        for method in (AcceleratedMDS(), ClassicMDS())
-    )
-    detail = f"stress {stress:.5f} (peer {other:.5f})"
-    return _row("accelerated MDS with its geodesics", ours, "all geodesics + classic MDS", peer, detail)
+def sampled(shape: Shape) -> list[dict[str, Any]]:
+    """Methods that need a few rows of geodesics, against all pairs and classic scaling, all from the bare mesh."""
+
+    def from_mesh(method: Method) -> object:
+        # A new mesh, for which no geodesic graph is remembered.
+        mesh = Mesh(shape.mesh.vertices.copy(), shape.mesh.faces.copy())
+        return method.canonicalise(Shape(identifier="body", mesh=mesh))
+
+    def stress(method: Method) -> float:
+        return normalised_stress(method.canonicalise(shape).vertices, shape.geodesics())
+
+    peer = ClassicMDS()
+    peer_stress = stress(peer)
+    rows = []
+    for method, factor, share in ((AcceleratedMDS(), 5, 1.05), (FastMDS(), 5, np.inf)):
+        ours, peer_seconds = alternately(partial(from_mesh, method), partial(from_mesh, peer), MORE_REPEATS)
+        found = stress(method)
+        bound = " with at most 5 % more stress" if np.isfinite(share) else ""
+        rows.append(
+            row(
+                f"{method.info.name} with its geodesics",
+                ours,
+                peer="all geodesics + classic-mds",
+                peer_seconds=peer_seconds,
+                target=f"at least {factor} times faster{bound}",
+                met=peer_seconds >= factor * ours and found <= share * peer_stress,
+                detail=f"stress over all pairs {found:.5f} (peer {peer_stress:.5f})",
+            )
+        )
+    return rows
 
 
 def _arpack_scaling(distances: FloatArray) -> FloatArray:
@@ -118,44 +154,7 @@ def _per_iteration(
     ours: Callable[[int], object], peer: Callable[[int], object], few: int, many: int
 ) -> tuple[float, float]:
     """Seconds per iteration, without what is done once: the difference of two runs over that of their lengths."""
-    short = _alternately(partial(ours, few), partial(peer, few))
-    long = _alternately(partial(ours, many), partial(peer, many))
+    short = alternately(partial(ours, few), partial(peer, few), REPEATS)
+    long = alternately(partial(ours, many), partial(peer, many), REPEATS)
     our_seconds, peer_seconds = ((b - a) / (many - few) for a, b in zip(short, long, strict=True))
     return our_seconds, peer_seconds
-
-
-def _alternately(ours: Callable[[], object], peer: Callable[[], object]) -> tuple[float, float]:
-    """Least processor seconds of each: other work on the machine can only add to them."""
-    ours()
-    times = [(_seconds(ours), _seconds(peer)) for _ in range(REPEATS)]
-    return min(first for first, _ in times), min(second for _, second in times)
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    start = time.process_time()
-    work()
-    return time.process_time() - start
-
-
-def _row(name: str, ours: float, peer: str, peer_seconds: float, detail: str) -> dict[str, Any]:
-    return {
-        "name": name,
-        "ours_seconds": ours,
-        "peer": peer,
-        "peer_seconds": peer_seconds,
-        "ratio": peer_seconds / ours,
-        "detail": detail,
-    }
-
-
-def main() -> None:
-    """Print the comparisons."""
-    for row in measure():
-        print(
-            f"{row['name']}: {row['ours_seconds'] * 1e3:.2f} ms; {row['peer']}: {row['peer_seconds'] * 1e3:.2f} ms; "
-            f"{row['ratio']:.1f} times faster; {row['detail']}"
-        )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,119 @@
+"""``docs/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure is typed by hand."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+SPEED = Path("results/speed.json")
+GROWTH = Path("results/growth.json")
+FIGURE = Path("results/figures/growth.png")
+DOCUMENT = Path("docs/speed.md")
+
+INTRODUCTION = """\
+# Speed
+
+Written by `python -m tests.speed` and `python -m tests.speed.growth`; do not edit.
+"""
+
+COMPARISONS = """\
+## Against other programs
+
+The ratio is the time of the other program over ours, both measured in one run on one machine: above 1, ours is faster.
+Processor time is that of one thread and hardly disturbed by other work; wall time is used where several processes or
+threads share the work, or a process starts. Before the semicolon stands what we set out to reach, behind it what makes
+the comparison fair. The command is `make speed`.
+"""
+
+SIZES = """\
+## Against the number of vertices
+
+Processor seconds of one thread for one generated human body, decimated to n vertices; the least of {repeats} runs, or
+one run beyond {long_run:g} s. Compiling is not counted. The geodesics of all pairs are a row of their own and not counted in
+the methods that take them; methods marked * ask for a few rows of geodesics instead, which are counted. The last column
+is the exponent k of n^k between the two largest sizes. Nothing may take longer than {limit:g} s. The command is
+`python -m tests.speed.growth`.
+
+![Time against the number of vertices](../{figure})
+"""
+
+
+def machine() -> dict[str, Any]:
+    """Describe where the measurements were made."""
+    return {"system": platform.platform(), "python": platform.python_version(), "cores": psutil.cpu_count()}
+
+
+def write_document() -> Path:
+    """Write the tables of all results that exist; returns the path."""
+    parts = [INTRODUCTION]
+    if SPEED.exists():
+        parts += [COMPARISONS, speed_table(json.loads(SPEED.read_text()))]
+    if GROWTH.exists():
+        found = json.loads(GROWTH.read_text())
+        words = SIZES.format(**found["settings"], figure=FIGURE.as_posix())
+        parts += [words, growth_table(found["sizes"], found["rows"]), _place(found["machine"])]
+    DOCUMENT.write_text("\n".join(parts))
+    return DOCUMENT
+
+
+def speed_table(found: dict[str, Any]) -> str:
+    """The comparisons, as Markdown."""
+    rows = [
+        (
+            measured["name"],
+            _seconds(measured["ours_seconds"]),
+            measured["peer"] or "",
+            _seconds(measured["peer_seconds"]),
+            f"{measured['ratio']:.2f}" if measured["ratio"] else "",
+            measured["clock"],
+            "yes" if measured["met"] else "**no**",
+            measured["detail"].removeprefix("target: "),
+        )
+        for measured in found["rows"]
+    ]
+    header = ("what", "ours", "other program", "its time", "ratio", "clock", "target met", "target; how it was measured")
+    return _table(header, rows) + "\n" + _place(found["machine"])
+
+
+def growth_table(sizes: Sequence[int], rows: Iterable[dict[str, Any]]) -> str:
+    """Time against n, as Markdown."""
+    lines = []
+    for each in rows:
+        cells = [each["name"] + " *" * each["takes_rows"]]
+        cells += [_seconds(seconds) for seconds in each["seconds"]]
+        cells += ["stopped" if each["stopped"] else ""] * (len(cells) <= len(sizes))
+        cells += [""] * (len(sizes) + 1 - len(cells))
+        lines.append((*cells, exponent(sizes, each["seconds"])))
+    return _table(("", *(f"n = {size}" for size in sizes), "k"), lines)
+
+
+def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> str:
+    """Exponent of the growth between the two largest sizes, where the time is long enough to tell."""
+    if len(seconds) < 2 or seconds[-2] < 1e-3:
+        return ""
+    last = len(seconds) - 1
+    return f"{np.log(seconds[last] / seconds[last - 1]) / np.log(sizes[last] / sizes[last - 1]):.1f}"
+
+
+def _seconds(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    for unit, scale in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= scale:
+            break
+    return f"{seconds / scale:.3g} {unit}"
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def _place(found: dict[str, Any]) -> str:
+    return f"Measured on {found['system']}, Python {found['python']}, {found['cores']} cores.\n"
