@@ -15,6 +15,7 @@ SPEED = Path("results/speed.json")
 GROWTH = Path("results/growth.json")
 FIGURE = Path("results/figures/growth.png")
 DOCUMENT = Path("docs/speed.md")
+UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
 
 INTRODUCTION = """\
 # Speed
@@ -34,11 +35,11 @@ the comparison fair. The command is `make speed`.
 SIZES = """\
 ## Against the number of vertices
 
-Processor seconds of one thread for one generated human body, decimated to n vertices; the least of {repeats} runs, or
-one run beyond {long_run:g} s. Compiling is not counted. The geodesics of all pairs are a row of their own and not counted in
-the methods that take them; methods marked * ask for a few rows of geodesics instead, which are counted. The last column
-is the exponent k of n^k between the two largest sizes. Nothing may take longer than {limit:g} s. The command is
-`python -m tests.speed.growth`.
+Processor seconds of one thread, so that other work on the machine matters little, for one generated human body
+decimated to n vertices: the least of {repeats} runs, or a single one beyond {long_run:g} s. Compiling is not counted.
+The geodesics of all pairs are a row of their own and not counted in the methods that take them; a method marked * asks
+for a few rows of geodesics instead, which are counted. The last column is the exponent k of n^k between the two largest
+sizes. A method that needs more than {limit:g} s stops there. The command is `python -m tests.speed.growth`.
 
 ![Time against the number of vertices](../{figure})
 """
@@ -77,7 +78,16 @@ def speed_table(found: dict[str, Any]) -> str:
         )
         for measured in found["rows"]
     ]
-    header = ("what", "ours", "other program", "its time", "ratio", "clock", "target met", "target; how it was measured")
+    header = (
+        "what",
+        "ours",
+        "other program",
+        "its time",
+        "ratio",
+        "clock",
+        "target met",
+        "target; how it was measured",
+    )
     return _table(header, rows) + "\n" + _place(found["machine"])
 
 
@@ -87,8 +97,7 @@ def growth_table(sizes: Sequence[int], rows: Iterable[dict[str, Any]]) -> str:
     for each in rows:
         cells = [each["name"] + " *" * each["takes_rows"]]
         cells += [_seconds(seconds) for seconds in each["seconds"]]
-        cells += ["stopped" if each["stopped"] else ""] * (len(cells) <= len(sizes))
-        cells += [""] * (len(sizes) + 1 - len(cells))
+        cells += ["stopped"] * (len(sizes) + 1 - len(cells))
         lines.append((*cells, exponent(sizes, each["seconds"])))
     return _table(("", *(f"n = {size}" for size in sizes), "k"), lines)
 
@@ -104,9 +113,7 @@ def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> str:
 def _seconds(seconds: float | None) -> str:
     if seconds is None:
         return ""
-    for unit, scale in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= scale:
-            break
+    unit, scale = next((pair for pair in UNITS if seconds >= pair[1]), UNITS[-1])
     return f"{seconds / scale:.3g} {unit}"
 
 

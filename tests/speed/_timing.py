@@ -49,7 +49,7 @@ def row(
         "peer_seconds": peer_seconds,
         "ratio": peer_seconds / seconds if peer_seconds else None,
         "clock": clock,
-        "met": met,
+        "met": bool(met),
         "detail": f"target: {target}; {detail}",
         **figures,
     }

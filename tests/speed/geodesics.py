@@ -147,7 +147,8 @@ def _print(title: str, rows: Sequence[dict[str, Any]], heat_seconds: float) -> N
     for each in rows:
         errors = " | ".join(f"{each[key]:.3f}" for key in ("mean", "p95", "max", "worst_mean"))
         print(
-            f"| {each['solver']} | {errors} | {each['seconds']:.3f} | {each['seconds'] / heat_seconds:.2f} |", flush=True
+            f"| {each['solver']} | {errors} | {each['seconds']:.3f} | {each['seconds'] / heat_seconds:.2f} |",
+            flush=True,
         )
 
 

@@ -108,9 +108,7 @@ def measure() -> list[dict[str, Any]]:
     return [*rows, *stages(forms[0], upright[0], images, codebook)]
 
 
-def stages(
-    form: Mesh, upright: Mesh, images: NDArray[np.float32], codebook: NDArray[np.uint8]
-) -> list[dict[str, Any]]:
+def stages(form: Mesh, upright: Mesh, images: NDArray[np.float32], codebook: NDArray[np.uint8]) -> list[dict[str, Any]]:
     """Time of the four parts of our signature."""
     detect = partial(detect_views, images, peak_threshold=SCORER.peak_threshold, background=BACKGROUND)
     features = detect()
