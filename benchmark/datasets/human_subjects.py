@@ -33,16 +33,16 @@ class Subject:
 
 
 SUBJECTS: Mapping[str, Subject] = {
+    "man-1": Subject(gender=0.0, age=0.89, muscle=0.26, weight=0.43, height=0.24, proportions=0.81),
     "woman-1": Subject(gender=1.0, age=0.98, muscle=0.17, weight=0.36, height=0.67, proportions=0.08),
     "child-1": Subject(gender=1.0, age=0.38, muscle=0.50, weight=0.89, height=0.09, proportions=0.94),
-    "man-1": Subject(gender=0.0, age=0.89, muscle=0.26, weight=0.43, height=0.24, proportions=0.81),
+    "man-2": Subject(gender=0.0, age=0.68, muscle=0.22, weight=0.96, height=0.08, proportions=0.38),
     "woman-2": Subject(gender=1.0, age=0.63, muscle=0.89, weight=0.93, height=0.48, proportions=0.10),
     "child-2": Subject(gender=1.0, age=0.34, muscle=0.40, weight=0.73, height=0.17, proportions=0.10),
-    "child-3": Subject(gender=0.0, age=0.35, muscle=0.21, weight=0.08, height=0.73, proportions=0.87),
-    "child-4": Subject(gender=0.0, age=0.31, muscle=0.29, weight=0.50, height=0.08, proportions=0.67),
-    "man-2": Subject(gender=0.0, age=0.68, muscle=0.22, weight=0.96, height=0.08, proportions=0.38),
     "man-3": Subject(gender=0.0, age=0.66, muscle=0.91, weight=0.22, height=0.42, proportions=0.18),
     "woman-3": Subject(gender=1.0, age=0.94, muscle=0.47, weight=0.32, height=0.36, proportions=0.94),
+    "child-3": Subject(gender=0.0, age=0.35, muscle=0.21, weight=0.08, height=0.73, proportions=0.87),
+    "child-4": Subject(gender=0.0, age=0.31, muscle=0.29, weight=0.50, height=0.08, proportions=0.67),
     "man-4": Subject(gender=0.0, age=0.98, muscle=0.92, weight=0.96, height=0.11, proportions=0.79),
     "woman-4": Subject(gender=1.0, age=0.90, muscle=0.40, weight=0.75, height=0.12, proportions=0.91),
     "child-5": Subject(gender=0.0, age=0.28, muscle=0.72, weight=0.83, height=0.36, proportions=0.77),
