@@ -47,7 +47,11 @@ sizes. A method that needs more than {limit:g} s stops there. The command is `py
 
 def machine() -> dict[str, Any]:
     """Describe where the measurements were made."""
-    return {"system": platform.platform(), "python": platform.python_version(), "cores": psutil.cpu_count()}
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "cores": psutil.cpu_count(),
+    }
 
 
 def write_document() -> Path:

@@ -173,10 +173,6 @@ def main() -> None:
     budgets = {f"{windows} windows": partial(by_windows, windows=windows) for windows in BUDGETS}
     title = f"Budget of the geodesic graph (used: {WINDOWS}), {len(few)} of these shapes"
     _print(title, compare(few, few_exact, budgets), float(np.mean(heat)))
-    everything = [mesh for meshes in shapes.values() for mesh in meshes]
-    print(f"\n### Two processes, {len(everything)} shapes\n\n| solver | seconds per shape |\n|---|---|")
-    for solver in (geodesics.DEFAULT_SOLVER, "heat"):
-        print(f"| {solver} | {two_processes(everything, solver):.3f} |")
 
 
 if __name__ == "__main__":
