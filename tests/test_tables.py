@@ -1,6 +1,7 @@
 """Golden tables from made-up records."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -84,6 +85,13 @@ def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
     assert "- Classic MDS, view: 1 unsupported (cat1): two parts; join them" in lines
     assert "- 50 % of_mine, view: timeout: stopped" in lines
     assert len({len(line) for line in lines[2:8]}) == 1
+
+
+def test_what_was_not_run_is_one_note():
+    content = table()
+    rows = tuple(replace(row, cells={"mesh": Cell("missing", {"reason": "never run"})}) for row in content.rows)
+    lines = markdown(replace(content, rows=rows, inputs=("mesh",))).splitlines()
+    assert [line for line in lines if line.startswith("- ")] == ["- Not run yet: Classic MDS, Fast MDS, 50 % of_mine."]
 
 
 def test_real_data_is_named_as_such():

@@ -111,9 +111,12 @@ class TableContent:
                 if left_out:
                     names = ", ".join(name for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
                     lines.append(f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {left_out[0][1]}")
-                if cell.status not in ("ok", "pending") and not (left_out and cell.scores):
+                if cell.status not in ("ok", "pending", *NOT_RUN) and not (left_out and cell.scores):
                     reason = cell.record.get("reason", "")
                     lines.append(f"{row.title}, {input_}: {cell.status}{': ' + reason if reason else ''}")
+        not_run = [row.title for row in self.rows if any(cell.status in NOT_RUN for cell in row.cells.values())]
+        if not_run:
+            lines.append(f"Not run yet: {', '.join(not_run)}.")
         bridges = self._bridges()
         if bridges:
             lines.append(bridges)
@@ -127,6 +130,9 @@ class TableContent:
                 return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
         return ""
 
+
+#: States of jobs that would run.
+NOT_RUN = ("missing", "stale")
 
 OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
 
