@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-all lint speed tables clean
+.PHONY: setup bench test test-slow lint speed tables figures clean
 
 setup: $(READY)
 
@@ -20,8 +20,8 @@ bench: setup
 test: setup
 	$(BIN)/python -m pytest
 
-test-all: setup
-	$(BIN)/python -m pytest -m ''
+test-slow: setup
+	$(BIN)/python -m pytest -m slow
 
 lint: setup
 	$(BIN)/ruff check .
@@ -33,6 +33,9 @@ speed: setup
 
 tables: setup
 	$(BIN)/python -m benchmark tables -o results/tables
+
+figures: setup
+	$(BIN)/python -m benchmark report -o results/report
 
 clean:
 	rm -rf $(VENV) results/runs
