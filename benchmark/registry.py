@@ -10,6 +10,7 @@ import dataclasses
 import importlib
 import importlib.metadata
 import importlib.util
+import re
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -102,6 +103,12 @@ class MethodSpec:
         return created
 
     @property
+    def title(self) -> str:
+        """Name in the tables, with the parameters that were chosen."""
+        chosen = ", ".join(f"{name}={value}" for name, value in self.parameters.items())
+        return self.info.title + (f" ({chosen})" if chosen else "")
+
+    @property
     def info(self) -> MethodInfo:
         """What the method says about itself."""
         return cast(MethodInfo, self.load().info)
@@ -146,12 +153,59 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     """Return the named methods in table order; all when no name is given.
 
     Methods of a plugin file are always in: whoever passes the file wants to see them beside the named ones.
+
+    Parameters
+    ----------
+    names
+        Names, each with parameters if need be: ``"least-squares-mds[start=classic]"``.
+    known
+        What :func:`methods` found.
+    plugins
+        The plugin files that were passed.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or a parameter is unknown, or a value does not fit.
     """
-    wanted = set(names)
-    for name in sorted(wanted - set(known)):
-        raise did_you_mean("method", name, known)
+    wanted = [_variant(name, known) for name in dict.fromkeys(names)]
     files = {str(path.resolve()) for path in plugins}
-    return [spec for name, spec in known.items() if not wanted or name in wanted or spec.module in files]
+    chosen = []
+    for spec in known.values():
+        variants = [variant for variant in wanted if variant.target == spec.target]
+        if variants:
+            chosen += variants
+        elif not wanted or spec.module in files:
+            chosen.append(spec)
+    return chosen
+
+
+def _variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
+    """The method that a name with parameters in brackets stands for."""
+    match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name)
+    if not match or match[1] not in known:
+        raise did_you_mean("method", match[1] if match else name, known)
+    spec = known[match[1]]
+    if match[2] is None:
+        return spec
+    fields = spec.resolved_parameters()
+    parameters: dict[str, Any] = {}
+    for assignment in match[2].split(","):
+        key, _, text = (part.strip() for part in assignment.partition("="))
+        if key not in fields:
+            raise did_you_mean(f"parameter of {spec.name}", key, fields)
+        parameters[key] = _value(text, fields[key], f"{spec.name}[{key}]")
+    return MethodSpec(name, spec.target, parameters)
+
+
+def _value(text: str, default: Any, what: str) -> Any:
+    """Read a value of the type that the default has."""
+    try:
+        if isinstance(default, bool):
+            return {"true": True, "false": False}[text.lower()]
+        return text if default is None or isinstance(default, str) else type(default)(text)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(f"'{text}' does not fit {what}", f"write a {type(default).__name__}") from error
 
 
 def plugin_methods(path: Path) -> list[MethodSpec]:

@@ -90,3 +90,27 @@ def test_a_missing_package_makes_a_method_unavailable_not_broken(tmp_path):
         PLUGIN.format(name="needy").replace('title="Flattened"', 'title="Needy", requires=("no_such_package",)')
     )
     assert registry.methods([path])["needy"].missing_packages() == ("no_such_package",)
+
+
+def test_parameters_in_brackets_make_a_variant_with_its_own_name_and_title():
+    known = registry.methods()
+    names = ["least-squares-mds", "least-squares-mds[start=classic, max_iterations=7]"]
+    plain, variant = registry.select(names, known)
+    assert (plain.name, variant.name) == tuple(names)
+    assert variant.title == "Least Square MDS (start=classic, max_iterations=7)"
+    assert (variant.create().start, variant.create().max_iterations) == ("classic", 7)
+    assert variant.resolved_parameters() != plain.resolved_parameters()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("least-squares-mds[stard=classic]", "unknown parameter of least-squares-mds 'stard'; did you mean start"),
+        ("least-squares-mds[max_iterations=many]", "'many' does not fit .*; write a int"),
+        ("least-squares[start=classic]", "unknown method 'least-squares'; did you mean least-squares-mds"),
+        ("gps[", "unknown method"),
+    ],
+)
+def test_a_wrong_parameter_is_named(name, message):
+    with pytest.raises(ConfigurationError, match=message):
+        registry.select([name], registry.methods())

@@ -10,6 +10,7 @@ from benchmark.contracts import Input
 from benchmark.plan import Job
 from benchmark.protocols import Gallery
 from benchmark.reference import paper
+from benchmark.registry import MethodSpec
 from benchmark.store import Store
 
 Scores = Mapping[str, float]
@@ -159,11 +160,11 @@ def _content(jobs: Sequence[Job], store: Store) -> TableContent:
     gallery = jobs[0].gallery
     inputs = tuple(dict.fromkeys(job.input for job in jobs))
     cells: dict[str, dict[Input, Cell]] = {}
-    infos = {}
+    specs: dict[str, MethodSpec] = {}
     for job in jobs:
         record = (store.read_record(job.key) if job.key else None) or {"reason": job.reason}
         cells.setdefault(job.method.name, {})[job.input] = Cell(record.get("status", job.state), record)
-        infos[job.method.name] = job.method.info
+        specs[job.method.name] = job.method
     printed = paper.rows(gallery.table.identifier)
     pending: dict[Input, Cell] = {input_: Cell("pending", {}) for input_ in inputs}
     rows = [
@@ -171,12 +172,13 @@ def _content(jobs: Sequence[Job], store: Store) -> TableContent:
         for name, row in printed.items()
     ]
     rows += [
-        Row(name, infos[name].title, infos[name].family, None, cells[name]) for name in _others(cells, printed, infos)
+        Row(name, specs[name].title, specs[name].info.family, None, cells[name])
+        for name in _others(cells, printed, specs)
     ]
     return TableContent(gallery, inputs, tuple(rows), chance_levels([entry.subject for entry in gallery.entries]))
 
 
-def _others(cells: Iterable[str], printed: Iterable[str], infos: Mapping[str, Any]) -> list[str]:
+def _others(cells: Iterable[str], printed: Iterable[str], specs: Mapping[str, MethodSpec]) -> list[str]:
     """Methods without a row in the paper: further forms first, controls last."""
     rest = [name for name in cells if name not in set(printed)]
-    return sorted(rest, key=lambda name: infos[name].family == "control")
+    return sorted(rest, key=lambda name: specs[name].info.family == "control")

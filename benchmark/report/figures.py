@@ -81,7 +81,7 @@ def forms_figure(jobs: Sequence[Job], store: Store, seed: int, subject: str = ""
             pictures = [_input_picture(stages, entry, size)]
             pictures += [_form_picture(stages, entry, spec, method, size) for spec, method in makers]
             columns.append((f"{input_}: {entry.identifier}", pictures))
-    rows = ["input", *(spec.info.title for spec, _ in makers)]
+    rows = ["input", *(spec.title for spec, _ in makers)]
     figure = Figure(figsize=(1.7 * len(columns) + 1.2, 1.7 * len(rows) + 0.3), dpi=100)
     axes = figure.subplots(len(rows), len(columns), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
     for j, (title, pictures) in enumerate(columns):
