@@ -166,7 +166,7 @@ def test_tables_are_stable_to_the_byte_and_checked(finished, tmp_path):
     benchmark("tables", *arguments, "-o", tmp_path / "a")
     benchmark("tables", *arguments, "-o", tmp_path / "b")
     names = sorted(path.name for path in (tmp_path / "a").iterdir())
-    assert names == ["table-rods.md", "table-rods.tex", "tables.csv", "tables.json"]
+    assert names == ["references.bib", "table-rods.md", "table-rods.tex", "tables.csv", "tables.json"]
     for name in names:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     assert benchmark("tables", *arguments, "-o", tmp_path / "a", "--check").returncode == 0

@@ -136,7 +136,13 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
 
 def test_files_of_all_formats():
     files = render([table()], ("latex", "markdown", "csv", "json"))
-    assert sorted(files) == ["table-III-beasts.md", "table-III-beasts.tex", "tables.csv", "tables.json"]
+    assert sorted(files) == [
+        "references.bib",
+        "table-III-beasts.md",
+        "table-III-beasts.tex",
+        "tables.csv",
+        "tables.json",
+    ]
     assert json.loads(files["tables.json"]) == rows_as_json([table()])
 
 

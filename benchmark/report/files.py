@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 
 from benchmark.errors import BenchmarkError
@@ -11,11 +12,15 @@ from benchmark.report.formats import as_csv, as_json, latex, markdown
 
 
 def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
-    """Texts by file name: one LaTeX and Markdown file per table, one CSV and JSON file for all."""
+    """Texts by file name: one LaTeX and Markdown file per table, one CSV and JSON file for all.
+
+    With LaTeX come the BibTeX entries of the methods, the scorer and the data.
+    """
     files: dict[str, str] = {}
     for name in formats:
         if name == "latex":
             files |= {f"{table.file_stem}.tex": latex(table) for table in tables}
+            files["references.bib"] = resources.files("benchmark.reference").joinpath("references.bib").read_text()
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
         elif name == "csv":

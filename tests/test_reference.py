@@ -1,0 +1,24 @@
+import re
+from importlib.resources import files
+
+import pytest
+
+from benchmark import registry
+
+BIBLIOGRAPHY = files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", list(registry.BUILT_IN))
+def test_every_citation_has_an_entry(name):
+    cite = registry.methods()[name].info.cite
+    assert not cite or f"{{{cite}," in BIBLIOGRAPHY
+
+
+def test_entries_are_unique_and_closed():
+    keys = re.findall(r"^@\w+\{(\w+),$", BIBLIOGRAPHY, re.MULTILINE)
+    assert len(keys) == len(set(keys)) == BIBLIOGRAPHY.count("\n}\n")
+    assert BIBLIOGRAPHY.count("{") == BIBLIOGRAPHY.count("}")
+
+
+def test_methods_of_the_paper_are_cited():
+    assert all(spec.info.cite for spec in registry.methods().values() if spec.info.family == "paper")
