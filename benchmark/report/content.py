@@ -178,7 +178,13 @@ def _content(jobs: Sequence[Job], store: Store) -> TableContent:
     return TableContent(gallery, inputs, tuple(rows), chance_levels([entry.subject for entry in gallery.entries]))
 
 
-def _others(cells: Iterable[str], printed: Iterable[str], specs: Mapping[str, MethodSpec]) -> list[str]:
-    """Methods without a row in the paper: further forms first, controls last."""
-    rest = [name for name in cells if name not in set(printed)]
+def _others(
+    cells: Mapping[str, Mapping[Input, Cell]], printed: Iterable[str], specs: Mapping[str, MethodSpec]
+) -> list[str]:
+    """Methods without a row in the paper that were run: further forms first, controls last."""
+    rest = [
+        name
+        for name, by_input in cells.items()
+        if name not in set(printed) and any(cell.status not in NOT_RUN for cell in by_input.values())
+    ]
     return sorted(rest, key=lambda name: specs[name].info.family == "control")
