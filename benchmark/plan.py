@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 from benchmark import keys, stages
 from benchmark.contracts import Input
-from benchmark.errors import ShapeError
 from benchmark.protocols import Gallery
 from benchmark.registry import MethodSpec
 from benchmark.store import Store
@@ -171,20 +170,15 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 def _data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Digest of the shapes and their labels, and of the camera's frame for the view input."""
-
-    def source(entry: Any) -> str:
-        try:
-            return gallery.dataset.recipe(entry)
-        except ShapeError as error:
-            return str(error)
-
-    shapes = [(entry.identifier, entry.subject, source(entry)) for entry in gallery.entries]
+    dataset = gallery.dataset
+    shapes = [(entry.identifier, entry.subject, stages.source_recipe(dataset, entry)) for entry in gallery.entries]
     recipe: dict[str, Any] = {"gallery": keys.digest(shapes)}
     if input_ == "view":
         whole = [
-            (entry.identifier, source(entry), repr(gallery.dataset.camera(entry))) for entry in gallery.dataset.entries
+            (entry.identifier, stages.source_recipe(dataset, entry), repr(dataset.camera(entry)))
+            for entry in dataset.entries
         ]
-        recipe["view"] = keys.digest([gallery.dataset.half_width, whole])
+        recipe["view"] = keys.digest([dataset.half_width, whole])
     return recipe
 
 

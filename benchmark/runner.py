@@ -182,7 +182,7 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
         "n_classes": len(set(labels)),
         "unsupported": unsupported,
         "notes": notes,
-        "seconds": {phase: round(seconds, 4) for phase, seconds in stages.clock.seconds.items()},
+        "phase_seconds": {phase: round(seconds, 4) for phase, seconds in stages.clock.seconds.items()},
         "from_cache": stages.clock.cached,
         "peak_mib": round(
             resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 2**20)
@@ -192,8 +192,8 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
 
 def _extract(spec: MethodSpec, method: Any, stages: Stages) -> Any:
     def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
-        features = stages.features(entry, spec, method)
-        return features, {**stages.preparation_notes(entry), **stages.form(entry, spec, method)[1]}
+        form, notes = stages.form(entry, spec, method)
+        return stages.features(entry, spec, form), {**stages.preparation_notes(entry), **notes}
 
     return treat
 

@@ -115,7 +115,7 @@ class Stages:
         arrays = self.clock.add("canonicalise", self.store.get_or_compute(self.form_recipe(entry, spec), compute))
         return Mesh(arrays["vertices"], arrays["faces"]), _notes(arrays)
 
-    def features(self, entry: Entry, spec: MethodSpec, method: Method) -> Features:
+    def features(self, entry: Entry, spec: MethodSpec, form: Mesh) -> Features:
         """Local features of the 66 views of the canonical form of a shape."""
         recipe = {
             "stage": "features",
@@ -123,12 +123,8 @@ class Stages:
             "scorer": dataclasses.asdict(self.scorer),
             "code": keys.code_digest(SCORER),
         }
-
-        def compute() -> Arrays:
-            mesh, _ = self.form(entry, spec, method)
-            return self.scorer.extract(mesh).to_arrays()
-
-        return Features.from_arrays(self.clock.add("features", self.store.get_or_compute(recipe, compute)))
+        artefact = self.store.get_or_compute(recipe, lambda: self.scorer.extract(form).to_arrays())
+        return Features.from_arrays(self.clock.add("features", artefact))
 
     def preparation_notes(self, entry: Entry) -> dict[str, float | str]:
         """What the preparation of a shape did: components dropped, pieces bridged."""
@@ -211,13 +207,7 @@ class Stages:
         """What determines the scale of the depth images: a constant, or all shapes of the set."""
         if self.dataset.half_width is not None:
             return f"half width {self.dataset.half_width}"
-        return keys.digest([(entry.identifier, self._recipe_or_error(entry)) for entry in self.dataset.entries])
-
-    def _recipe_or_error(self, entry: Entry) -> str:
-        try:
-            return self.dataset.recipe(entry)
-        except ShapeError as error:
-            return str(error)
+        return keys.digest([(entry.identifier, source_recipe(self.dataset, entry)) for entry in self.dataset.entries])
 
     @cached_property
     def half_width(self) -> float:
@@ -237,6 +227,14 @@ class Stages:
             except ShapeError:
                 continue  # this shape is counted as unsupported when its turn comes
         return {"half_width": np.asarray(max(widths, default=1.0))}
+
+
+def source_recipe(dataset: Dataset, entry: Entry) -> str:
+    """What determines the mesh of a shape; for one that cannot be read, the reason."""
+    try:
+        return dataset.recipe(entry)
+    except ShapeError as error:
+        return str(error)
 
 
 def _notes(arrays: Arrays) -> dict[str, float | str]:

@@ -8,7 +8,7 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,8 @@ class Store:
     """
 
     root: Path
+    # Seconds spent in inner stages, for each stage that is being computed, outermost first.
+    _inner: list[float] = field(default_factory=list, repr=False, compare=False)
 
     @classmethod
     def open(cls, results: Path) -> Store:
@@ -81,6 +83,8 @@ class Store:
     def get_or_compute(self, recipe: Mapping[str, Any], compute: Callable[[], Arrays]) -> Artefact:
         """Return the arrays that a recipe stands for, computing and keeping them when missing or damaged.
 
+        The time kept with them is the stage's own: what a stage that it called took is booked there alone.
+
         Parameters
         ----------
         recipe
@@ -93,8 +97,14 @@ class Store:
         if found is not None:
             return found
         start = time.perf_counter()
-        arrays = compute()
-        seconds = time.perf_counter() - start
+        self._inner.append(0.0)
+        try:
+            arrays = compute()
+        finally:
+            elapsed = time.perf_counter() - start
+            seconds = elapsed - self._inner.pop()
+            if self._inner:
+                self._inner[-1] += elapsed
         self._write(path, lambda file: np.savez(file, allow_pickle=False, **arrays, **{_SECONDS: np.float64(seconds)}))
         return Artefact(arrays, seconds, was_cached=False)
 

@@ -1,5 +1,6 @@
 import json
 import resource
+import time
 
 import numpy as np
 import pytest
@@ -73,3 +74,20 @@ def test_a_results_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="choose another --results"):
         Store.open(tmp_path / "file")
+
+
+def test_the_time_of_an_inner_stage_is_not_booked_twice(store):
+    inner = []
+
+    def compute_inner():
+        time.sleep(0.2)
+        return {"x": np.arange(3)}
+
+    def compute_outer():
+        inner.append(store.get_or_compute({"inner": 1}, compute_inner))
+        time.sleep(0.05)
+        return {"x": np.arange(3)}
+
+    outer = store.get_or_compute({"outer": 1}, compute_outer)
+    assert inner[0].seconds >= 0.2
+    assert 0.05 <= outer.seconds < 0.2

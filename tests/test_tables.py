@@ -26,7 +26,7 @@ def cell(nn, unsupported=(), status="ok"):
             "unsupported": list(unsupported),
             "n_shapes": 4,
             "n_classes": 2,
-            "seconds": {"form": 1.25},
+            "phase_seconds": {"form": 1.25},
             "peak_mib": 100,
         },
     )

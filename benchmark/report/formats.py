@@ -120,7 +120,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "n_shapes": record.get("n_shapes"),
         "n_classes": record.get("n_classes"),
         "unsupported": len(record.get("unsupported", [])),
-        "seconds": round(sum(record["seconds"].values()), 3) if "seconds" in record else None,
+        "seconds": round(sum(record["phase_seconds"].values()), 3) if "phase_seconds" in record else None,
         "peak_mib": record.get("peak_mib"),
         "status": cell.status,
     }
