@@ -37,6 +37,10 @@ class ShapeError(BenchmarkError):
     """A problem of one shape: it is counted under the table, and the others go on."""
 
 
+class TrainingError(BenchmarkError):
+    """Training cannot go on: a loss that is not a number, no memory, a checkpoint that does not fit."""
+
+
 class UnreadableMesh(ShapeError):
     """A mesh file is missing, truncated, or not what its extension says."""
 

@@ -14,6 +14,7 @@ FLOORS = {
     "benchmark.geometry.mesh": 1,
     "benchmark.geometry": 2,
     "benchmark.contracts": 3,
+    "benchmark.learning": 3,
     "baselines": 4,
     "retrieval": 4,
     "learned": 4,

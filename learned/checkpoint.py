@@ -1,0 +1,135 @@
+"""Where a training stands, on disk: weights, the state of Adam, and the losses so far; safetensors, never pickle."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from benchmark.errors import TrainingError
+
+CHECKPOINT = "checkpoint.safetensors"
+
+_MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a checkpoint tells besides tensors.
+
+    Parameters
+    ----------
+    epoch
+        Epochs that are done.
+    batch
+        Pairs per step, halved if memory ran out.
+    seconds
+        Time spent so far.
+    history
+        One row per epoch.
+    """
+
+    epoch: int
+    batch: int
+    seconds: float
+    history: tuple[Mapping[str, float], ...]
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that it is whole or not there, whatever happens meanwhile."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise TrainingError(
+            f"cannot write {path}: {error.strerror}",
+            "free some space and start again: it goes on from the last checkpoint",
+        ) from error
+
+
+def keep(
+    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, progress: Progress, recipe: Mapping[str, Any]
+) -> None:
+    """Write a checkpoint.
+
+    Parameters
+    ----------
+    folder
+        Where it goes.
+    network, optimiser
+        What is trained, and the Adam that trains it.
+    progress
+        How far.
+    recipe
+        Everything that determines the result; :func:`resume` refuses another one.
+    """
+    tensors: dict[str, Tensor] = {}
+    for name, parameter in network.named_parameters():
+        tensors[f"weights.{name}"] = parameter.detach().cpu().contiguous()
+        state = optimiser.state.get(parameter, {})
+        for moment in _MOMENTS:
+            if moment in state:
+                tensors[f"{moment}.{name}"] = state[moment].detach().cpu().contiguous()
+        if "step" in state:
+            tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
+    told = {
+        "recipe": json.dumps(recipe, sort_keys=True),
+        "epoch": str(progress.epoch),
+        "batch": str(progress.batch),
+        "seconds": str(progress.seconds),
+        "history": json.dumps(list(progress.history)),
+    }
+    write_atomically(folder / CHECKPOINT, save(tensors, told))
+
+
+def resume(
+    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: Mapping[str, Any]
+) -> Progress | None:
+    """Set network and optimiser to where the checkpoint stands; None if there is none.
+
+    Raises
+    ------
+    TrainingError
+        If the checkpoint is damaged, or was made with other options, data or code.
+    """
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        return None
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            told = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
+        history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
+    except (SafetensorError, OSError, KeyError, ValueError) as error:
+        raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
+    now = json.loads(json.dumps(recipe))
+    if before != now:
+        changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+        raise TrainingError(
+            f"checkpoint {path} was made with another {', '.join(changed)}",
+            "train with the same options, or delete the folder to begin anew",
+        )
+    with torch.no_grad():
+        for name, parameter in network.named_parameters():
+            parameter.copy_(tensors[f"weights.{name}"])
+            if f"step.{name}" in tensors:
+                # Moments get the memory layout of their parameter, so that a resumed run computes the same bits.
+                moments = {
+                    moment: torch.zeros_like(parameter).copy_(tensors[f"{moment}.{name}"]) for moment in _MOMENTS
+                }
+                optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
+    return Progress(epoch, batch, seconds, history)

@@ -1,0 +1,120 @@
+"""Named configurations of the network: every choice that the paper leaves open, or departs from, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, Literal
+
+from benchmark.errors import ConfigurationError, did_you_mean
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """One network.
+
+    Parameters
+    ----------
+    name
+        Name on the command line.
+    summary
+        What it is, in one line.
+    architecture
+        ``"progressive"``: short-range features, long-range features, encoder-decoder, as in the paper.
+        ``"global-code"``: an encoder to one vector and a decoder from it.
+    short_range, long_range
+        Whether SRF and LRF are there.
+    width
+        Channels of SRF and LRF; the encoder-decoder has 2, 4, 8 and 16 times as many. The paper names no widths.
+    dilated_deconvolutions
+        Whether each block of LRF has a transposed convolution after its convolution: the caption of the paper's figure
+        says so, its text does not.
+    convolutions_per_block
+        Convolutions in each block of the encoder.
+    global_context
+        Whether the mean of the innermost features is added to each of their pixels.
+    group_norm
+        Whether the encoder-decoder normalises groups of channels.
+    code_size
+        Length of the vector of ``"global-code"``.
+    extra_data
+        Whether it is trained on more data than the paper's network.
+    schedule
+        Fields of :class:`learned.schedule.Schedule` in which its own schedule departs from the paper's.
+    """
+
+    name: str
+    summary: str
+    architecture: Literal["progressive", "global-code"] = "progressive"
+    short_range: bool = True
+    long_range: bool = True
+    width: int = 16
+    dilated_deconvolutions: bool = True
+    convolutions_per_block: int = 1
+    global_context: bool = False
+    group_norm: bool = False
+    code_size: int = 256
+    extra_data: bool = False
+    schedule: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    def described(self) -> dict[str, Any]:
+        """All fields that shape the network, for a card."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {name: value for name, value in values.items() if name not in ("summary", "schedule")}
+
+
+LITERAL = Configuration(name="literal", summary="the paper's network as printed")
+
+CONFIGURATIONS: dict[str, Configuration] = {
+    configuration.name: configuration
+    for configuration in (
+        LITERAL,
+        replace(LITERAL, name="without_srf", summary="LRF and encoder-decoder see the image alone", short_range=False),
+        replace(LITERAL, name="without_lrf", summary="the encoder-decoder sees image and SRF", long_range=False),
+        replace(
+            LITERAL,
+            name="wide",
+            summary="two convolutions a block and global context: each output pixel sees the whole image",
+            convolutions_per_block=2,
+            global_context=True,
+            group_norm=True,
+        ),
+        Configuration(
+            name="wide-extra",
+            summary="one global code, trained on sampled bodies",
+            architecture="global-code",
+            width=24,
+            group_norm=True,
+            extra_data=True,
+            schedule=MappingProxyType({"depth_loss": "masked", "resolution": 128, "epochs": 20, "early_epochs": 0}),
+        ),
+    )
+}
+
+
+def configuration(name: str) -> Configuration:
+    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    if name not in CONFIGURATIONS:
+        raise did_you_mean("configuration", name, CONFIGURATIONS)
+    return CONFIGURATIONS[name]
+
+
+def from_card(described: Mapping[str, Any]) -> Configuration:
+    """Configuration that a card describes.
+
+    Raises
+    ------
+    ConfigurationError
+        If it has fields that no network has.
+    """
+    known = {entry.name for entry in fields(Configuration)} - {"summary", "schedule"}
+    if set(described) != known:
+        raise ConfigurationError(
+            f"the card describes another kind of network: {', '.join(sorted(set(described) ^ known))}",
+            "train the model again",
+        )
+    return Configuration(summary="", **described)
+
+
+__all__ = ["CONFIGURATIONS", "LITERAL", "Configuration", "configuration", "from_card"]

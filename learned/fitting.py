@@ -1,0 +1,132 @@
+"""From training data to a folder with a finished model: options, pairs, the loop, card and pictures."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmark.errors import ConfigurationError
+from benchmark.learning import CARD, TrainingData, read_card
+from learned import pictures
+from learned.checkpoint import CHECKPOINT
+from learned.configuration import configuration as configuration_named
+from learned.images import gather
+from learned.model import load_model, predict, save_model
+from learned.schedule import Schedule, schedule
+from learned.training import device_named, measures, train
+
+SAMPLES = 60
+"""Pairs that are predicted for the pictures and the measures of seen shapes."""
+
+
+def fit(
+    name: str,
+    seed: int,
+    data: TrainingData,
+    folder: Path,
+    options: Mapping[str, Any],
+    say: Callable[[str], None],
+) -> None:
+    """Train a model into a folder, or go on where a training was stopped; a finished one is left alone.
+
+    Parameters
+    ----------
+    name
+        Name of the configuration.
+    seed
+        Seed of the weights and of the order of pairs.
+    data
+        What to train on.
+    folder
+        Where the model goes.
+    options
+        Fields of :class:`learned.schedule.Schedule`, and ``device`` (auto, cpu, cuda) and ``threads``.
+    say
+        Told about progress.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option does not fit, or the folder holds a finished model of another training.
+    TrainingError
+        If training cannot go on.
+    """
+    chosen = configuration_named(name)
+    own = {key: value for key, value in options.items() if key not in ("device", "threads")}
+    plan = schedule(chosen.schedule, own)
+    recipe = {
+        "configuration": chosen.described(),
+        "schedule": {field: getattr(plan, field) for field in Schedule.__dataclass_fields__},
+        "data": data.digest,
+        "seed": seed,
+    }
+    if (folder / CARD).is_file():
+        _check_finished(folder, recipe, plan)
+        say(f"{folder} holds this model already")
+        return
+    device = device_named(str(options.get("device", "auto")))
+    torch.set_num_threads(_threads(options))
+    torch.set_flush_denormal(True)
+    folder.mkdir(parents=True, exist_ok=True)
+    say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
+    pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)
+    say(f"training '{name}', seed {seed}: {plan.in_words()}, on {device.type}")
+    result = train(chosen, plan, pairs, unseen, folder, recipe, seed=seed, device=device, say=say)
+    result.network.to("cpu")
+    final, drawn = {}, {}
+    for kind, of_kind in (("training", pairs), ("unseen", unseen)):
+        rows = np.linspace(0, len(of_kind) - 1, min(SAMPLES, len(of_kind))).round().astype(int)
+        result.network.eval()
+        predictions = torch.stack([predict(result.network, of_kind.images[row]) for row in rows])
+        final[kind] = measures(predictions, of_kind.targets[of_kind.target_of[rows]])
+        drawn[kind] = (rows, predictions)
+    card = save_model(folder, result, data, chosen, plan, seed=seed, n_pairs=len(pairs), final=final, recipe=recipe)
+    title = f"{name}, seed {seed}, {data.name}"
+    pictures.draw_history(result.progress.history, folder / "history.png", title)
+    for kind, of_kind in (("training", pairs), ("unseen", unseen)):
+        rows, predictions = drawn[kind]
+        pictures.draw_samples(
+            [of_kind.identifiers[row] for row in rows],
+            of_kind.images[rows, 0].numpy(),
+            predictions.numpy(),
+            of_kind.targets[of_kind.target_of[rows]].numpy(),
+            folder / f"samples-{kind}.png",
+            f"{title}: {kind} pairs",
+        )
+    load_model(folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    say(
+        f"finished in {card['seconds']:.0f} s, {card['images_per_second']:.0f} images a second; unseen mask overlap "
+        f"{final['unseen']['mask overlap']:.3f}, depth error {final['unseen']['depth error']:.4f}"
+    )
+
+
+def _check_finished(folder: Path, recipe: Mapping[str, Any], plan: Schedule) -> None:
+    card = read_card(folder)
+    if card.get("recipe") != _plain(recipe):
+        raise ConfigurationError(
+            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
+            f"not of {plan.in_words()}",
+            "delete the folder to train anew, or name other --results",
+        )
+
+
+def _plain(recipe: Mapping[str, Any]) -> Any:
+    return json.loads(json.dumps(recipe))
+
+
+def _threads(options: Mapping[str, Any]) -> int:
+    """Threads that were asked for, or all cores of this process."""
+    try:
+        threads = int(options.get("threads") or len(os.sched_getaffinity(0)))
+    except ValueError as error:
+        raise ConfigurationError(f"'{options['threads']}' is no number of threads", "pass --threads 2") from error
+    if threads < 1:
+        raise ConfigurationError("no thread, no training", "pass --threads 1 or more")
+    return threads

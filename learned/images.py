@@ -1,0 +1,160 @@
+"""Depth images between the size that the camera gives and the size that a network is trained at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
+from benchmark.geometry.depth import SIZE, DepthImage
+from benchmark.learning import TrainingPair
+
+Floats = NDArray[np.float32]
+
+COVERED = 0.5
+"""Share of a coarse pixel that must show the shape, and probability of the mask above which a pixel shows it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """All pairs of a training at its resolution.
+
+    Parameters
+    ----------
+    identifiers
+        Names of the inputs, one per pair.
+    images
+        Depth, shape (n, 1, r, r).
+    targets
+        Depth and mask of the distinct targets, shape (t, 2, r, r).
+    target_of
+        Row of ``targets`` for each pair, shape (n,).
+    """
+
+    identifiers: tuple[str, ...]
+    images: Tensor
+    targets: Tensor
+    target_of: Tensor
+
+    def __len__(self) -> int:
+        return len(self.identifiers)
+
+    def to(self, device: torch.device) -> Pairs:
+        """Copy to a device."""
+        moved = (tensor.to(device) for tensor in (self.images, self.targets, self.target_of))
+        return Pairs(self.identifiers, *moved)
+
+
+def checked(image: DepthImage) -> Floats:
+    """The image, if a network can read it.
+
+    Raises
+    ------
+    InvalidMesh
+        If it does not have 500 x 500 pixels in [0, 1].
+    UnsupportedShape
+        If it shows nothing.
+    """
+    image = np.asarray(image, dtype=np.float32)
+    if image.shape != (SIZE, SIZE):
+        raise InvalidMesh(
+            f"a depth image of shape {image.shape} does not fit the network", f"render {SIZE} x {SIZE} pixels"
+        )
+    if not np.isfinite(image).all() or image.min() < 0 or image.max() > 1:
+        raise InvalidMesh(
+            "the depth image holds NaN or values outside [0, 1]", "normalise it as `render_depth` does, with 0 outside"
+        )
+    if not image.any():
+        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
+    return image
+
+
+def shrink(image: Floats, resolution: int) -> Floats:
+    """Depth and mask at another resolution.
+
+    A coarse pixel gets the mean depth of what it sees of the shape, never a mixture with the background, which would be
+    a depth where nothing is.
+
+    Parameters
+    ----------
+    image
+        Depth image, shape (s, s), 0 as background.
+    resolution
+        Pixels per side.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (2, resolution, resolution), float32: depth, and the mask of zeros and ones.
+    """
+    fine = torch.from_numpy(np.stack([image, (image > 0).astype(np.float32)]))[None]
+    depth, cover = functional.adaptive_avg_pool2d(fine, resolution)[0]
+    mask = (cover >= COVERED).float()
+    depth = torch.where(mask > 0, depth / cover.clamp(min=COVERED), torch.zeros(()))
+    return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
+
+
+def enlarge(prediction: Tensor) -> Floats:
+    """Depth image of the size of the camera's from a prediction.
+
+    Depths are interpolated among pixels inside the mask alone, so that the rim does not fall towards the background.
+
+    Parameters
+    ----------
+    prediction
+        Depth and mask, shape (2, r, r), in [0, 1].
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (500, 500), float32; 0 where the mask is at most a half.
+    """
+    depth, mask = prediction.float()
+    inside = (mask > COVERED).float()
+    # A rim of one pixel around the mask takes the depth of its neighbours, for the finer mask may reach into it.
+    stack = torch.stack([depth * inside, inside])[None]
+    spread = functional.avg_pool2d(stack, 3, stride=1, padding=1)
+    filled = torch.where(inside > 0, stack, spread)
+    size = (SIZE, SIZE)
+    fine = functional.interpolate(filled, size=size, mode="bilinear", align_corners=False)[0]
+    fine_mask = functional.interpolate(mask[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
+    tiny = torch.finfo(torch.float32).tiny
+    seen = (fine_mask > COVERED) & (fine[1] > tiny)
+    result = torch.where(seen, (fine[0] / fine[1].clamp(min=tiny)).clamp(1e-3, 1.0), torch.zeros(()))
+    return np.asarray(result.numpy(), dtype=np.float32)
+
+
+def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
+    """Shrink all pairs into memory; each distinct target is kept once.
+
+    Raises
+    ------
+    TrainingError
+        If there is no pair.
+    """
+    identifiers: list[str] = []
+    images: list[Floats] = []
+    targets: list[Floats] = []
+    row: dict[str, int] = {}
+    target_of: list[int] = []
+    for pair in pairs:
+        identifiers.append(pair.identifier)
+        images.append(shrink(checked(pair.image), resolution)[:1])
+        if pair.target_identifier not in row:
+            row[pair.target_identifier] = len(targets)
+            targets.append(shrink(checked(pair.target), resolution))
+        target_of.append(row[pair.target_identifier])
+    if not identifiers:
+        raise TrainingError("there is no pair to train on", "check the data set with `benchmark data check`")
+    return Pairs(
+        tuple(identifiers),
+        torch.from_numpy(np.stack(images)),
+        torch.from_numpy(np.stack(targets)),
+        torch.tensor(target_of),
+    )

@@ -1,0 +1,161 @@
+"""The learned rows of the tables: a depth image goes in, the predicted image of the canonical pose is the form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape
+from benchmark.learning import Split, TrainingData
+
+DEFAULT_TRAINING = "humans-I"
+"""Training data of the model that is used where no table chooses one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learned:
+    """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
+
+    "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
+    Perception", section III; see :mod:`learned.network`.
+
+    Parameters
+    ----------
+    configuration
+        Name of the network; see :mod:`learned.configuration`.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data; "" takes what the table says.
+    model
+        Folder of the model; "" takes the shipped one.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="learned",
+        title="Our",
+        cite="canonical2025depth",
+        family="paper",
+        summary="canonical pose predicted from the depth image by the paper's network",
+        requires=("torch", "safetensors"),
+        inputs=("view",),
+        scale="invariant",
+        trained_on=("the training subjects of each table; see the card of the model",),
+    )
+    split: ClassVar[Split] = "table"
+    shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
+
+    configuration: str = "literal"
+    training_seed: int = 0
+    training: str = ""
+    model: str = ""
+
+    @property
+    def model_name(self) -> str:
+        """Configuration and training seed."""
+        return f"{self.configuration}-seed{self.training_seed}"
+
+    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+        """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.schedule.Schedule`."""
+        from learned.fitting import fit
+
+        fit(self.configuration, self.training_seed, data, folder, options, say)
+
+    def load(self, folder: Path) -> Self:
+        """Return the method with the model in ``folder``.
+
+        Raises
+        ------
+        ConfigurationError
+            If the weights are damaged, have another digest than their card says, or belong to another configuration.
+        """
+        from learned.model import load_model
+
+        load_model(folder)
+        return replace(self, model=str(folder))
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Predict the canonical depth image and return the surface behind it, of unit area.
+
+        Raises
+        ------
+        UnsupportedShape
+            If there is no depth image, it is empty, or the network predicts nothing.
+        InvalidMesh
+            If the image has another size or holds values outside [0, 1].
+        ConfigurationError
+            If there is no model.
+        """
+        if shape.depth is None:
+            raise UnsupportedShape("the learned network needs a depth image", "use the view input")
+        from learned.prediction import canonical_surface
+
+        folder = Path(self.model) if self.model else self.shipped_models / DEFAULT_TRAINING / self.model_name
+        surface, notes = canonical_surface(folder, shape.depth)
+        return CanonicalForm(surface.vertices, surface.faces, notes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithoutSRF(Learned):
+    """The network without short-range features (Table IV)."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info, name="learned-without-srf", title="w/o SRF", family="extended", summary="ablation: no SRF"
+    )
+    configuration: str = "without_srf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithoutLRF(Learned):
+    """The network without long-range features (Table IV)."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info, name="learned-without-lrf", title="w/o LRF", family="extended", summary="ablation: no LRF"
+    )
+    configuration: str = "without_lrf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strict(Learned):
+    """The network tested on subjects and poses that it has never seen (Table IV)."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-strict",
+        title="strict train",
+        family="extended",
+        summary="ablation: neither subject nor pose seen in training, 12 folds",
+    )
+    split: ClassVar[Split] = "strict"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wide(Learned):
+    """A network in which each output pixel sees the whole image."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-wide",
+        title="Our, wide",
+        family="extended",
+        summary="two convolutions a block and global context",
+    )
+    configuration: str = "wide"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WideExtra(Learned):
+    """A network with one global code, trained on sampled bodies."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-wide-extra",
+        title="Our, wide, extra training data",
+        family="extended",
+        summary="one global code, trained on sampled bodies",
+        trained_on=("sampled bodies, none of the data set",),
+    )
+    split: ClassVar[Split] = "sampled"
+    configuration: str = "wide-extra"

@@ -1,0 +1,170 @@
+"""A trained model as files: weights that carry a digest, and a card that says where they come from."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import functools
+import hashlib
+import io
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor, nn
+
+from benchmark.errors import ConfigurationError
+from benchmark.learning import CARD, WEIGHTS, TrainingData, checked_weights, read_card
+from learned.checkpoint import write_atomically
+from learned.configuration import Configuration, from_card
+from learned.network import build, n_parameters
+from learned.schedule import Schedule
+from learned.training import Result
+
+HISTORY = "history.csv"
+
+
+def save_model(
+    folder: Path,
+    result: Result,
+    data: TrainingData,
+    configuration: Configuration,
+    plan: Schedule,
+    *,
+    seed: int,
+    n_pairs: int,
+    final: Mapping[str, Mapping[str, float]],
+    recipe: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Write weights, history and, last, the card.
+
+    Parameters
+    ----------
+    folder
+        Where they go.
+    result
+        The trained network.
+    data, configuration, plan, seed
+        What made it.
+    n_pairs
+        Pairs that were trained on.
+    final
+        Measures of the finished model on ``"training"`` and ``"unseen"`` pairs.
+    recipe
+        Everything that determines the result.
+
+    Returns
+    -------
+    dict
+        The card.
+    """
+    # Half precision halves the file; the rounding is part of the model, for what is tested is what is on disk.
+    weights = save(
+        {name: tensor.detach().cpu().half().contiguous() for name, tensor in result.network.state_dict().items()}
+    )
+    progress = result.progress
+    images = n_pairs * plan.epochs / progress.seconds if progress.seconds else 0.0
+    card = {
+        "digest": hashlib.sha256(weights).hexdigest(),
+        "configuration": configuration.described(),
+        "parameters": n_parameters(result.network),
+        "data": data.name,
+        "data_title": data.title,
+        "data_digest": data.digest,
+        "pairs": n_pairs,
+        "subjects": list(data.subjects),
+        "identifiers": list(data.identifiers),
+        "extra_data": configuration.extra_data,
+        "seed": seed,
+        "schedule": {
+            name: getattr(plan, name)
+            for name in Schedule.__dataclass_fields__
+            if name not in ("compile", "early_epochs")
+        }
+        | {"early_epochs": plan.n_early, "batch_at_the_end": progress.batch},
+        "departures_from_the_paper": plan.departures(),
+        "schedule_in_words": f"{plan.in_words()}, {hardware(result.device)}",
+        "hardware": hardware(result.device),
+        "precision": result.precision,
+        "weights_stored_as": "float16",
+        "torch": torch.__version__,
+        "seconds": round(progress.seconds, 1),
+        "images_per_second": round(images, 1),
+        "final_losses": dict(progress.history[-1]),
+        "final": {name: dict(values) for name, values in final.items()},
+        "recipe": dict(recipe),
+        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+    write_atomically(folder / WEIGHTS, weights)
+    write_atomically(folder / HISTORY, _table(progress.history).encode())
+    write_atomically(folder / CARD, (json.dumps(card, indent=1, allow_nan=True) + "\n").encode())
+    return card
+
+
+def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
+    """Network with the weights in a folder, ready to predict, and its card.
+
+    Raises
+    ------
+    ConfigurationError
+        If the weights are not those that the card describes, or belong to another configuration.
+    """
+    return _load(folder, read_card(folder)["digest"])
+
+
+@functools.lru_cache(maxsize=16)
+def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
+    card = read_card(folder)
+    content = checked_weights(folder)
+    try:
+        configuration = from_card(card["configuration"])
+        tensors = {name: tensor.float() for name, tensor in load(content).items()}
+    except (KeyError, TypeError, SafetensorError) as error:
+        raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
+    network = build(configuration)
+    expected = {name: tensor.shape for name, tensor in network.state_dict().items()}
+    if {name: tensor.shape for name, tensor in tensors.items()} != expected:
+        raise ConfigurationError(
+            f"the weights in {folder} belong to another configuration than '{configuration.name}'",
+            "train the model again",
+        )
+    network.load_state_dict(tensors)
+    return network.to(memory_format=torch.channels_last).eval(), card
+
+
+@torch.inference_mode()
+def predict(network: nn.Module, image: Tensor) -> Tensor:
+    """Depth and mask, shape (2, r, r), from one depth image, shape (1, r, r)."""
+    prediction: Tensor = network(image[None].contiguous(memory_format=torch.channels_last))[0]
+    return prediction
+
+
+def hardware(device: str) -> str:
+    """What computes, in words."""
+    if device == "cuda":
+        return str(torch.cuda.get_device_name())
+    return f"{_processor()}, {torch.get_num_threads()} threads"
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _table(history: Sequence[Mapping[str, float]]) -> str:
+    columns = list(dict.fromkeys(name for row in history for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in history)
+    return text.getvalue()

@@ -1,0 +1,264 @@
+"""The paper's network: short-range features, long-range features, and an encoder-decoder for depth and mask.
+
+"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
+Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
+of the image. The paper counts the blocks of SRF in three ways; five convolutions and four transposed convolutions
+satisfy all of them.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from learned.configuration import Configuration
+
+SLOPE = 0.2
+"""Slope of LeakyReLU below zero."""
+
+DILATIONS = (2, 3, 4, 5, 6)
+"""Dilations of the blocks of LRF."""
+
+CONVOLUTIONS, DECONVOLUTIONS = 5, 4
+"""Blocks of SRF."""
+
+GROUPS = 8
+"""Groups of channels that are normalised together where a configuration asks for it."""
+
+CHANNELS = 2
+"""Output channels: depth and mask."""
+
+
+class ShortRangeFeatures(nn.Sequential):
+    """SRF: nine blocks at full size, five convolutions and four transposed ones; one channel comes out.
+
+    Parameters
+    ----------
+    width
+        Channels inside.
+    """
+
+    def __init__(self, width: int) -> None:
+        channels = [1, *[width] * (CONVOLUTIONS + DECONVOLUTIONS - 1), 1]
+        kinds = [nn.Conv2d] * CONVOLUTIONS + [nn.ConvTranspose2d] * DECONVOLUTIONS
+        blocks = [
+            nn.Sequential(kind(before, after, 3, padding=1), nn.LeakyReLU(SLOPE))
+            for kind, before, after in zip(kinds, channels[:-1], channels[1:], strict=True)
+        ]
+        super().__init__(*blocks)
+
+
+class LongRangeFeatures(nn.Sequential):
+    """LRF: five blocks with dilations 2 to 6 at full size; one channel comes out.
+
+    Parameters
+    ----------
+    channels_in
+        Channels of the image and of what is concatenated to it.
+    width
+        Channels inside.
+    deconvolutions
+        Whether a transposed convolution of the same dilation follows each convolution.
+    """
+
+    def __init__(self, channels_in: int, width: int, deconvolutions: bool) -> None:
+        blocks = []
+        for place, dilation in enumerate(DILATIONS):
+            before = channels_in if place == 0 else width
+            after = 1 if place == len(DILATIONS) - 1 else width
+            middle = width if deconvolutions else after
+            layers: list[nn.Module] = [
+                nn.Conv2d(before, middle, 3, padding=dilation, dilation=dilation),
+                nn.LeakyReLU(SLOPE),
+            ]
+            if deconvolutions:
+                layers += [
+                    nn.ConvTranspose2d(middle, after, 3, padding=dilation, dilation=dilation),
+                    nn.LeakyReLU(SLOPE),
+                ]
+            blocks.append(nn.Sequential(*layers))
+        super().__init__(*blocks)
+
+
+class EncoderDecoder(nn.Module):
+    """DPR: four blocks of convolution, LeakyReLU and max-pooling, four of transposed convolution and ReLU, a 1x1 head.
+
+    Parameters
+    ----------
+    channels_in
+        Channels of the image and of the features concatenated to it.
+    width
+        Channels of the outermost block; each further one has twice as many.
+    convolutions
+        Convolutions in each block of the encoder.
+    global_context
+        Whether the mean of the innermost features is transformed and added to each of their pixels.
+    group_norm
+        Whether each block normalises groups of channels.
+    """
+
+    def __init__(
+        self,
+        channels_in: int,
+        width: int,
+        convolutions: int = 1,
+        global_context: bool = False,
+        group_norm: bool = False,
+    ) -> None:
+        super().__init__()
+        widths = [width, 2 * width, 4 * width, 8 * width]
+
+        def norm(channels: int) -> list[nn.Module]:
+            return [nn.GroupNorm(GROUPS, channels)] if group_norm else []
+
+        def encoder_block(before: int, after: int) -> nn.Sequential:
+            layers: list[nn.Module] = []
+            for place in range(convolutions):
+                layers += [nn.Conv2d(before if place == 0 else after, after, 3, padding=1), *norm(after)]
+                layers.append(nn.LeakyReLU(SLOPE))
+            return nn.Sequential(*layers)
+
+        befores = [channels_in, *widths[:-1]]
+        self.encoder = nn.ModuleList(map(encoder_block, befores, widths))
+        self.context = nn.Sequential(nn.Linear(widths[-1], widths[-1]), nn.ReLU()) if global_context else None
+        innermost = widths[::-1]
+        afters = [*innermost[1:], width]
+        # Four by four kernels cover every pixel of the doubled size equally often; three by three make a checkerboard.
+        self.decoder = nn.ModuleList(
+            nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+            for before, after in zip(innermost, afters, strict=True)
+        )
+        self.norms = nn.ModuleList(nn.Sequential(*norm(after)) for after in afters)
+        self.head = nn.Conv2d(width, CHANNELS, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features, shape (n, channels, h, w), to depth and mask before the sigmoid, shape (n, 2, h, w)."""
+        sizes = []
+        for block in self.encoder:
+            sizes.append(x.shape[-2:])
+            # Rounding up keeps the last row and column of an odd size, so that the decoder can restore it.
+            x = functional.max_pool2d(block(x), 2, ceil_mode=True)
+        if self.context is not None:
+            x = x + self.context(x.mean(dim=(2, 3)))[:, :, None, None]
+        for deconvolution, norm, (height, width) in zip(self.decoder, self.norms, reversed(sizes), strict=True):
+            x = functional.relu(norm(deconvolution(x)[..., :height, :width]))
+        return cast(Tensor, self.head(x))
+
+
+class ProgressiveNetwork(nn.Module):
+    """SRF, LRF and DPR in a row, each seeing the image and all features before it.
+
+    Parameters
+    ----------
+    configuration
+        What is there, and how wide.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        super().__init__()
+        width, channels = configuration.width, 1
+        self.short_range = ShortRangeFeatures(width) if configuration.short_range else None
+        channels += configuration.short_range
+        deconvolutions = configuration.dilated_deconvolutions
+        self.long_range = LongRangeFeatures(channels, width, deconvolutions) if configuration.long_range else None
+        channels += configuration.long_range
+        self.reconstruction = EncoderDecoder(
+            channels,
+            2 * width,
+            configuration.convolutions_per_block,
+            configuration.global_context,
+            configuration.group_norm,
+        )
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Predict the canonical pose.
+
+        Parameters
+        ----------
+        image
+            Depth images, shape (n, 1, h, w), in [0, 1] with 0 as background.
+
+        Returns
+        -------
+        torch.Tensor
+            Depth and mask, shape (n, 2, h, w), in (0, 1).
+        """
+        features = image
+        for part in (self.short_range, self.long_range):
+            if part is not None:
+                features = torch.cat([features, part(features)], dim=1)
+        return torch.sigmoid(self.reconstruction(features))
+
+
+class GlobalCodeNetwork(nn.Module):
+    """Strided encoder to one vector, and a decoder from that vector alone: no pixel of the pose can leak through.
+
+    Parameters
+    ----------
+    configuration
+        Width of the outermost block and length of the vector.
+    """
+
+    INNERMOST = 4
+    """Pixels per side of the innermost features; the image has 2^5 times as many."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        super().__init__()
+        width = configuration.width
+        widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
+
+        def block(before: int, after: int) -> nn.Sequential:
+            return nn.Sequential(
+                nn.Conv2d(before, after, 4, stride=2, padding=1), nn.GroupNorm(GROUPS, after), nn.LeakyReLU(SLOPE)
+            )
+
+        def unblock(before: int, after: int) -> nn.Sequential:
+            return nn.Sequential(
+                nn.ConvTranspose2d(before, after, 4, stride=2, padding=1), nn.GroupNorm(GROUPS, after), nn.ReLU()
+            )
+
+        flat = widths[-1] * self.INNERMOST**2
+        self.encoder = nn.Sequential(*map(block, [1, *widths[:-1]], widths))
+        self.encode = nn.Linear(flat, configuration.code_size)
+        self.decode = nn.Linear(configuration.code_size, flat)
+        inward = widths[::-1]
+        self.decoder = nn.Sequential(*map(unblock, inward, [*inward[1:], width]))
+        self.head = nn.Conv2d(width, CHANNELS, 3, padding=1)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Predict depth and mask; see :meth:`ProgressiveNetwork.forward`. Images are of 128 x 128 pixels."""
+        innermost = self.encoder(image)
+        code = self.encode(innermost.flatten(1))
+        decoded = functional.relu(self.decode(code)).view_as(innermost)
+        return torch.sigmoid(self.head(self.decoder(decoded)))
+
+
+RESOLUTIONS = {"progressive": range(32, 2049), "global-code": (128,)}
+"""Pixels per side that each architecture can have."""
+
+
+def build(configuration: Configuration, seed: int = 0) -> nn.Module:
+    """Network with random weights that depend on the seed alone.
+
+    Convolutions before a (leaky) rectifier start with variances that keep the scale of activations [He et al. 2015,
+    eq. 14].
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        kind = ProgressiveNetwork if configuration.architecture == "progressive" else GlobalCodeNetwork
+        network = kind(configuration)
+        for module in network.modules():
+            if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module.out_channels != CHANNELS:
+                mode = "fan_in" if isinstance(module, nn.Conv2d) else "fan_out"
+                nn.init.kaiming_normal_(module.weight, a=SLOPE, mode=mode)
+                assert module.bias is not None  # noqa: S101
+                nn.init.zeros_(module.bias)
+    return network
+
+
+def n_parameters(network: nn.Module) -> int:
+    """Number of trainable numbers."""
+    return sum(parameter.numel() for parameter in network.parameters())

@@ -1,0 +1,106 @@
+"""Pictures of a training: the losses, and what the network makes of seen and unseen shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from learned.images import COVERED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+COLUMNS = 10
+"""Samples in a grid."""
+
+
+def draw_history(history: Sequence[Mapping[str, float]], path: Path, title: str) -> None:
+    """Draw the losses of training pairs, and overlap of masks on unseen ones, over the epochs."""
+    from matplotlib.figure import Figure
+
+    epochs = [row["epoch"] for row in history]
+    figure = Figure(figsize=(8, 3.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for name, style in (("depth loss", "C0"), ("mask loss", "C1")):
+        left.semilogy(epochs, [row[name] for row in history], style, label=name)
+        unseen = f"unseen {name}"
+        if any(unseen in row for row in history):
+            left.semilogy(*_series(history, unseen), style + "--", label=unseen)
+    switch = next((row["epoch"] for row in history if row["alpha"] != history[0]["alpha"]), None)
+    for axes in (left, right):
+        if switch is not None:
+            axes.axvline(switch, color="0.7", linewidth=1, label="full weight of depth" if axes is left else None)
+        axes.set_xlabel("epoch")
+    left.set_ylabel("mean squared error")
+    left.legend(fontsize=7)
+    right.plot(*_series(history, "unseen mask overlap"), "C1", label="mask overlap")
+    right.plot(*_series(history, "unseen depth error"), "C0", label="depth error")
+    right.set_title("unseen pairs (nothing is chosen by them)", fontsize=8)
+    right.set_ylim(0, 1)
+    right.legend(fontsize=7)
+    figure.suptitle(title, fontsize=9)
+    figure.savefig(path, dpi=110)
+
+
+def draw_samples(
+    names: Sequence[str],
+    images: NDArray[np.float32],
+    predictions: NDArray[np.float32],
+    targets: NDArray[np.float32],
+    path: Path,
+    title: str,
+) -> None:
+    """Draw input, predicted and true depth and mask, worst overlap first.
+
+    Parameters
+    ----------
+    names
+        One per sample.
+    images
+        Shape (n, r, r).
+    predictions, targets
+        Depth and mask, shape (n, 2, r, r).
+    path, title
+        Where to, and what it is.
+    """
+    from matplotlib.figure import Figure
+
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    overlap = (predicted & true).sum(axis=(1, 2)) / np.maximum((predicted | true).sum(axis=(1, 2)), 1)
+    order = np.argsort(overlap, kind="stable")
+    # The three worst show the failures, the others are spread over the whole range.
+    chosen = np.unique(np.concatenate([np.arange(3), np.linspace(3, len(order) - 1, COLUMNS - 3).round().astype(int)]))
+    chosen = order[chosen[chosen < len(order)]]
+    rows = ("input", "predicted depth", "true depth", "predicted mask", "true mask")
+    figure = Figure(figsize=(1.3 * len(chosen), 1.35 * len(rows)), layout="constrained")
+    grid = figure.subplots(len(rows), len(chosen), squeeze=False)
+    for column, sample in enumerate(chosen):
+        depth = np.where(predicted[sample], predictions[sample, 0], 0)
+        pictures = (images[sample], depth, targets[sample, 0], predictions[sample, 1], targets[sample, 1])
+        for axes, picture, row in zip(grid[:, column], pictures, rows, strict=True):
+            _show(axes, picture, is_depth="mask" not in row)
+        grid[0, column].set_title(f"{names[sample]}\n{overlap[sample]:.2f}", fontsize=5)
+    for axes, row in zip(grid[:, 0], rows, strict=True):
+        axes.set_ylabel(row, fontsize=7)
+    figure.suptitle(f"{title}; number: overlap of masks, worst first", fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def _show(axes: Axes, picture: NDArray[np.float32], is_depth: bool) -> None:
+    if is_depth:
+        seen = picture > 0
+        low, high = (picture[seen].min(), picture[seen].max()) if seen.any() else (0.0, 1.0)
+        axes.imshow(np.where(seen, picture, np.nan), vmin=low, vmax=max(high, low + 1e-3), cmap="viridis")
+    else:
+        axes.imshow(picture, vmin=0, vmax=1, cmap="gray")
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def _series(history: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
+    rows = [row for row in history if name in row]
+    return [row["epoch"] for row in rows], [row[name] for row in rows]

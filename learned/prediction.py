@@ -1,0 +1,62 @@
+"""From a depth image to the surface of the predicted canonical pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.depth import DepthImage, back_project
+from benchmark.geometry.mesh import Mesh
+from learned.images import checked, enlarge, shrink
+from learned.model import load_model, predict
+
+
+def canonical_depth(folder: Path, depth: DepthImage) -> DepthImage:
+    """Predict the depth image of the canonical pose.
+
+    Parameters
+    ----------
+    folder
+        The model.
+    depth
+        Depth image, shape (500, 500).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (500, 500), float32, 0 where the predicted mask is at most a half.
+
+    Raises
+    ------
+    InvalidMesh, UnsupportedShape
+        If the image does not fit, or shows nothing.
+    ConfigurationError
+        If the model does not fit its card.
+    """
+    network, card = load_model(folder)
+    image = shrink(checked(depth), int(card["schedule"]["resolution"]))[:1]
+    return enlarge(predict(network, torch.from_numpy(image)))
+
+
+def canonical_surface(folder: Path, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
+    """Surface behind the predicted image, of unit area, and facts about it.
+
+    The sampling is that of the view input: about 2000 vertices.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the network predicts an empty mask.
+    """
+    predicted = canonical_depth(folder, depth)
+    if not predicted.any():
+        raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
+    surface, report = back_project(predicted, 1.0)
+    notes: dict[str, float | str] = {
+        "predicted_foreground": report.foreground,
+        "predicted_pieces": report.pieces,
+        "predicted_bridges": report.bridges,
+    }
+    return surface.with_vertices(surface.vertices / surface.area**0.5), notes

@@ -1,0 +1,173 @@
+"""Losses and schedule: the paper's by default, every departure by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Literal, get_args
+
+from torch import Tensor
+
+from benchmark.errors import ConfigurationError, did_you_mean
+
+DepthLoss = Literal["all", "masked"]
+Precision = Literal["auto", "float32", "bfloat16"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How a model is trained; the defaults are the paper's, section IV.
+
+    Parameters
+    ----------
+    resolution
+        Pixels per side.
+    epochs
+        Passes over the pairs.
+    early_epochs
+        Epochs at the beginning during which the depth counts little; None keeps the paper's share, a fifth.
+    early_alpha, alpha
+        Weight of the depth loss during and after the early epochs.
+    beta
+        Weight of the mask loss.
+    learning_rate
+        Step size of Adam.
+    batch
+        Pairs per step.
+    depth_loss
+        ``"all"``: mean over all pixels, as printed. ``"masked"``: mean over the pixels of the target's mask.
+    gradient_clip
+        Largest norm of the gradient; 0 for no limit.
+    cosine
+        Whether the step size falls to zero along half a cosine.
+    jitter
+        Largest shift of the input in pixels of the 500 x 500 image; the target stays. 0 for none.
+    precision
+        Arithmetic of the network: ``"auto"`` takes bfloat16 where the hardware has it.
+    compile
+        Whether torch compiles the network.
+    """
+
+    resolution: int = 500
+    epochs: int = 500
+    early_epochs: int | None = None
+    early_alpha: float = 0.01
+    alpha: float = 1.0
+    beta: float = 1.0
+    learning_rate: float = 1e-3
+    batch: int = 8
+    depth_loss: DepthLoss = "all"
+    gradient_clip: float = 0.0
+    cosine: bool = False
+    jitter: int = 0
+    precision: Precision = "auto"
+    compile: bool = False
+
+    @property
+    def n_early(self) -> int:
+        """Epochs during which ``early_alpha`` holds."""
+        return round(self.epochs / 5) if self.early_epochs is None else self.early_epochs
+
+    def weight_of_depth(self, epoch: int) -> float:
+        """Alpha of an epoch, counted from 0."""
+        return self.early_alpha if epoch < self.n_early else self.alpha
+
+    def departures(self) -> list[str]:
+        """Fields that differ from the paper's schedule, in words; arithmetic and compilation are not part of it."""
+        paper = Schedule()
+        told = {**asdict(self), "early_epochs": self.n_early}
+        printed = {**asdict(paper), "early_epochs": paper.n_early}
+        return [
+            f"{name} {value} (paper: {printed[name]})"
+            for name, value in told.items()
+            if name not in ("precision", "compile") and value != printed[name]
+        ]
+
+    def in_words(self) -> str:
+        """The schedule in one clause."""
+        text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs, batch {self.batch}"
+        further = [told for told in self.departures() if told.split()[0] not in ("resolution", "epochs", "batch")]
+        kept = [told for told in further if told.split()[0] != "early_epochs" or self.early_epochs is not None]
+        return text + (f", {', '.join(kept)}" if kept else "")
+
+
+def schedule(defaults: Mapping[str, Any], options: Mapping[str, Any]) -> Schedule:
+    """Schedule of a configuration with the options of the command line.
+
+    Parameters
+    ----------
+    defaults
+        Fields in which the configuration departs from the paper.
+    options
+        Values by field, as text or as numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        If a field is unknown or a value does not fit.
+    """
+    read = {name: _read(name, value) for name, value in options.items()}
+    result = replace(Schedule(), **{**defaults, **read})
+    positive = ("resolution", "epochs", "batch", "learning_rate")
+    wrong = [name for name in positive if not getattr(result, name) > 0]
+    wrong += [
+        name
+        for name in ("early_alpha", "alpha", "beta", "gradient_clip", "jitter", "n_early")
+        if not getattr(result, name) >= 0
+    ]
+    if wrong:
+        raise ConfigurationError(f"{wrong[0]} cannot be {getattr(result, wrong[0])}", "give a positive number")
+    return result
+
+
+def losses(prediction: Tensor, target: Tensor, depth_loss: DepthLoss) -> tuple[Tensor, Tensor]:
+    """Mean squared errors of depth and mask.
+
+    Parameters
+    ----------
+    prediction, target
+        Depth and mask, shape (n, 2, h, w).
+    depth_loss
+        Over which pixels the error of the depth is averaged.
+
+    Returns
+    -------
+    depth, mask : torch.Tensor
+        Scalars.
+    """
+    squares = (prediction - target).square()
+    depth, mask = squares[:, 0], squares[:, 1]
+    if depth_loss == "masked":
+        inside = target[:, 1]
+        return (depth * inside).sum() / inside.sum().clamp(min=1), mask.mean()
+    return depth.mean(), mask.mean()
+
+
+def _read(name: str, value: Any) -> Any:
+    """Value of a field from the text of the command line."""
+    kinds = {entry.name: entry.type for entry in fields(Schedule)}
+    if name not in kinds:
+        raise did_you_mean("option of the schedule", name, kinds)
+    choices = {"depth_loss": get_args(DepthLoss), "precision": get_args(Precision)}.get(name)
+    text = str(value)
+    try:
+        if choices:
+            return {choice: choice for choice in choices}[text]
+        if kinds[name] == "bool":
+            return {"true": True, "false": False}[text.lower()]
+        return float(text) if kinds[name] == "float" else int(text)
+    except (KeyError, ValueError) as error:
+        fits = (
+            " or ".join(choices)
+            if choices
+            else {"bool": "true or false", "float": "a number"}.get(str(kinds[name]), "a whole number")
+        )
+        raise ConfigurationError(f"'{value}' does not fit {name}", f"write {fits}") from error
+
+
+def step_size(plan: Schedule, epoch: int) -> float:
+    """Step size of Adam in an epoch."""
+    if not plan.cosine:
+        return plan.learning_rate
+    return plan.learning_rate * 0.5 * (1 + math.cos(math.pi * epoch / plan.epochs))
