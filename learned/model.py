@@ -102,7 +102,7 @@ def save_model(
     }
     write_atomically(folder / WEIGHTS, weights)
     write_atomically(folder / HISTORY, _table(progress.history).encode())
-    write_atomically(folder / CARD, (json.dumps(card, indent=1, allow_nan=True) + "\n").encode())
+    write_atomically(folder / CARD, _card_text(card).encode())
     return card
 
 
@@ -148,7 +148,14 @@ def hardware(device: str) -> str:
     """What computes, in words."""
     if device == "cuda":
         return str(torch.cuda.get_device_name())
-    return f"{_processor()}, {torch.get_num_threads()} threads"
+    threads = torch.get_num_threads()
+    return f"{_processor()}, {threads} thread{'s' if threads > 1 else ''}"
+
+
+def _card_text(card: Mapping[str, Any]) -> str:
+    """JSON with one line for each entry: long lists of shapes stay on one line."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _processor() -> str:

@@ -31,6 +31,10 @@ GROUPS = 8
 CHANNELS = 2
 """Output channels: depth and mask."""
 
+MASK_LOGIT = -2.5
+"""First guess of the mask, about the share of a frame that a shape covers. Without it the first steps, which see
+background almost everywhere, drive the sigmoid to where its gradient vanishes, and the training never leaves zero."""
+
 
 class ShortRangeFeatures(nn.Sequential):
     """SRF: nine blocks at full size, five convolutions and four transposed ones; one channel comes out.
@@ -135,7 +139,7 @@ class EncoderDecoder(nn.Module):
         self.head = nn.Conv2d(width, CHANNELS, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map features, shape (n, channels, h, w), to depth and mask before the sigmoid, shape (n, 2, h, w)."""
+        """Map features, shape (n, channels, h, w), to depth and the log-odds of the mask, shape (n, 2, h, w)."""
         sizes = []
         for block in self.encoder:
             sizes.append(x.shape[-2:])
@@ -184,13 +188,13 @@ class ProgressiveNetwork(nn.Module):
         Returns
         -------
         torch.Tensor
-            Depth and mask, shape (n, 2, h, w), in (0, 1).
+            Depth, about (0, 1), and mask in (0, 1), shape (n, 2, h, w).
         """
         features = image
         for part in (self.short_range, self.long_range):
             if part is not None:
                 features = torch.cat([features, part(features)], dim=1)
-        return torch.sigmoid(self.reconstruction(features))
+        return _depth_and_mask(self.reconstruction(features))
 
 
 class GlobalCodeNetwork(nn.Module):
@@ -233,7 +237,12 @@ class GlobalCodeNetwork(nn.Module):
         innermost = self.encoder(image)
         code = self.encode(innermost.flatten(1))
         decoded = functional.relu(self.decode(code)).view_as(innermost)
-        return torch.sigmoid(self.head(self.decoder(decoded)))
+        return _depth_and_mask(self.head(self.decoder(decoded)))
+
+
+def _depth_and_mask(x: Tensor) -> Tensor:
+    """Leave the depth as it is, for it is regressed; squash the mask into (0, 1). Shape (n, 2, h, w)."""
+    return torch.stack([x[:, 0], torch.sigmoid(x[:, 1])], dim=1)
 
 
 RESOLUTIONS = {"progressive": range(32, 2049), "global-code": (128,)}
@@ -249,13 +258,18 @@ def build(configuration: Configuration, seed: int = 0) -> nn.Module:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         kind = ProgressiveNetwork if configuration.architecture == "progressive" else GlobalCodeNetwork
-        network = kind(configuration)
+        network: nn.Module = kind(configuration)
         for module in network.modules():
             if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module.out_channels != CHANNELS:
-                mode = "fan_in" if isinstance(module, nn.Conv2d) else "fan_out"
-                nn.init.kaiming_normal_(module.weight, a=SLOPE, mode=mode)
-                assert module.bias is not None  # noqa: S101
+                # Products that add up to one output pixel; a stride spreads those of a transposed convolution.
+                products = module.in_channels * module.kernel_size[0] ** 2
+                if isinstance(module, nn.ConvTranspose2d):
+                    products //= module.stride[0] ** 2
+                nn.init.normal_(module.weight, std=(2 / ((1 + SLOPE**2) * products)) ** 0.5)
                 nn.init.zeros_(module.bias)
+        head = network.get_submodule("head" if isinstance(network, GlobalCodeNetwork) else "reconstruction.head")
+        with torch.no_grad():
+            head.bias.copy_(torch.tensor([0.0, MASK_LOGIT]))
     return network
 
 
