@@ -84,10 +84,18 @@ CONFIGURATIONS: dict[str, Configuration] = {
             name="wide-extra",
             summary="one global code, trained on sampled bodies",
             architecture="global-code",
-            width=24,
             group_norm=True,
             extra_data=True,
-            schedule=MappingProxyType({"depth_loss": "masked", "resolution": 128, "epochs": 20, "early_epochs": 0}),
+            schedule=MappingProxyType(
+                {
+                    "resolution": 128,
+                    "epochs": 10,
+                    "early_epochs": 0,
+                    "batch": 32,
+                    "depth_loss": "masked",
+                    "cosine": True,
+                }
+            ),
         ),
     )
 }
