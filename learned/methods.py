@@ -36,7 +36,7 @@ class Learned:
     info: ClassVar[MethodInfo] = MethodInfo(
         name="learned",
         title="Our",
-        cite="canonical2025depth",
+        cite="canonicalreconstruction",
         family="paper",
         summary="canonical pose predicted from the depth image by the paper's network",
         requires=("torch", "safetensors"),
