@@ -78,7 +78,6 @@ CONFIGURATIONS: dict[str, Configuration] = {
             summary="two convolutions a block and global context: each output pixel sees the whole image",
             convolutions_per_block=2,
             global_context=True,
-            group_norm=True,
         ),
         Configuration(
             name="wide-extra",

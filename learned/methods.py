@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError
 from benchmark.learning import Split, TrainingData
 
 DEFAULT_TRAINING = "humans-I"
@@ -73,7 +74,12 @@ class Learned:
         """
         from learned.model import load_model
 
-        load_model(folder)
+        _, card = load_model(folder)
+        found = card["configuration"]["name"]
+        if found != self.configuration:
+            raise ConfigurationError(
+                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
+            )
         return replace(self, model=str(folder))
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:

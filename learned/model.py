@@ -123,6 +123,7 @@ def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
     content = checked_weights(folder)
     try:
         configuration = from_card(card["configuration"])
+        int(card["schedule"]["resolution"])
         tensors = {name: tensor.float() for name, tensor in load(content).items()}
     except (KeyError, TypeError, SafetensorError) as error:
         raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error

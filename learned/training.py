@@ -108,8 +108,8 @@ def train(
     try:
         return loop.run()
     except _OutOfMemory:
-        say(f"out of memory; going on with batches of {plan.batch // 2}")
         loop.halve_batch()
+        say(f"out of memory; going on with batches of {loop.batch}")
     try:
         return loop.run()
     except _OutOfMemory as error:
@@ -269,7 +269,7 @@ def _has_bfloat16(device: torch.device) -> bool:
     """Whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    return torch.backends.mkldnn.is_available() and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
 
 
 def _shifted(images: Tensor, largest: int, generator: np.random.Generator) -> Tensor:
