@@ -13,6 +13,7 @@ import click
 
 from benchmark import __version__
 from benchmark.cli_data import DATA_VARIABLE, data, data_root_option, print_rows
+from benchmark.cli_train import train
 from benchmark.errors import BenchmarkError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -50,7 +51,10 @@ class Selection:
         specs = select(self.methods, methods(self.plugins), self.plugins)
         chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        return make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        jobs = make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        if not jobs:
+            raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
+        return jobs
 
 
 class Duration(click.ParamType[float]):
@@ -71,7 +75,9 @@ class Duration(click.ParamType[float]):
 def _selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
     folder, file = click.Path(path_type=Path), click.Path(path_type=Path)
     options = [
-        click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III."),
+        click.option(
+            "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
+        ),
         click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'."),
         click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
@@ -283,6 +289,7 @@ def new_method(name: str) -> None:
 
 
 cli.add_command(data)
+cli.add_command(train)
 
 
 def main() -> None:

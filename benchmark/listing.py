@@ -43,9 +43,9 @@ def datasets(data_root: Path | None) -> Rows:
 def tables(data_root: Path | None) -> Rows:
     """Numeral, the data set that would be used, and caption of each table."""
     from benchmark.datasets.catalogue import is_present
-    from benchmark.protocols import PENDING, TABLES
+    from benchmark.protocols import TABLES
 
-    rows = [
+    return [
         {
             "table": table.identifier,
             "dataset": table.dataset
@@ -55,5 +55,3 @@ def tables(data_root: Path | None) -> Rows:
         }
         for table in TABLES
     ]
-    rows += [{"table": name, "dataset": "pending", "caption": reason} for name, reason in PENDING.items()]
-    return sorted(rows, key=lambda row: ("I", "II", "III", "IV").index(row["table"]))

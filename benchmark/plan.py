@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from benchmark import keys, stages
 from benchmark.contracts import Input
+from benchmark.models import MissingModel, Model, find_models
 from benchmark.protocols import Gallery
 from benchmark.registry import MethodSpec
 from benchmark.store import Store
+from benchmark.trainings import NoFolds
 
 State = Literal["cached", "failed", "stale", "missing", "unavailable", "unsupported"]
 
 #: Recipe parts in the order in which a change is worth telling.
-PARTS = ("gallery", "parameters", "seed", "scorer", "view", "code")
+PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,11 @@ class Job:
         Everything that determines the scores.
     state
         ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``stale``: there is a
-        record of another recipe. ``missing``: there is none. ``unavailable``: a package is missing.
+        record of another recipe. ``missing``: there is none. ``unavailable``: a package or a trained model is missing.
     reason
         Why it is in this state.
+    models
+        Trained model of each shape by identifier; empty for a method that does not learn.
     """
 
     key: str
@@ -50,6 +54,7 @@ class Job:
     recipe: Mapping[str, Any]
     state: State
     reason: str
+    models: Mapping[str, Model] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -87,9 +92,11 @@ def make_plan(
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     for gallery in galleries:
+        rows = gallery.rows(specs)
         for input_ in wanted_inputs:
-            data = _data_recipe(gallery, input_)
-            jobs += [_job(gallery, input_, spec, data, latest, store, seed, retry) for spec in specs]
+            if rows and input_ in gallery.table.inputs:
+                data = _data_recipe(gallery, input_)
+                jobs += [_job(gallery, input_, spec, data, latest, store, seed, retry) for spec in rows]
     return jobs
 
 
@@ -103,14 +110,22 @@ def _job(
     seed: int,
     retry: frozenset[str],
 ) -> Job:
+    models: dict[str, Model] = {}
+
     def job(state: State, reason: str, recipe: Mapping[str, Any] | None = None) -> Job:
-        return Job(keys.digest(recipe) if recipe else "", gallery, input_, spec, recipe or {}, state, reason)
+        return Job(keys.digest(recipe) if recipe else "", gallery, input_, spec, recipe or {}, state, reason, models)
 
     missing = spec.missing_packages()
     if missing:
         return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
     if input_ not in spec.info.inputs:
-        return job("unsupported", f"{spec.name} does not take the {input_} input")
+        return job("unsupported", f"does not take the {input_} input")
+    try:
+        models = find_models(spec, gallery, store.models)
+    except MissingModel as error:
+        return job("unavailable", str(error))
+    except NoFolds as error:
+        return job("unsupported", str(error))
     recipe = {
         **data,
         "method": spec.name,
@@ -124,6 +139,8 @@ def _job(
             "scorer": keys.code_of(stages.SCORER) | keys.code_of("retrieval.metrics"),
         },
     }
+    if models:
+        recipe["models"] = {model.training: model.digest for model in models.values()}
     key = keys.digest(recipe)
     record = store.read_record(key)
     if record is not None:

@@ -48,6 +48,8 @@ def run_plan(
     bool
         Whether every job of the plan, run now or before, is ok.
     """
+    # Two tables may hold the same job.
+    jobs = list({job.key or job.name: job for job in jobs}.values())
     to_run = [job for job in jobs if job.to_run]
     click.echo(
         f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before"

@@ -32,7 +32,13 @@ BUILT_IN: dict[str, str] = {
     "gps": "baselines.gps:GPS",
     "mesh-unfolding": "baselines.mesh_unfolding:MeshUnfolding",
     "skeleton": "baselines.skeleton:Skeleton",
+    "learned": "learned.methods:Learned",
     "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
+    "learned-without-srf": "learned.methods:WithoutSRF",
+    "learned-without-lrf": "learned.methods:WithoutLRF",
+    "learned-strict": "learned.methods:Strict",
+    "learned-wide": "learned.methods:Wide",
+    "learned-wide-extra": "learned.methods:WideExtra",
     "identity": "baselines.identity:Identity",
     "pca": "baselines.pca:PCA",
     "random": "baselines.random_form:RandomForm",
@@ -55,11 +61,14 @@ class MethodSpec:
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
         Fields that differ from their defaults.
+    named
+        Whether somebody asked for this method, by its name or by passing its file.
     """
 
     name: str
     target: str
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    named: bool = False
 
     @property
     def module(self) -> str:
@@ -122,6 +131,30 @@ class MethodSpec:
             else {}
         )
 
+    @property
+    def learns(self) -> bool:
+        """Whether the method is a learner; see :class:`benchmark.learning.Learner`."""
+        found = self.load()
+        return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
+
+    def with_parameter(self, name: str, value: Any) -> MethodSpec:
+        """Return the method with one more parameter, called as it would be on the command line."""
+        parameters = {**self.parameters, name: value}
+        chosen = ",".join(f"{key}={text}" for key, text in parameters.items())
+        return dataclasses.replace(self, name=f"{self.base_name}[{chosen}]", parameters=parameters)
+
+    def without_parameter(self, name: str) -> MethodSpec:
+        """Return the method with the default of one parameter."""
+        plain = dataclasses.replace(self, name=self.base_name, parameters={})
+        for key, value in self.parameters.items():
+            plain = plain if key == name else plain.with_parameter(key, value)
+        return plain
+
+    @property
+    def base_name(self) -> str:
+        """Name without parameters."""
+        return self.name.partition("[")[0]
+
     def missing_packages(self) -> tuple[str, ...]:
         """Packages that the method declares and that are not installed."""
         return tuple(name for name in self.info.requires if importlib.util.find_spec(name) is None)
@@ -168,20 +201,26 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     ConfigurationError
         If a name or a parameter is unknown, or a value does not fit.
     """
-    wanted = [_variant(name, known) for name in dict.fromkeys(names)]
+    wanted = [variant(name, known) for name in dict.fromkeys(names)]
     files = {str(path.resolve()) for path in plugins}
     chosen = []
     for spec in known.values():
         variants = [variant for variant in wanted if variant.target == spec.target]
         if variants:
-            chosen += variants
+            chosen += [dataclasses.replace(variant, named=True) for variant in variants]
         elif not wanted or spec.module in files:
-            chosen.append(spec)
+            chosen.append(dataclasses.replace(spec, named=spec.module in files))
     return chosen
 
 
-def _variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
-    """The method that a name with parameters in brackets stands for."""
+def variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
+    """Return the method that a name with parameters in brackets stands for.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name or a parameter is unknown, or a value does not fit.
+    """
     match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name)
     if not match or match[1] not in known:
         raise did_you_mean("method", match[1] if match else name, known)

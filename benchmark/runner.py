@@ -9,7 +9,7 @@ import sys
 import time
 import traceback
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -23,7 +23,8 @@ from benchmark import keys
 from benchmark.contracts import Descriptor, Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.models import Maker, Model
 from benchmark.plan import Job
 from benchmark.registry import MethodSpec
 from benchmark.stages import CODEBOOK_SEEDS, SCORER, Stages
@@ -38,6 +39,10 @@ ENVIRONMENT = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", 
 #: Measures by the name they have in tables, and the attributes of ``Scores`` and of its ``per_query``.
 MEANS = {"NN": "nn", "FT": "ft", "ST": "st", "DCG": "dcg", "E": "e", "nDCG": "ndcg", "mAP": "mean_ap"}
 PER_QUERY = MEANS | {"mAP": "ap"}
+
+Matrix = NDArray[np.float64]
+Treat = Callable[[Entry], tuple[Any, Mapping[str, float | str]]]
+Match = Callable[[list[Entry], list[Any]], list[Matrix]]
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,8 @@ class Order:
     seed: int
     results: Path
     recipe: Mapping[str, Any]
+    models: Mapping[str, Model]
+    all_unseen: bool
 
     @classmethod
     def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
@@ -69,6 +76,8 @@ class Order:
             seed=seed,
             results=results,
             recipe=job.recipe,
+            models=job.models,
+            all_unseen=job.gallery.table.all_unseen,
         )
 
     @property
@@ -146,7 +155,13 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
     stages = Stages(store, dataset, order.input, order.seed, CMBOF())
     method = order.method.create()
 
-    treat = _describe(method, stages) if isinstance(method, Descriptor) else _extract(order.method, method, stages)
+    learning: dict[str, Any] = {}
+    if isinstance(method, Descriptor):
+        treat, match = _describing(method, stages)
+    else:
+        maker = Maker(order.method, method, order.models)
+        learning = _learning(order, maker, entries, dataset.name)
+        treat, match = _extracting(order, store, maker, stages)
     results, unsupported, notes = _treat_all(order, store, entries, treat)
     kept = [entry for entry in entries if entry.identifier in results]
     labels = [entry.subject for entry in kept]
@@ -154,11 +169,7 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
         reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {unsupported[0][1]}"
         return failure("unsupported", reason) | {"unsupported": unsupported}
 
-    values = [results[entry.identifier] for entry in kept]
-    if isinstance(method, Descriptor):
-        matrices = [np.asarray(method.distances(values), dtype=np.float64)]
-    else:
-        matrices = [_score(order, store, stages, kept, values, seed) for seed in CODEBOOK_SEEDS]
+    matrices = match(kept, [results[entry.identifier] for entry in kept])
     evaluations = [evaluate(matrix, labels) for matrix in matrices]
     return {
         "status": "ok",
@@ -184,30 +195,53 @@ def _run(order: Order, store: Store) -> dict[str, Any]:
         "notes": notes,
         "phase_seconds": {phase: round(seconds, 4) for phase, seconds in stages.clock.seconds.items()},
         "from_cache": stages.clock.cached,
-        "peak_mib": round(
-            resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 2**20)
-        ),
+        "peak_mib": _peak_mib(),
+        **learning,
     }
 
 
-def _extract(spec: MethodSpec, method: Any, stages: Stages) -> Any:
+def _learning(order: Order, maker: Maker, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
+    """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
+    if not order.models:
+        return {}
+    seen = maker.seen(entries, dataset)
+    if seen and order.all_unseen:
+        raise ConfigurationError(
+            f"{len(seen)} shapes were seen in training: {', '.join(seen[:3])}{' ...' if len(seen) > 3 else ''}",
+            "test on shapes that the model has not been trained on, or take another training",
+        )
+    models = {model.training: model.summary() for model in order.models.values()}
+    return {"models": list(models.values()), "seen": seen}
+
+
+def _extracting(order: Order, store: Store, maker: Maker, stages: Stages) -> tuple[Treat, Match]:
+    """How a method's forms become features, and features distances."""
+
     def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
-        form, notes = stages.form(entry, spec, method)
-        return stages.features(entry, spec, form), {**stages.preparation_notes(entry), **notes}
+        form, notes = stages.form(entry, maker)
+        return stages.features(entry, maker, form), {**stages.preparation_notes(entry), **notes}
 
-    return treat
+    def match(entries: list[Entry], features: list[Any]) -> list[Matrix]:
+        return [_score(order, store, stages, maker, entries, features, seed) for seed in CODEBOOK_SEEDS]
+
+    return treat, match
 
 
-def _describe(method: Descriptor, stages: Stages) -> Any:
+def _describing(method: Descriptor, stages: Stages) -> tuple[Treat, Match]:
+    """How a descriptor treats a shape, and compares."""
+
     def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
         descriptor = np.asarray(method.describe(stages.shape(entry)), dtype=np.float64)
         return descriptor, stages.preparation_notes(entry)
 
-    return treat
+    def match(_: list[Entry], descriptors: list[Any]) -> list[Matrix]:
+        return [np.asarray(method.distances(descriptors), dtype=np.float64)]
+
+    return treat, match
 
 
 def _treat_all(
-    order: Order, store: Store, entries: list[Entry], treat: Any
+    order: Order, store: Store, entries: list[Entry], treat: Treat
 ) -> tuple[dict[str, Any], list[tuple[str, str]], dict[str, dict[str, float]]]:
     """Treat every shape; those that cannot be treated are listed with the reason.
 
@@ -248,13 +282,13 @@ def _summary(notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
 
 
 def _score(
-    order: Order, store: Store, stages: Stages, entries: list[Entry], features: list[Any], seed: int
-) -> NDArray[np.float64]:
+    order: Order, store: Store, stages: Stages, maker: Maker, entries: list[Entry], features: list[Any], seed: int
+) -> Matrix:
     """Distance matrix of the gallery under the codebook of one seed."""
     recipe = {
         "stage": "distances",
         "job": {part: value for part, value in order.recipe.items() if part != "code"},
-        "forms": [stages.form_recipe(entry, order.method) for entry in entries],
+        "forms": [stages.form_recipe(entry, maker) for entry in entries],
         "codebook": seed,
         "code": keys.code_digest(SCORER),
     }

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark import keys
-from benchmark.contracts import Input, Mesh, Method, Shape
+from benchmark.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.errors import ShapeError
-from benchmark.registry import MethodSpec
+from benchmark.models import Maker
 from benchmark.store import Artefact, Store
 from retrieval.cmbof import CMBOF, Features
 
@@ -103,23 +103,23 @@ class Stages:
             cache=_ShapeCache(self.store, recipe, self.clock),
         )
 
-    def form(self, entry: Entry, spec: MethodSpec, method: Method) -> tuple[Mesh, dict[str, float | str]]:
+    def form(self, entry: Entry, maker: Maker) -> tuple[Mesh, dict[str, float | str]]:
         """Canonical form of a shape, and the notes of the method."""
 
         def compute() -> Arrays:
-            form = method.canonicalise(self.shape(entry))
+            form = maker.method_for(entry).canonicalise(self.shape(entry))
             mesh = form.mesh  # raises when the method returned NaN
             notes = {f"note:{name}": np.asarray(value) for name, value in form.notes.items()}
             return {"vertices": mesh.vertices, "faces": mesh.faces, **notes}
 
-        arrays = self.clock.add("canonicalise", self.store.get_or_compute(self.form_recipe(entry, spec), compute))
+        arrays = self.clock.add("canonicalise", self.store.get_or_compute(self.form_recipe(entry, maker), compute))
         return Mesh(arrays["vertices"], arrays["faces"]), _notes(arrays)
 
-    def features(self, entry: Entry, spec: MethodSpec, form: Mesh) -> Features:
+    def features(self, entry: Entry, maker: Maker, form: Mesh) -> Features:
         """Local features of the 66 views of the canonical form of a shape."""
         recipe = {
             "stage": "features",
-            "form": self.form_recipe(entry, spec),
+            "form": self.form_recipe(entry, maker),
             "scorer": dataclasses.asdict(self.scorer),
             "code": keys.code_digest(SCORER),
         }
@@ -144,8 +144,9 @@ class Stages:
             "code": keys.code_digest(VIEW),
         }
 
-    def form_recipe(self, entry: Entry, spec: MethodSpec) -> Recipe:
+    def form_recipe(self, entry: Entry, maker: Maker) -> Recipe:
         """What determines the canonical form."""
+        spec = maker.spec
         return {
             "stage": "form",
             "shape": self.shape_recipe(entry),
@@ -154,6 +155,7 @@ class Stages:
             "parameters": spec.resolved_parameters(),
             "seed": self.seed,
             "code": keys.code_digest(spec.module),
+            **maker.recipe_for(entry),
         }
 
     # Preparation -------------------------------------------------------------------------------------------------

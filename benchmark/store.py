@@ -67,6 +67,11 @@ class Store:
         return store
 
     @property
+    def models(self) -> Path:
+        """Folder of the models that were trained here, beside the runs."""
+        return self.root.parent / "models"
+
+    @property
     def _artefacts(self) -> Path:
         return self.root / "artefacts"
 

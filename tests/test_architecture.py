@@ -29,6 +29,7 @@ FLOORS = {
     "benchmark.scaffold": 7,
     "benchmark.cli": 8,
     "benchmark.cli_data": 8,
+    "benchmark.cli_train": 8,
     "benchmark.__main__": 9,
 }
 

@@ -88,6 +88,7 @@ def test_lists_speak_json():
         "I",
         "II",
         "III",
+        "III-held-out",
         "IV",
     }
     assert "absent" in benchmark("list", "datasets").stdout

@@ -9,7 +9,8 @@ from benchmark.contracts import MethodInfo
 from benchmark.datasets.base import Entry, FileDataset
 from benchmark.plan import difference
 from benchmark.protocols import Gallery, Table
-from benchmark.report.content import Cell, Row, TableContent
+from benchmark.report.cell import Cell
+from benchmark.report.content import Row, TableContent
 from benchmark.report.files import render
 from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
 from retrieval.chance import chance_levels

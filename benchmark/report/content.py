@@ -11,30 +11,9 @@ from benchmark.plan import Job
 from benchmark.protocols import Gallery
 from benchmark.reference import paper
 from benchmark.registry import MethodSpec
+from benchmark.report.ablation import averaged, row_of
+from benchmark.report.cell import Cell, Scores
 from benchmark.store import Store
-
-Scores = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Cell:
-    """What one method reached under one input.
-
-    Parameters
-    ----------
-    status
-        Status of the record, state of the job when there is no record, or ``"pending"`` for a method not built yet.
-    record
-        The record of the job; empty without one.
-    """
-
-    status: str
-    record: Mapping[str, Any]
-
-    @property
-    def scores(self) -> Scores | None:
-        """Scores by metric, or None when there are none."""
-        return self.record.get("scores")
 
 
 @dataclass(frozen=True)
@@ -46,6 +25,20 @@ class Row:
     family: str
     paper: Scores | None
     cells: Mapping[Input, Cell]
+
+    @property
+    def models(self) -> list[Mapping[str, Any]]:
+        """Trained models behind the row; empty for a method that does not learn."""
+        return [model for cell in self.cells.values() for model in cell.models]
+
+    @property
+    def label(self) -> str:
+        """Title as printed: a row with training data beyond the paper's says so, a mean tells of how many models."""
+        extra = "extra training data"
+        told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
+        if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
+            told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
+        return self.title + (f" ({', '.join(told)})" if told else "")
 
 
 @dataclass(frozen=True)
@@ -102,10 +95,13 @@ class TableContent:
         return f"{len(self.gallery.entries)} shapes, {len(subjects)} classes"
 
     def notes(self) -> list[str]:
-        """What a reader must know: thinned galleries, shapes left out, bridges, jobs without scores."""
+        """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores."""
         lines = []
         if self.gallery.quick:
             lines.append("Quick run: some poses of each subject were left out.")
+        if self.gallery.table.ablation:
+            lines.append(_OF_ABLATIONS)
+        without_scores: dict[str, list[str]] = {}
         for row in self.rows:
             for input_, cell in row.cells.items():
                 left_out = cell.record.get("unsupported", [])
@@ -114,7 +110,11 @@ class TableContent:
                     lines.append(f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {left_out[0][1]}")
                 if cell.status not in ("ok", "pending", *NOT_RUN) and not (left_out and cell.scores):
                     reason = cell.record.get("reason", "")
-                    lines.append(f"{row.title}, {input_}: {cell.status}{': ' + reason if reason else ''}")
+                    without_scores.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(
+                        row.title
+                    )
+            lines += self._trainings(row)
+        lines += [f"{', '.join(titles)}, {what}" for what, titles in without_scores.items()]
         not_run = [row.title for row in self.rows if any(cell.status in NOT_RUN for cell in row.cells.values())]
         if not_run:
             lines.append(f"Not run yet: {', '.join(not_run)}.")
@@ -122,6 +122,24 @@ class TableContent:
         if bridges:
             lines.append(bridges)
         return lines
+
+    def _trainings(self, row: Row) -> Iterable[str]:
+        """Which schedule made the models of a row, on which data, and whether they had seen the shapes."""
+        for input_, cell in row.cells.items():
+            by_schedule: dict[tuple[str, bool], list[str]] = {}
+            for model in cell.models:
+                by_schedule.setdefault((model["schedule"], model["extra_data"]), []).append(model["data"])
+            for (schedule, extra), data in by_schedule.items():
+                sets = list(dict.fromkeys(data))
+                named = sets[0] + (f" (and {len(sets) - 1} more such sets)" if len(sets) > 1 else "")
+                yield f"{row.title}: trained on {'extra data, ' if extra else ''}{named}: {schedule}"
+            if seen := cell.record.get("seen"):
+                yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
+            if 0 < cell.n_averaged < cell.n_wanted:
+                yield (
+                    f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
+                    f"({cell.record['reason']})"
+                )
 
     def _bridges(self) -> str:
         for row in self.rows:
@@ -131,6 +149,11 @@ class TableContent:
                 return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
         return ""
 
+
+_OF_ABLATIONS = (
+    "Mean ± standard deviation (n - 1): over trainings with different seeds, all tested on the gallery of Table I; for "
+    "learners that are trained once for each fold, over three galleries of five subjects."
+)
 
 #: States of jobs that would run.
 NOT_RUN = ("missing", "stale")
@@ -148,10 +171,11 @@ def contents(jobs: Sequence[Job], store: Store) -> list[TableContent]:
     store
         Where the records are.
     """
-    by_gallery: dict[tuple[str, str], list[Job]] = {}
+    by_table: dict[tuple[str, str, bool], list[Job]] = {}
     for job in jobs:
-        by_gallery.setdefault((job.gallery.table.identifier, job.gallery.name), []).append(job)
-    return [_content(group, store) for group in by_gallery.values()]
+        gallery = job.gallery
+        by_table.setdefault((gallery.table.identifier, gallery.dataset.name, gallery.quick), []).append(job)
+    return [_content(group, store) for group in by_table.values()]
 
 
 def _content(jobs: Sequence[Job], store: Store) -> TableContent:
@@ -159,12 +183,16 @@ def _content(jobs: Sequence[Job], store: Store) -> TableContent:
 
     gallery = jobs[0].gallery
     inputs = tuple(dict.fromkeys(job.input for job in jobs))
-    cells: dict[str, dict[Input, Cell]] = {}
     specs: dict[str, MethodSpec] = {}
+    grouped: dict[str, dict[Input, list[Job]]] = {}
     for job in jobs:
-        record = (store.read_record(job.key) if job.key else None) or {"reason": job.reason}
-        cells.setdefault(job.method.name, {})[job.input] = Cell(record.get("status", job.state), record)
-        specs[job.method.name] = job.method
+        spec = row_of(job.method) if gallery.table.ablation else job.method
+        specs[spec.name] = spec
+        grouped.setdefault(spec.name, {}).setdefault(job.input, []).append(job)
+    cells = {
+        name: {input_: _cell(of_cell, store) for input_, of_cell in by_input.items()}
+        for name, by_input in grouped.items()
+    }
     printed = paper.rows(gallery.table.identifier)
     pending: dict[Input, Cell] = {input_: Cell("pending", {}) for input_ in inputs}
     rows = [
@@ -176,6 +204,13 @@ def _content(jobs: Sequence[Job], store: Store) -> TableContent:
         for name in _others(cells, printed, specs)
     ]
     return TableContent(gallery, inputs, tuple(rows), chance_levels([entry.subject for entry in gallery.entries]))
+
+
+def _cell(jobs: Sequence[Job], store: Store) -> Cell:
+    records = [(store.read_record(job.key) if job.key else None) or {"reason": job.reason} for job in jobs]
+    if jobs[0].gallery.table.ablation:
+        return averaged(jobs, records)
+    return Cell(records[-1].get("status", jobs[-1].state), records[-1])
 
 
 def _others(

@@ -12,9 +12,9 @@ from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.geometry.depth import Camera
+from benchmark.models import Maker
 from benchmark.plan import Job
 from benchmark.protocols import Gallery
-from benchmark.registry import MethodSpec
 from benchmark.report.drawing import Image, depth_picture, principal_frame, shaded
 from benchmark.stages import Stages
 from benchmark.store import Store
@@ -36,6 +36,8 @@ _ASLANT = Camera((0.7, 1.0, -0.2))
 def forms_figures(jobs: Sequence[Job], store: Store, seed: int, folder: Path) -> dict[str, str]:
     """Draw :func:`forms_figure` for each gallery of a plan, and write them into a folder.
 
+    Tables that go with others show the forms of those, and have no figure of their own.
+
     Returns
     -------
     dict
@@ -45,6 +47,8 @@ def forms_figures(jobs: Sequence[Job], store: Store, seed: int, folder: Path) ->
 
     names = {}
     for table in contents(jobs, store):
+        if table.gallery.table.part_of or table.gallery.table.ablation:
+            continue
         own = [job for job in jobs if job.gallery is table.gallery]
         names[table.file_stem] = f"forms-{table.gallery.dataset.name}.png"
         save(forms_figure(own, store, seed), folder / names[table.file_stem])
@@ -71,17 +75,21 @@ def forms_figure(jobs: Sequence[Job], store: Store, seed: int, subject: str = ""
 
     gallery = jobs[0].gallery
     inputs = tuple(dict.fromkeys(job.input for job in jobs))
-    specs = {job.method.name: job.method for job in jobs if job.state != "unavailable"}
-    makers = [(spec, method) for spec in specs.values() if isinstance(method := spec.create(), Method)]
+    available = {job.method.name: job for job in jobs if job.state not in ("unavailable", "unsupported")}
+    makers = [
+        Maker(job.method, method, job.models)
+        for job in available.values()
+        if isinstance(method := job.method.create(), Method)
+    ]
     entries = _poses(gallery, subject)
     columns: list[tuple[str, list[Image]]] = []
     for input_ in inputs:
         stages = Stages(store, gallery.dataset, input_, seed, CMBOF())
         for entry in entries:
             pictures = [_input_picture(stages, entry, size)]
-            pictures += [_form_picture(stages, entry, spec, method, size) for spec, method in makers]
+            pictures += [_form_picture(stages, entry, maker, size) for maker in makers]
             columns.append((f"{input_}: {entry.identifier}", pictures))
-    rows = ["input", *(spec.title for spec, _ in makers)]
+    rows = ["input", *(maker.spec.title for maker in makers)]
     figure = Figure(figsize=(1.7 * len(columns) + 1.2, 1.7 * len(rows) + 0.3), dpi=100)
     axes = figure.subplots(len(rows), len(columns), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
     for j, (title, pictures) in enumerate(columns):
@@ -115,12 +123,12 @@ def _input_picture(stages: Stages, entry: Entry, size: int) -> Image:
     return shaded(shape.mesh, stages.dataset.camera(entry), size)
 
 
-def _form_picture(stages: Stages, entry: Entry, spec: MethodSpec, method: Method, size: int) -> Image:
+def _form_picture(stages: Stages, entry: Entry, maker: Maker, size: int) -> Image:
     try:
-        form, _ = stages.form(entry, spec, method)
+        form, _ = stages.form(entry, maker)
     except ShapeError:
         return np.ones((size, size, 3))
-    if spec.name not in _UPRIGHT:
+    if maker.spec.name not in _UPRIGHT:
         return shaded(principal_frame(form), size=size)
     if stages.input == "mesh":
         return shaded(form, stages.dataset.camera(entry), size)

@@ -11,7 +11,8 @@ from typing import Any
 from benchmark.contracts import Input
 from benchmark.keys import digest
 from benchmark.reference.paper import METRICS
-from benchmark.report.content import Cell, Row, Scores, TableContent
+from benchmark.report.cell import Cell, Scores
+from benchmark.report.content import Row, TableContent
 
 BLANK = "--"
 
@@ -19,7 +20,7 @@ BLANK = "--"
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
     header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in METRICS)]
-    body = [[row.title, *values] for row, values in zip(table.rows, cells(table, "**{}**"), strict=True)]
+    body = [[row.label, *values] for row, values in zip(table.rows, cells(table, "**{}**", " ± "), strict=True)]
     body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in METRICS)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
@@ -59,11 +60,11 @@ def latex(table: TableContent) -> str:
         r"\midrule",
     ]
     last = ""
-    for row, values in zip(table.rows, cells(table, r"\textbf{{{}}}"), strict=True):
+    for row, values in zip(table.rows, cells(table, r"\textbf{{{}}}", r" $\pm$ "), strict=True):
         if last and row.family != last:
             lines.append(r"\midrule")
         last = row.family
-        lines.append(" & ".join([_escape(row.title), *values]) + r" \\")
+        lines.append(" & ".join([_escape(row.label), *values]) + r" \\")
     chance = [number(table.chance[metric]) for _ in groups for metric in METRICS]
     lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
     notes = table.notes()
@@ -92,13 +93,14 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     """All tables as one flat CSV: one line per table, input and method."""
     names = ["table", "dataset", "stand_in", "input", "method", "title", *METRICS]
     names += [f"paper_{m}" for m in METRICS] + [f"chance_{m}" for m in METRICS]
-    names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib", "status"]
+    names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib"]
+    names += [f"spread_{m}" for m in METRICS] + ["n_models", "status"]
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
     for row in rows_as_json(tables):
         flat = {name: row[name] for name in names if name in row}
-        for part in ("paper", "chance"):
+        for part in ("paper", "chance", "spread"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in METRICS}
         writer.writerow(flat)
     return text.getvalue()
@@ -122,6 +124,8 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "unsupported": len(record.get("unsupported", [])),
         "seconds": round(sum(record["phase_seconds"].values()), 3) if "phase_seconds" in record else None,
         "peak_mib": record.get("peak_mib"),
+        "spread": {metric: round(cell.spread[metric], 6) for metric in METRICS} if cell.spread else None,
+        "n_models": len(cell.models) or None,
         "status": cell.status,
     }
 
@@ -132,10 +136,11 @@ def column_groups(table: TableContent) -> list[tuple[str, Input | None]]:
     return [("paper", None), *ours] if table.has_paper else ours
 
 
-def cells(table: TableContent, mark: str) -> list[list[str]]:
+def cells(table: TableContent, mark: str, plus_minus: str) -> list[list[str]]:
     """Format the figures of each row; the best of each of our columns is marked.
 
-    Marked is what reads as best: figures are compared after rounding, and equals are all marked.
+    Marked is what reads as best: figures are compared after rounding, and equals are all marked. Means are followed by
+    their spread.
     """
     columns: list[list[str]] = []
     for _, input_ in column_groups(table):
@@ -143,7 +148,14 @@ def cells(table: TableContent, mark: str) -> list[list[str]]:
             values = [_value(row, input_, metric) for row in table.rows]
             texts = [number(value) for value in values]
             best = max((text for text in texts if text != BLANK), default=None) if input_ else None
-            columns.append([mark.format(text) if text == best else text for text in texts])
+            marked = [mark.format(text) if text == best else text for text in texts]
+            spreads = [_spread(row, input_, metric) for row in table.rows]
+            columns.append(
+                [
+                    text if spread is None else f"{text}{plus_minus}{number(spread)}"
+                    for text, spread in zip(marked, spreads, strict=True)
+                ]
+            )
     return [list(line) for line in zip(*columns, strict=True)]
 
 
@@ -154,6 +166,11 @@ def _value(row: Row, input_: Input | None, metric: str) -> float | None:
         cell = row.cells.get(input_)
         scores = cell.scores if cell else None
     return scores[metric] if scores else None
+
+
+def _spread(row: Row, input_: Input | None, metric: str) -> float | None:
+    cell = row.cells.get(input_) if input_ else None
+    return cell.spread[metric] if cell and cell.spread else None
 
 
 def number(value: float | None) -> str:

@@ -49,8 +49,8 @@ def _table(table: TableContent) -> str:
         *(f"<th>{metric}</th>" for _ in groups for metric in METRICS),
         "</tr></thead><tbody>",
     ]
-    for row, values in zip(table.rows, cells(table, "<b>{}</b>"), strict=True):
-        lines.append(f"<tr><td>{escape(row.title)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
+    for row, values in zip(table.rows, cells(table, "<b>{}</b>", " ± "), strict=True):
+        lines.append(f"<tr><td>{escape(row.label)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
     chance = "".join(f"<td>{number(table.chance[metric])}</td>" for _ in groups for metric in METRICS)
     lines.append(f"<tr class='chance'><td>Chance</td>{chance}</tr></tbody></table>")
     notes = table.notes()

@@ -1,0 +1,126 @@
+"""Checkpoints: what goes in comes out, and what is damaged, foreign or half written is found."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import nn
+
+from benchmark.errors import TrainingError
+from learned import checkpoint
+from learned.checkpoint import CHECKPOINT, Progress, keep, resume, write_atomically
+from tests.learned.toy import files
+
+RECIPE = {"seed": 0, "schedule": {"epochs": 9, "learning_rate": 1e-3}, "data": "ellipsoids"}
+PROGRESS = Progress(epoch=3, batch=4, seconds=1.5, history=({"epoch": 1.0, "loss": 0.1}, {"epoch": 2.0, "loss": 1 / 3}))
+
+
+def stepped(steps: int, seed: int = 0) -> tuple[nn.Module, torch.optim.Optimizer]:
+    """A small network after some steps of Adam."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = nn.Sequential(nn.Conv2d(1, 4, 3), nn.LeakyReLU(0.2), nn.Conv2d(4, 2, 1))
+    network = network.to(memory_format=torch.channels_last)
+    optimiser = torch.optim.Adam(network.parameters(), lr=1e-2)
+    step(network, optimiser, steps)
+    return network, optimiser
+
+
+def step(network: nn.Module, optimiser: torch.optim.Optimizer, steps: int) -> None:
+    image = torch.linspace(0, 1, 64).reshape(1, 1, 8, 8)
+    for _ in range(steps):
+        optimiser.zero_grad()
+        network(image).square().mean().backward()
+        optimiser.step()
+
+
+@pytest.mark.parametrize("steps", [0, 3])
+def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
+    network, optimiser = stepped(steps)
+    keep(tmp_path, network, optimiser, PROGRESS, RECIPE)
+    other, other_optimiser = stepped(0, seed=1)
+    assert resume(tmp_path, other, other_optimiser, RECIPE) == PROGRESS
+    for further in (0, 2):
+        step(network, optimiser, further)
+        step(other, other_optimiser, further)
+        for first, second in zip(network.parameters(), other.parameters(), strict=True):
+            assert torch.equal(first, second)
+
+
+def test_nothing_to_go_on_from(tmp_path: Path) -> None:
+    assert resume(tmp_path, *stepped(0), RECIPE) is None
+
+
+def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
+    keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    content = (tmp_path / CHECKPOINT).read_bytes()
+    # Eight bytes tell the length of a JSON header; all that follows are numbers.
+    length = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + length])
+    told = header.pop("__metadata__")
+    assert json.loads(told["recipe"]) == RECIPE
+    assert {entry["dtype"] for entry in header.values()} == {"F32"}
+    assert 8 + length + max(entry["data_offsets"][1] for entry in header.values()) == len(content)
+    assert files(tmp_path) == {CHECKPOINT}
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"seed": 1}, "another seed"),
+        ({"schedule": {"epochs": 10, "learning_rate": 1e-3}}, "another schedule"),
+        ({"seed": 1, "data": "boxes"}, "another data, seed"),
+        ({"extra": True}, "another extra"),
+    ],
+)
+def test_another_recipe_is_refused_by_name(tmp_path: Path, change: dict[str, Any], named: str) -> None:
+    network, optimiser = stepped(1)
+    keep(tmp_path, network, optimiser, PROGRESS, RECIPE)
+    before = [parameter.clone() for parameter in network.parameters()]
+    with pytest.raises(TrainingError, match=f"{named}; train with the same options, or delete the folder"):
+        resume(tmp_path, network, optimiser, RECIPE | change)
+    assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
+
+
+@pytest.mark.parametrize("damage", ["empty", "truncated header", "truncated", "noise", "other safetensors"])
+def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
+    from safetensors.torch import save
+
+    keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    path = tmp_path / CHECKPOINT
+    content = path.read_bytes()
+    path.write_bytes(
+        {
+            "empty": b"",
+            "truncated header": content[:100],
+            "truncated": content[:-10],
+            "noise": bytes(range(256)) * 10,
+            "other safetensors": save({"x": torch.zeros(1)}),
+        }[damage]
+    )
+    with pytest.raises(TrainingError, match=f"{CHECKPOINT} is damaged.*; delete it and train again"):
+        resume(tmp_path, *stepped(0), RECIPE)
+
+
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(checkpoint.os, "fsync", full)
+    with pytest.raises(TrainingError, match="No space left on device; free some space and start again"):
+        keep(tmp_path, *stepped(2), PROGRESS, RECIPE)
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+    assert files(tmp_path) == {CHECKPOINT}
+
+
+def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="cannot write .*file"):
+        write_atomically(tmp_path / "gone" / "file", b"x")

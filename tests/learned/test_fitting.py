@@ -1,0 +1,171 @@
+"""From data to a folder: everything that a card promises, pictures, and a finished model that is left alone."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from benchmark.errors import ConfigurationError, TrainingError
+from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
+from learned.fitting import fit
+from learned.images import gather
+from learned.model import HISTORY, load_model, predict
+from learned.network import build, n_parameters
+from learned.training import measures
+from tests.learned.toy import BENDS, BUILDS, OPTIONS, TINY, files, quiet, toy_data
+
+PICTURES = {"history.png", "samples-training.png", "samples-unseen.png"}
+
+
+def again(
+    folder: Path, options: Mapping[str, Any] = OPTIONS, *, seed: int = 0, data: TrainingData | None = None
+) -> list[str]:
+    """Ask for the same training, or for another; returns what it says."""
+    said: list[str] = []
+    fit(TINY.name, seed, data or toy_data(), folder, options, said.append)
+    return said
+
+
+def test_the_folder_holds_a_model_and_pictures_and_nothing_else(trained: Path) -> None:
+    assert files(trained) == {WEIGHTS, CARD, HISTORY, *PICTURES}
+
+
+@pytest.mark.parametrize("name", sorted(PICTURES))
+def test_the_pictures_show_something(trained: Path, name: str) -> None:
+    with Image.open(trained / name) as picture:
+        assert picture.format == "PNG"
+        assert min(picture.size) > 100
+        assert np.asarray(picture.convert("L")).std() > 5
+
+
+def test_the_card_tells_the_data(trained: Path) -> None:
+    card, data = read_card(trained), toy_data()
+    assert (card["data"], card["data_title"], card["data_digest"]) == (data.name, data.title, data.digest)
+    assert (card["subjects"], card["identifiers"]) == (list(data.subjects), list(data.identifiers))
+    assert card["pairs"] == len(BUILDS) * len(BENDS)
+    assert card["extra_data"] is False
+
+
+def test_the_card_tells_the_schedule_that_was_used(trained: Path) -> None:
+    card = read_card(trained)
+    told = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
+    assert told.items() <= card["schedule"].items()
+    assert card["schedule"]["batch_at_the_end"] == OPTIONS["batch"]
+    assert (card["schedule"]["early_alpha"], card["schedule"]["alpha"], card["schedule"]["beta"]) == (0.01, 1, 1)
+    assert card["departures_from_the_paper"] == [
+        "resolution 32 (paper: 500)",
+        "epochs 30 (paper: 500)",
+        "early_epochs 5 (paper: 100)",
+        "learning_rate 0.003 (paper: 0.001)",
+        "batch 2 (paper: 8)",
+        "jitter 20 (paper: 0)",
+    ]
+    assert card["schedule_in_words"].startswith("32 x 32 pixels, 30 epochs, batch 2, early_epochs 5 (paper: 100)")
+
+
+def test_the_card_tells_the_network_and_its_weights(trained: Path) -> None:
+    card = read_card(trained)
+    assert card["digest"] == hashlib.sha256((trained / WEIGHTS).read_bytes()).hexdigest()
+    assert card["configuration"] == TINY.described()
+    assert card["parameters"] == n_parameters(build(TINY))
+    assert (card["seed"], card["weights_stored_as"]) == (0, "float16")
+
+
+def test_the_card_tells_the_machine(trained: Path) -> None:
+    card = read_card(trained)
+    assert card["hardware"].endswith(", 1 thread")
+    assert (card["precision"], card["torch"]) == ("float32", torch.__version__)
+    assert card["seconds"] > 0
+    assert card["images_per_second"] == pytest.approx(6 * 30 / card["seconds"], rel=0.1)
+    assert card["finished"].endswith("+00:00")
+
+
+def test_the_card_tells_the_losses_of_the_last_epoch(trained: Path) -> None:
+    card = read_card(trained)
+    with (trained / HISTORY).open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["epoch"]) for row in rows] == list(range(1, 31))
+    assert [float(row["alpha"]) for row in rows] == [0.01] * 5 + [1.0] * 25
+    last = {name: float(text) for name, text in rows[-1].items() if text}
+    assert last == pytest.approx(card["final_losses"], rel=1e-5)
+    assert set(last) > {"depth loss", "mask loss", "loss", "unseen mask overlap", "unseen depth error"}
+    assert last["mask loss"] < 0.3 * float(rows[0]["mask loss"])
+
+
+def test_the_card_tells_the_measures_of_the_finished_model(trained: Path) -> None:
+    network, card = load_model(trained)
+    for kind, pairs in (("training", toy_data().pairs()), ("unseen", toy_data().unseen())):
+        found = gather(pairs, 32)
+        predictions = torch.stack([predict(network, image) for image in found.images])
+        # The card was written before the weights were rounded to half precision.
+        assert measures(predictions, found.targets[found.target_of]) == pytest.approx(card["final"][kind], abs=5e-3)
+    assert card["final"]["training"]["mask overlap"] > 0.8
+
+
+@pytest.mark.usefixtures("tiny")
+def test_a_finished_model_is_left_alone(trained: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in trained.iterdir()}
+    # Where it is computed is not part of what determines the model.
+    assert again(trained, {**OPTIONS, "threads": 2, "device": "auto"}) == [f"{trained} holds this model already"]
+    assert {path: path.stat().st_mtime_ns for path in trained.iterdir()} == before
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("other", [{"epochs": 31}, {"learning_rate": "1e-3"}, {"depth_loss": "masked"}])
+def test_other_options_do_not_touch_a_finished_model(trained: Path, other: dict[str, Any]) -> None:
+    before = (trained / CARD).read_bytes()
+    with pytest.raises(ConfigurationError, match="holds a finished model of another training .*delete the folder"):
+        again(trained, {**OPTIONS, **other})
+    assert (trained / CARD).read_bytes() == before
+
+
+@pytest.mark.usefixtures("tiny")
+def test_another_seed_or_other_data_are_another_training(trained: Path) -> None:
+    with pytest.raises(ConfigurationError, match="another training"):
+        again(trained, seed=1)
+    with pytest.raises(ConfigurationError, match="another training"):
+        again(trained, data=replace(toy_data(), digest="ellipsoids 2"))
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"epoch": 3}, "unknown option of the schedule 'epoch'; did you mean epochs"),
+        ({"threads": "many"}, "'many' is no number of threads; pass --threads 2"),
+        ({"threads": "0"}, "no thread, no training"),
+        ({"device": "tpu"}, "unknown device 'tpu'"),
+    ],
+)
+def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        again(tmp_path / "model", {**OPTIONS, **options})
+    assert files(tmp_path) == set()
+
+
+def test_an_unknown_configuration_leaves_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="unknown configuration 'literall'; did you mean literal"):
+        fit("literall", 0, toy_data(), tmp_path / "model", OPTIONS, quiet)
+    assert files(tmp_path) == set()
+
+
+@pytest.mark.usefixtures("tiny")
+def test_no_pair_is_no_training(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="no pair to train on"):
+        again(tmp_path, data=replace(toy_data(), pairs=lambda: iter(())))
+
+
+def test_the_card_is_plain_json(trained: Path) -> None:
+    text = (trained / CARD).read_text()
+    card = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert card["recipe"]["schedule"]["epochs"] == OPTIONS["epochs"]

@@ -1,0 +1,164 @@
+"""The methods of the tables: a depth image goes in, a surface of unit area comes out."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load, save
+from scipy.spatial.transform import Rotation
+
+from benchmark.contracts import CanonicalForm, Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.depth import back_project
+from benchmark.learning import CARD, WEIGHTS, Learner
+from learned.configuration import CONFIGURATIONS
+from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
+from learned.prediction import canonical_depth
+from tests.learned.test_model import replace_weights
+from tests.learned.toy import TINY, Image, ellipsoid
+
+METHODS = (Learned, WithoutSRF, WithoutLRF, Strict, Wide, WideExtra)
+
+
+def shape(depth: Image | None, seen: Image | None = None) -> Shape:
+    """The view of an ellipsoid with a depth image, which need not be of the same."""
+    surface, _ = back_project(ellipsoid() if seen is None else seen, 1.0)
+    return Shape(identifier="x", mesh=surface, depth=depth)
+
+
+@pytest.fixture
+def method(trained: Path) -> Learned:
+    """The method with the tiny model."""
+    return Learned(configuration=TINY.name).load(trained)
+
+
+def equal(first: CanonicalForm, second: CanonicalForm) -> bool:
+    return np.array_equal(first.vertices, second.vertices) and np.array_equal(first.faces, second.faces)
+
+
+@pytest.mark.parametrize("kind", METHODS)
+def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned]) -> None:
+    learner = kind()
+    assert isinstance(learner, Learner)
+    assert learner.configuration in CONFIGURATIONS
+    assert learner.model_name == f"{learner.configuration}-seed0"
+    assert replace(learner, training_seed=2).model_name == f"{learner.configuration}-seed2"
+    assert learner.info.inputs == ("view",)
+    assert {field.name for field in fields(learner)} == {"configuration", "training_seed", "training", "model"}
+
+
+def test_names_and_splits() -> None:
+    assert len({kind.info.name for kind in METHODS}) == len({kind.info.title for kind in METHODS}) == len(METHODS)
+    assert [kind.split for kind in METHODS] == ["table", "table", "table", "strict", "table", "sampled"]
+    # The strict row tests the paper's network, trained otherwise.
+    assert Strict().model_name == Learned().model_name
+
+
+def test_listing_the_methods_does_not_import_torch() -> None:
+    code = "import sys, learned.methods; print([m for m in ('torch', 'matplotlib', 'safetensors') if m in sys.modules])"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"
+
+
+def test_the_form_is_one_open_surface_of_unit_area(method: Learned) -> None:
+    form = method.canonicalise(shape(ellipsoid(0.6, 0.6, x=0.15)))
+    mesh = form.mesh
+    assert mesh.area == pytest.approx(1)
+    assert connected_components(mesh).max() == 0
+    assert set(np.unique(edge_counts(mesh.faces))) == {1, 2}
+    assert fans_per_vertex(mesh).max() == 1
+    assert 500 < mesh.n_vertices < 4000
+    assert set(form.notes) == {"predicted_foreground", "predicted_pieces", "predicted_bridges"}
+
+
+def test_the_form_is_the_surface_behind_the_predicted_image(method: Learned, trained: Path) -> None:
+    image = ellipsoid(0.3, 0.7)
+    predicted = canonical_depth(trained, image)
+    assert predicted.shape == image.shape
+    both, either = (predicted > 0) & (image > 0), (predicted > 0) | (image > 0)
+    assert both.sum() > 0.8 * either.sum()
+    surface, _ = back_project(predicted, 1.0)
+    form = method.canonicalise(shape(image))
+    np.testing.assert_allclose(form.vertices, surface.vertices / surface.area**0.5)
+    np.testing.assert_array_equal(form.faces, surface.faces)
+
+
+def test_two_calls_give_one_form(method: Learned) -> None:
+    first = method.canonicalise(shape(ellipsoid()))
+    method.canonicalise(shape(ellipsoid(0.3, 0.7)))
+    assert equal(method.canonicalise(shape(ellipsoid())), first)
+
+
+def test_only_the_image_is_read(method: Learned) -> None:
+    seen = shape(ellipsoid())
+    rotation = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
+    moved = seen.mesh.with_vertices(seen.mesh.vertices @ rotation.T + [3, 1, -2])
+    other = Shape(identifier="y", mesh=moved, depth=seen.depth, seed=5)
+    assert equal(method.canonicalise(seen), method.canonicalise(other))
+    assert not equal(method.canonicalise(seen), method.canonicalise(shape(ellipsoid(0.3, 0.7), ellipsoid())))
+
+
+def test_the_number_of_threads_does_not_matter_to_the_surface(method: Learned) -> None:
+    alone = method.canonicalise(shape(ellipsoid()))
+    threads = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        together = method.canonicalise(shape(ellipsoid()))
+    finally:
+        torch.set_num_threads(threads)
+    np.testing.assert_array_equal(alone.faces, together.faces)
+    np.testing.assert_allclose(alone.vertices, together.vertices, atol=1e-5)
+
+
+def test_without_a_depth_image(method: Learned) -> None:
+    with pytest.raises(UnsupportedShape, match="needs a depth image; use the view input"):
+        method.canonicalise(shape(None))
+
+
+def test_an_empty_depth_image(method: Learned) -> None:
+    with pytest.raises(UnsupportedShape, match="the depth image is empty"):
+        method.canonicalise(shape(np.zeros((500, 500), dtype=np.float32)))
+
+
+def test_a_depth_image_of_another_size(method: Learned) -> None:
+    with pytest.raises(InvalidMesh, match="render 500 x 500 pixels"):
+        method.canonicalise(shape(np.full((100, 100), 0.5, dtype=np.float32)))
+
+
+def test_a_network_that_predicts_nothing(trained: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(trained, tmp_path / "model"))
+    weights = load((folder / WEIGHTS).read_bytes())
+    weights["reconstruction.head.weight"][1] = 0
+    weights["reconstruction.head.bias"][1] = -1
+    replace_weights(folder, save(weights))
+    with pytest.raises(UnsupportedShape, match="predicts an empty mask; train it for longer"):
+        Learned(configuration=TINY.name).load(folder).canonicalise(shape(ellipsoid()))
+
+
+def test_no_model(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="train the model again"):
+        Learned().load(tmp_path)
+    with pytest.raises(ConfigurationError, match="train the model again"):
+        Learned(model=str(tmp_path)).canonicalise(shape(ellipsoid()))
+
+
+def test_a_model_of_another_configuration_is_not_loaded(trained: Path) -> None:
+    with pytest.raises(ConfigurationError, match="holds 'tiny', not 'literal'"):
+        Learned().load(trained)
+
+
+def test_loading_leaves_the_method_as_it_was(trained: Path) -> None:
+    before = Learned(configuration=TINY.name)
+    after = before.load(trained)
+    assert before.model == ""
+    assert after == replace(before, model=str(trained))
+    assert json.loads((trained / CARD).read_text())["configuration"]["name"] == after.configuration

@@ -1,0 +1,129 @@
+"""A model on disk: what is tested is what was saved, and anything else is refused with the mend."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load, save
+
+from benchmark.errors import ConfigurationError
+from benchmark.learning import CARD, WEIGHTS, read_card
+from learned.model import load_model, predict
+from learned.network import build
+from tests.learned.toy import TINY
+
+IMAGE = torch.linspace(0, 1, 32 * 32).reshape(1, 32, 32)
+
+
+@pytest.fixture
+def copied(trained: Path, tmp_path: Path) -> Path:
+    """A model that may be damaged."""
+    return Path(shutil.copytree(trained, tmp_path / "model"))
+
+
+def edit_card(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
+    card = json.loads((folder / CARD).read_text())
+    edit(card)
+    (folder / CARD).write_text(json.dumps(card))
+
+
+def replace_weights(folder: Path, content: bytes) -> None:
+    """Put other weights into a folder whose card names their digest."""
+    (folder / WEIGHTS).write_bytes(content)
+    edit_card(folder, lambda card: card.update(digest=hashlib.sha256(content).hexdigest()))
+
+
+def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
+    network = build(TINY, seed=7)
+    stored = load((trained / WEIGHTS).read_bytes())
+    assert {tensor.dtype for tensor in stored.values()} == {torch.float16}
+    network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
+    loaded, card = load_model(trained)
+    assert card == read_card(trained)
+    with torch.no_grad():
+        torch.testing.assert_close(predict(loaded, IMAGE), network(IMAGE[None])[0], atol=1e-5, rtol=1e-5)
+
+
+def test_a_loaded_network_learns_no_more(trained: Path) -> None:
+    network, _ = load_model(trained)
+    assert not network.training
+    assert not predict(network, IMAGE).requires_grad
+
+
+def test_loading_twice_gives_one_network(trained: Path) -> None:
+    assert load_model(trained)[0] is load_model(trained)[0]
+
+
+def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
+    before = load_model(copied)[0]
+    other = {name: tensor.half() for name, tensor in build(TINY, seed=5).state_dict().items()}
+    replace_weights(copied, save(other))
+    after = load_model(copied)[0]
+    assert after is not before
+    assert not torch.equal(predict(after, IMAGE), predict(before, IMAGE))
+
+
+def test_one_wrong_bit_of_the_weights_is_found(copied: Path) -> None:
+    content = bytearray((copied / WEIGHTS).read_bytes())
+    content[-1] ^= 1
+    (copied / WEIGHTS).write_bytes(content)
+    with pytest.raises(ConfigurationError, match="its card says .*; fetch the file again or train the model again"):
+        load_model(copied)
+
+
+@pytest.mark.parametrize("name", [WEIGHTS, CARD])
+def test_a_missing_file_is_named(copied: Path, name: str) -> None:
+    (copied / name).unlink()
+    with pytest.raises(ConfigurationError, match=f"{name} cannot be read.*; train the model again"):
+        load_model(copied)
+
+
+@pytest.mark.parametrize("text", ["{", "", "[]", "{}", '{"digest": 3}', "\u00e9"])
+def test_a_card_that_is_none(copied: Path, text: str) -> None:
+    (copied / CARD).write_text(text, encoding="latin-1")
+    with pytest.raises(ConfigurationError, match=f"{CARD} .*; train the model again"):
+        load_model(copied)
+
+
+def test_a_card_with_foreign_fields_is_of_another_kind_of_network(copied: Path) -> None:
+    edit_card(copied, lambda card: card["configuration"].update(attention=True))
+    with pytest.raises(ConfigurationError, match="another kind of network: attention; train the model again"):
+        load_model(copied)
+
+
+def test_a_card_that_lacks_a_field_is_of_another_kind_of_network(copied: Path) -> None:
+    edit_card(copied, lambda card: card["configuration"].pop("width"))
+    with pytest.raises(ConfigurationError, match="another kind of network: width"):
+        load_model(copied)
+
+
+@pytest.mark.parametrize("field", ["configuration", "schedule"])
+def test_a_card_without_what_a_prediction_needs_is_damaged(copied: Path, field: str) -> None:
+    edit_card(copied, lambda card: card.pop(field))
+    with pytest.raises(ConfigurationError, match=f"is damaged: '{field}'; train it again"):
+        load_model(copied)
+
+
+def test_weights_of_another_width_belong_to_another_configuration(copied: Path) -> None:
+    edit_card(copied, lambda card: card["configuration"].update(width=16))
+    with pytest.raises(ConfigurationError, match="belong to another configuration than 'tiny'"):
+        load_model(copied)
+
+
+def test_weights_without_a_part_belong_to_another_configuration(copied: Path) -> None:
+    edit_card(copied, lambda card: card["configuration"].update(short_range=False))
+    with pytest.raises(ConfigurationError, match="belong to another configuration"):
+        load_model(copied)
+
+
+def test_weights_that_are_not_safetensors_are_damaged(copied: Path) -> None:
+    replace_weights(copied, b"PK\x03\x04 a pickle in a zip")
+    with pytest.raises(ConfigurationError, match="is damaged: .*; train it again"):
+        load_model(copied)

@@ -1,0 +1,229 @@
+"""Sizes, layers and receptive fields of the networks, against what the paper prints and what follows by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from learned.configuration import CONFIGURATIONS, LITERAL, configuration
+from learned.network import EncoderDecoder, LongRangeFeatures, ShortRangeFeatures, build, n_parameters
+
+#: Maxima of a pool depend on the input, so receptive fields are the union over some of them.
+N_INPUTS = 3
+
+PROGRESSIVE = [name for name, each in CONFIGURATIONS.items() if each.architecture == "progressive"]
+
+
+@pytest.fixture
+def no_gradient() -> Iterator[None]:
+    """Keep nothing for a backward pass."""
+    with torch.no_grad():
+        yield
+
+
+def weights(before: int, after: int, kernel: int = 3) -> int:
+    """Numbers of one convolution, transposed or not: a kernel for each pair of channels, and a bias."""
+    return before * after * kernel**2 + after
+
+
+SHORT = weights(1, 16) + 7 * weights(16, 16) + weights(16, 1)
+LONG = weights(2, 16) + 8 * weights(16, 16) + weights(16, 1)
+ENCODER = weights(3, 32) + weights(32, 64) + weights(64, 128) + weights(128, 256)
+DECODER = weights(256, 128, 4) + weights(128, 64, 4) + weights(64, 32, 4) + weights(32, 32, 4)
+HEAD = weights(32, 2, 1)
+#: Both parts that follow see one channel less: nine numbers for each of 16 and of 32 channels.
+LESS_TO_LONG, LESS_TO_RECONSTRUCTION = 9 * 16, 9 * 32
+SECOND_CONVOLUTIONS = sum(weights(channels, channels) for channels in (32, 64, 128, 256))
+#: Two numbers for each normalised channel.
+NORMS = 2 * (2 * (32 + 64 + 128 + 256) + (128 + 64 + 32 + 32))
+CONTEXT = 256 * 256 + 256
+#: The innermost features have 8 * 16 channels and 4 x 4 pixels; the vector has 256 numbers.
+CODE = 128 * 4**2
+WIDE_EXTRA = (
+    (weights(1, 16, 4) + weights(16, 32, 4) + weights(32, 64, 4) + weights(64, 128, 4) + weights(128, 128, 4))
+    + (weights(128, 128, 4) + weights(128, 64, 4) + weights(64, 32, 4) + weights(32, 16, 4) + weights(16, 16, 4))
+    + 2 * (16 + 32 + 64 + 128 + 128)
+    + 2 * (128 + 64 + 32 + 16 + 16)
+    + (CODE * 256 + 256)
+    + (256 * CODE + CODE)
+    + weights(16, 2)
+)
+PARAMETERS = {
+    "literal": (SHORT + LONG + ENCODER + DECODER + HEAD, 1_128_804),
+    "without_srf": (LONG - LESS_TO_LONG + ENCODER + DECODER + HEAD - LESS_TO_RECONSTRUCTION, 1_111_827),
+    "without_lrf": (SHORT + ENCODER + DECODER + HEAD - LESS_TO_RECONSTRUCTION, 1_109_507),
+    "wide": (SHORT + LONG + ENCODER + DECODER + HEAD + SECOND_CONVOLUTIONS + NORMS + CONTEXT, 1_980_868),
+    "wide-extra": (WIDE_EXTRA, 1_925_746),
+}
+
+
+def convolutions(network: nn.Module) -> list[nn.Module]:
+    return [layer for layer in network.modules() if isinstance(layer, (nn.Conv2d, nn.ConvTranspose2d))]
+
+
+def images(count: int, height: int, width: int, seed: int = 0) -> Tensor:
+    return torch.rand(count, 1, height, width, generator=torch.Generator().manual_seed(seed))
+
+
+def field_of(network: nn.Module, size: int, pixel: int) -> tuple[int, int]:
+    """Rows and columns of the input that one output pixel on the diagonal depends on, over several random inputs."""
+    seen = torch.zeros(size, size, dtype=torch.bool)
+    for seed in range(N_INPUTS):
+        image = torch.rand(1, 1, size, size, generator=torch.Generator().manual_seed(seed)).requires_grad_()
+        network(image)[0, :, pixel, pixel].sum().backward()
+        seen |= (image.grad[0] != 0).any(dim=0)
+    rows, columns = seen.any(dim=1).nonzero(), seen.any(dim=0).nonzero()
+    return int(rows.max() - rows.min()) + 1, int(columns.max() - columns.min()) + 1
+
+
+def is_mask(values: Tensor) -> bool:
+    return bool(values.min() > 0 and values.max() < 1)
+
+
+def test_short_range_features_are_five_convolutions_and_four_transposed_ones() -> None:
+    blocks = build(LITERAL).short_range
+    assert isinstance(blocks, ShortRangeFeatures)
+    kinds = [[type(layer) for layer in block] for block in blocks]
+    assert kinds == [[nn.Conv2d, nn.LeakyReLU]] * 5 + [[nn.ConvTranspose2d, nn.LeakyReLU]] * 4
+    assert {layer.negative_slope for layer in blocks.modules() if isinstance(layer, nn.LeakyReLU)} == {0.2}
+
+
+def test_long_range_features_have_dilations_two_to_six() -> None:
+    blocks = build(LITERAL).long_range
+    assert isinstance(blocks, LongRangeFeatures)
+    kinds = [[type(layer) for layer in block] for block in blocks]
+    assert kinds == [[nn.Conv2d, nn.LeakyReLU, nn.ConvTranspose2d, nn.LeakyReLU]] * 5
+    assert [block[0].dilation for block in blocks] == [(d, d) for d in (2, 3, 4, 5, 6)]
+    assert [block[2].dilation for block in blocks] == [(d, d) for d in (2, 3, 4, 5, 6)]
+
+
+def test_without_deconvolutions_each_block_of_long_range_features_has_one_layer() -> None:
+    layers = convolutions(LongRangeFeatures(2, 16, deconvolutions=False))
+    assert [type(layer) for layer in layers] == [nn.Conv2d] * 5
+    assert [layer.out_channels for layer in layers] == [16, 16, 16, 16, 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "to_long_range", "to_reconstruction"),
+    [("literal", 2, 3), ("wide", 2, 3), ("without_srf", 1, 2), ("without_lrf", None, 2)],
+)
+def test_each_part_sees_the_image_and_the_features_before_it(
+    name: str, to_long_range: int | None, to_reconstruction: int
+) -> None:
+    network = build(configuration(name))
+    assert (network.short_range is None) == (name == "without_srf")
+    assert (network.long_range is None) == (name == "without_lrf")
+    if to_long_range:
+        assert convolutions(network.long_range)[0].in_channels == to_long_range
+    assert convolutions(network.reconstruction)[0].in_channels == to_reconstruction
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_number_of_parameters(name: str) -> None:
+    by_hand, golden = PARAMETERS[name]
+    assert by_hand == golden
+    assert n_parameters(build(configuration(name))) == golden
+
+
+@pytest.mark.usefixtures("no_gradient")
+def test_the_papers_size_goes_in_and_comes_out() -> None:
+    assert build(LITERAL)(images(1, 500, 500)).shape == (1, 2, 500, 500)
+
+
+@pytest.mark.usefixtures("no_gradient")
+@pytest.mark.parametrize("name", PROGRESSIVE)
+@pytest.mark.parametrize(("height", "width"), [(128, 128), (125, 125), (63, 63), (125, 63), (32, 33)])
+def test_any_size_comes_out_as_it_went_in(name: str, height: int, width: int) -> None:
+    output = build(configuration(name))(images(2, height, width))
+    assert output.shape == (2, 2, height, width)
+    assert is_mask(output[:, 1])
+
+
+@pytest.mark.usefixtures("no_gradient")
+def test_the_global_code_has_the_right_size_and_range() -> None:
+    output = build(configuration("wide-extra"))(images(2, 128, 128))
+    assert output.shape == (2, 2, 128, 128)
+    assert is_mask(output[:, 1])
+
+
+@pytest.mark.usefixtures("no_gradient")
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_an_image_does_not_depend_on_its_batch(name: str) -> None:
+    network = build(configuration(name)).eval()
+    batch = images(3, 128, 128)
+    torch.testing.assert_close(network(batch)[1:2], network(batch[1:2]), atol=1e-5, rtol=1e-5)
+
+
+def test_short_range_features_see_19_pixels() -> None:
+    # Nine kernels of three: 1 + 9 * 2.
+    assert field_of(build(LITERAL).short_range, size=41, pixel=20) == (19, 19)
+
+
+@pytest.mark.parametrize(("deconvolutions", "expected"), [(False, 41), (True, 81)])
+def test_long_range_features_see_40_more_pixels_for_each_row_of_dilations(deconvolutions: bool, expected: int) -> None:
+    # 1 + 2 (2 + 3 + 4 + 5 + 6) = 41, and as much again with the transposed convolutions.
+    part = LongRangeFeatures(1, 4, deconvolutions)
+    assert field_of(part, size=101, pixel=50) == (expected, expected)
+
+
+@pytest.mark.parametrize(
+    ("pixel", "expected"),
+    [
+        # Without the decoder an innermost pixel sees 1 + 2 + 1 + 4 + 2 + 8 + 4 + 16 + 8 = 46 pixels of its input. The
+        # decoder lets an output pixel see 2 or 3 innermost ones, 16 pixels apart, depending on where it lies.
+        (48, 46 + 16),
+        (56, 46 + 32),
+    ],
+)
+def test_the_encoder_decoder_sees_62_to_78_pixels(pixel: int, expected: int) -> None:
+    part = EncoderDecoder(1, 16)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        for layer in convolutions(part):
+            # Positive weights keep the rectifiers of the decoder open.
+            nn.init.uniform_(layer.weight, 0.01, 0.1)
+    assert field_of(part, size=112, pixel=pixel) == (expected, expected)
+
+
+@pytest.mark.parametrize(("pixel", "expected"), [(96, 160), (88, 176)])
+def test_the_whole_network_sees_160_to_176_pixels(pixel: int, expected: int) -> None:
+    # 18 + 80 more than the encoder-decoder: a third of the paper's image, less than the way of a raised arm to rest.
+    assert field_of(build(LITERAL), size=192, pixel=pixel) == (expected, expected)
+
+
+@pytest.mark.parametrize("name", ["wide", "wide-extra"])
+def test_a_wide_network_sees_the_whole_image(name: str) -> None:
+    # From a pixel in the corner, so that 160 to 176 pixels around it would not do.
+    assert field_of(build(configuration(name)), size=128, pixel=5) == (128, 128)
+
+
+def test_weights_depend_on_the_seed_alone() -> None:
+    first, other = build(LITERAL, 3).state_dict(), build(LITERAL, 4).state_dict()
+    torch.manual_seed(11)
+    before = torch.random.get_rng_state()
+    again = build(LITERAL, 3).state_dict()
+    assert torch.equal(torch.random.get_rng_state(), before)
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    assert not torch.equal(first["short_range.0.0.weight"], other["short_range.0.0.weight"])
+
+
+@pytest.mark.usefixtures("no_gradient")
+@pytest.mark.parametrize("name", PROGRESSIVE)
+def test_activations_keep_their_scale_from_layer_to_layer(name: str) -> None:
+    network = build(configuration(name))
+    scales = []
+    for layer in convolutions(network)[:-1]:
+        layer.register_forward_hook(lambda _layer, _inputs, output: scales.append(float(output.square().mean()) ** 0.5))
+    network(images(1, 128, 128))
+    assert len(scales) == len(convolutions(network)) - 1
+    assert 0.05 < min(scales) <= max(scales) < 20
+
+
+@pytest.mark.usefixtures("no_gradient")
+def test_the_mask_begins_as_background() -> None:
+    # Most of a depth image is background; a network that starts at one half would first have to learn that.
+    mask = build(LITERAL)(images(2, 64, 64))[:, 1]
+    assert 0.01 < mask.mean() < 0.2

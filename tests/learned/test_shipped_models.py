@@ -1,0 +1,109 @@
+"""The models that come with the project: whole, small, and trained on nothing that they are tested on."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmark.datasets.base import Entry
+from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.humans import Humans
+from benchmark.learning import CARD, WEIGHTS, read_card
+from learned.methods import Learned
+from learned.model import load_model
+from learned.network import n_parameters
+
+MEBIBYTES = 20
+FOLDS = re.compile(r"humans-strict-(\d)-(\d)")
+SUBJECTS = list(dict.fromkeys(entry.subject for entry in Humans().entries))
+#: Five subjects in a fold, and five poses.
+FOLD = 5
+
+Card = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def cards() -> dict[Path, Card]:
+    """Card of each shipped model by its folder."""
+    found = {path.parent: read_card(path.parent) for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))}
+    if not found:
+        pytest.skip("no model is shipped")
+    return found
+
+
+@pytest.fixture
+def of_data(cards: dict[Path, Card], request: pytest.FixtureRequest) -> list[Card]:
+    """Cards of the models whose training has a name that matches."""
+    found = [card for folder, card in cards.items() if re.fullmatch(request.param, folder.parent.name)]
+    if not found:
+        pytest.skip(f"no model is shipped that was trained on {request.param}")
+    return found
+
+
+def humans(subjects: range, poses: range = range(20)) -> list[Entry]:
+    """Shapes of the generated humans by the places of their subjects and poses."""
+    entries = Humans().entries
+    poses_of = {subject: [entry for entry in entries if entry.subject == subject] for subject in SUBJECTS}
+    return [poses_of[SUBJECTS[subject]][pose] for subject in subjects for pose in poses]
+
+
+def fold(number: int) -> range:
+    return range(FOLD * number, FOLD * (number + 1))
+
+
+def test_every_model_is_the_one_that_its_card_describes(cards: dict[Path, Card]) -> None:
+    for folder in cards:
+        network, card = load_model(folder)
+        assert n_parameters(network) == card["parameters"]
+
+
+def test_every_folder_is_named_after_what_it_holds(cards: dict[Path, Card]) -> None:
+    for folder, card in cards.items():
+        assert folder.parent.name == card["data"]
+        assert folder.name == f"{card['configuration']['name']}-seed{card['seed']}"
+
+
+def test_no_file_is_large(cards: dict[Path, Card]) -> None:
+    for folder in cards:
+        assert (folder / WEIGHTS).is_file()
+        assert max(path.stat().st_size for path in folder.iterdir()) <= MEBIBYTES * 2**20
+
+
+@pytest.mark.parametrize("of_data", ["humans-I"], indirect=True)
+def test_the_last_five_humans_are_seen_by_no_model_of_table_1(of_data: list[Card]) -> None:
+    for card in of_data:
+        assert not set(card["identifiers"]) & {entry.identifier for entry in humans(range(10, 15))}
+        assert not set(card["subjects"]) & set(SUBJECTS[10:])
+        assert set(card["identifiers"]) <= {entry.identifier for entry in humans(range(10))}
+
+
+@pytest.mark.parametrize("of_data", [FOLDS.pattern], indirect=True)
+def test_a_strict_model_sees_neither_the_subjects_nor_the_poses_of_its_folds(of_data: list[Card]) -> None:
+    for card in of_data:
+        match = FOLDS.fullmatch(card["data"])
+        assert match
+        subjects, poses = (fold(int(number)) for number in match.groups())
+        seen = set(card["identifiers"])
+        assert not seen & {entry.identifier for entry in humans(subjects)}
+        assert not set(card["subjects"]) & {SUBJECTS[place] for place in subjects}
+        # The canonical pose of a subject is the target, whichever fold it belongs to.
+        targets = {canonical_entry(Humans(), subject).identifier for subject in SUBJECTS}
+        assert not seen & {entry.identifier for entry in humans(range(15), poses)} - targets
+        assert card["pairs"] == 10 * 15
+
+
+@pytest.mark.parametrize("of_data", ["(tosca|animals)-III.*"], indirect=True)
+def test_neither_cat_nor_horse_is_seen_by_a_model_of_table_3(of_data: list[Card]) -> None:
+    for card in of_data:
+        assert not [name for name in card["identifiers"] if re.match("cat|horse", name)]
+        assert not {"cat", "horse"} & set(card["subjects"])
+
+
+@pytest.mark.parametrize("of_data", ["humans-sampled"], indirect=True)
+def test_sampled_bodies_are_none_of_the_data_set(of_data: list[Card]) -> None:
+    for card in of_data:
+        assert not set(card["identifiers"]) & {entry.identifier for entry in Humans().entries}
+        assert card["extra_data"]

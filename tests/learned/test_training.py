@@ -1,0 +1,321 @@
+"""The loop: it fits what it is shown, gives the same weights however often it was stopped, and says why it stops."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from benchmark.errors import ConfigurationError, TrainingError
+from benchmark.learning import CARD, WEIGHTS
+from learned import training
+from learned.checkpoint import CHECKPOINT
+from learned.configuration import LITERAL, Configuration, configuration
+from learned.fitting import fit
+from learned.images import Pairs, gather
+from learned.model import HISTORY
+from learned.network import ProgressiveNetwork
+from learned.schedule import Schedule
+from learned.training import Result, device_named, measures, train
+from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
+
+CPU = torch.device("cpu")
+PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, jitter=20, precision="float32")
+REPOSITORY = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def pairs() -> Pairs:
+    """Six pairs of three ellipsoids, at 32 x 32."""
+    return gather(toy_pairs(BUILDS), 32)
+
+
+def run(
+    pairs: Pairs,
+    folder: Path,
+    plan: Schedule = PLAN,
+    *,
+    seed: int = 0,
+    network: Configuration = TINY,
+    say: Callable[[str], None] = quiet,
+) -> Result:
+    return train(network, plan, pairs, None, folder, {"seed": seed}, seed=seed, device=CPU, say=say)
+
+
+def equal(first: Result, second: Result) -> bool:
+    ours, others = first.network.state_dict(), second.network.state_dict()
+    return all(torch.equal(ours[name], others[name]) for name in ours)
+
+
+def names_of_batch(pairs: Pairs, epoch: int, batch: int, size: int = PLAN.batch) -> str:
+    """Names of the pairs in a batch, both counted from 1, as the order of the pairs is promised."""
+    order = np.random.default_rng([0, epoch - 1]).permutation(len(pairs))
+    return ", ".join(pairs.identifiers[row] for row in order[(batch - 1) * size : batch * size])
+
+
+def test_one_batch_can_be_overfitted(pairs: Pairs, tmp_path: Path) -> None:
+    four = Pairs(pairs.identifiers[:4], pairs.images[:4], pairs.targets[:2], pairs.target_of[:4])
+    plan = Schedule(resolution=32, epochs=160, batch=4, early_epochs=0, learning_rate=2e-3, precision="float32")
+    result = run(four, tmp_path, plan, network=LITERAL)
+    history = result.progress.history
+    # Adam jumps now and then, so the last epoch alone would tell little.
+    assert min(row["loss"] for row in history[-20:]) < 4e-3
+    result.network.eval()
+    with torch.no_grad():
+        found = measures(result.network(four.images), four.targets[four.target_of])
+    assert found["mask overlap"] > 0.95
+    assert found["depth error"] < 0.1
+
+
+def test_a_seed_gives_the_same_weights_to_the_last_bit_and_another_does_not(pairs: Pairs, tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in "abc"]
+    for folder in folders:
+        folder.mkdir()
+    first, again, other = (run(pairs, folder, seed=seed) for folder, seed in zip(folders, (0, 0, 1), strict=True))
+    assert equal(first, again)
+    assert first.progress.history == again.progress.history
+    assert not equal(first, other)
+
+
+def interrupted(folder: Path, where: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "tests.learned.interrupted", str(folder), where]
+    return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
+
+
+def started_again(folder: Path) -> str:
+    finished = interrupted(folder, "nowhere")
+    assert finished.returncode == 0, finished.stderr
+    return finished.stdout
+
+
+def gone_on_with_here(folder: Path) -> str:
+    said: list[str] = []
+    fit(TINY.name, 0, toy_data(), folder, OPTIONS, said.append)
+    return "\n".join(said)
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize(
+    ("where", "epoch", "finish"), [("batch", 8, started_again), ("checkpoint", 12, gone_on_with_here)]
+)
+def test_a_training_that_is_killed_gives_the_same_weights_in_the_end(
+    where: str, epoch: int, finish: Callable[[Path], str], trained: Path, tmp_path: Path
+) -> None:
+    killed = interrupted(tmp_path, where)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    assert CHECKPOINT in files(tmp_path)
+    assert CARD not in files(tmp_path)
+    assert f"going on after epoch {epoch} of 30" in finish(tmp_path)
+    assert (tmp_path / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
+    assert (tmp_path / HISTORY).read_bytes() == (trained / HISTORY).read_bytes()
+    assert CHECKPOINT not in files(tmp_path)
+
+
+def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "undisturbed").mkdir()
+    expected = run(pairs, tmp_path / "undisturbed")
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    calls = 0
+
+    def broken(*arguments: Any) -> tuple[Tensor, Tensor]:
+        nonlocal calls
+        calls += 1
+        depth, mask = losses(*arguments)
+        return (depth * float("nan"), mask) if calls == 3 * 2 + 2 else (depth, mask)
+
+    losses = training.losses
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "losses", broken)
+        with pytest.raises(TrainingError) as caught:
+            run(pairs, tmp_path)
+    names = names_of_batch(pairs, epoch=3, batch=2)
+    assert caught.value.problem == f"the loss is not a number in epoch 3, batch 2 ({names})"
+    assert "learning_rate" in caught.value.mend
+    said: list[str] = []
+    assert equal(run(pairs, tmp_path, say=said.append), expected)
+    assert "going on after epoch 2 of 4" in said
+
+
+def test_a_huge_step_size_ends_in_a_named_error(pairs: Pairs, tmp_path: Path) -> None:
+    plan = Schedule(resolution=32, epochs=4, batch=2, learning_rate=1e30, precision="float32")
+    with pytest.raises(TrainingError, match=r"not a number in epoch 1, batch [23] .*learning_rate"):
+        run(pairs, tmp_path, plan)
+
+
+OUT_OF_MEMORY = (
+    torch.OutOfMemoryError("CUDA out of memory"),
+    MemoryError(),
+    RuntimeError("[enforce fail at alloc_cpu.cpp:117] DefaultCPUAllocator: can't allocate memory"),
+)
+
+
+def out_of_memory_above(monkeypatch: pytest.MonkeyPatch, largest: int, error: BaseException) -> None:
+    """Let the network run out of memory for batches of more than this many images."""
+    forward = ProgressiveNetwork.forward
+
+    def limited(self: ProgressiveNetwork, image: Tensor) -> Tensor:
+        if len(image) > largest:
+            raise error
+        return forward(self, image)
+
+    monkeypatch.setattr(ProgressiveNetwork, "forward", limited)
+
+
+@pytest.mark.parametrize("error", OUT_OF_MEMORY, ids=lambda error: type(error).__name__)
+def test_out_of_memory_halves_the_batch(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    (tmp_path / "half").mkdir()
+    half = run(pairs, tmp_path / "half", Schedule(**(vars(PLAN) | {"batch": 2})))
+    out_of_memory_above(monkeypatch, 2, error)
+    said: list[str] = []
+    result = run(pairs, tmp_path, Schedule(**(vars(PLAN) | {"batch": 4})), say=said.append)
+    assert "out of memory; going on with batches of 2" in said
+    assert result.progress.batch == 2
+    assert equal(result, half)
+
+
+def test_a_training_that_was_halved_goes_on_with_the_half_batch(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = Schedule(**(vars(PLAN) | {"batch": 6}))
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    with monkeypatch.context() as patch:
+        out_of_memory_above(patch, 3, OUT_OF_MEMORY[0])
+        with pytest.raises(KeyboardInterrupt):
+            run(pairs, tmp_path, plan, say=interrupt_after_epoch(2))
+    # Memory is there again, but a result must not depend on when that happens.
+    assert run(pairs, tmp_path, plan).progress.batch == 3
+
+
+def interrupt_after_epoch(epoch: int) -> Callable[[str], None]:
+    def say(line: str) -> None:
+        if line.startswith(f"epoch {epoch}/"):
+            raise KeyboardInterrupt
+
+    return say
+
+
+def test_no_memory_for_half_the_batch_either(pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out_of_memory_above(monkeypatch, 0, OUT_OF_MEMORY[0])
+    with pytest.raises(TrainingError, match="memory does not suffice for batches of 1; lower --resolution or --batch"):
+        run(pairs, tmp_path)
+
+
+def test_no_memory_for_one_pair(pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out_of_memory_above(monkeypatch, 0, OUT_OF_MEMORY[0])
+    said: list[str] = []
+    with pytest.raises(TrainingError, match="memory does not suffice for one pair; lower --resolution"):
+        run(pairs, tmp_path, Schedule(**(vars(PLAN) | {"batch": 1})), say=said.append)
+    assert said == []
+
+
+def test_another_fault_of_the_network_is_not_mistaken_for_memory(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out_of_memory_above(monkeypatch, 0, RuntimeError("shapes do not match"))
+    with pytest.raises(RuntimeError, match="shapes do not match"):
+        run(pairs, tmp_path)
+
+
+def test_jitter_moves_the_input_and_leaves_the_target(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[Tensor] = []
+    compared: list[Tensor] = []
+    forward, losses = ProgressiveNetwork.forward, training.losses
+
+    def watched(self: ProgressiveNetwork, image: Tensor) -> Tensor:
+        shown.append(image.clone())
+        return forward(self, image)
+
+    def watched_losses(prediction: Tensor, target: Tensor, kind: Any) -> tuple[Tensor, Tensor]:
+        compared.append(target.clone())
+        return losses(prediction, target, kind)
+
+    monkeypatch.setattr(ProgressiveNetwork, "forward", watched)
+    monkeypatch.setattr(training, "losses", watched_losses)
+    jitter = 47  # three pixels of 32
+    run(pairs, tmp_path, Schedule(**(vars(PLAN) | {"jitter": jitter, "epochs": 6})))
+    shifts = set()
+    for step, (image, target) in enumerate(zip(shown, compared, strict=True)):
+        epoch, batch = divmod(step, 3)
+        rows = torch.from_numpy(np.random.default_rng([0, epoch]).permutation(6)[2 * batch : 2 * batch + 2])
+        assert torch.equal(target, pairs.targets[pairs.target_of[rows]])
+        fitting = [shift for shift in ALL_SHIFTS if torch.equal(image, rolled(pairs.images[rows], *shift))]
+        assert len(fitting) == 1
+        shifts |= set(fitting)
+    assert len(shifts) > 9
+    assert max(max(map(abs, shift)) for shift in shifts) == 3
+
+
+ALL_SHIFTS = [(down, right) for down in range(-5, 6) for right in range(-5, 6)]
+
+
+def rolled(images: Tensor, down: int, right: int) -> Tensor:
+    """Images shifted by padding and cutting."""
+    padded = torch.nn.functional.pad(images, (5, 5, 5, 5))
+    size = images.shape[-1]
+    return padded[..., 5 - down : 5 - down + size, 5 - right : 5 - right + size]
+
+
+@pytest.mark.parametrize(
+    ("name", "resolution", "fits"), [("literal", 16, "32 to 2048"), ("literal", 4096, "32"), ("wide-extra", 64, "128")]
+)
+def test_a_resolution_that_does_not_fit(pairs: Pairs, tmp_path: Path, name: str, resolution: int, fits: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"'{name}' has no resolution {resolution}; pass --resolution {fits}"):
+        run(pairs, tmp_path, Schedule(resolution=resolution), network=configuration(name))
+
+
+def test_no_gpu_is_a_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ConfigurationError, match="no GPU is here.*; pass --device cpu or auto"):
+        device_named("cuda")
+    assert device_named("auto") == device_named("cpu") == CPU
+
+
+def test_an_unknown_device_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="unknown device 'tpu'; choose auto, cpu or cuda"):
+        device_named("tpu")
+
+
+def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Six pairs in batches of four and two, whose losses are made to be 1 and 4.
+    monkeypatch.setattr(
+        training,
+        "losses",
+        lambda prediction, _target, _kind: (0 * prediction.sum() + (1 if len(prediction) == 4 else 4),) * 2,
+    )
+    plan = Schedule(resolution=32, epochs=1, batch=4, early_epochs=1, beta=3.0, precision="float32")
+    (row,) = run(pairs, tmp_path, plan).progress.history
+    assert row["depth loss"] == row["mask loss"] == (4 * 1 + 2 * 4) / 6
+    assert row["loss"] == pytest.approx(2 * 0.01 + 2 * 3)
+
+
+def test_measures_by_hand() -> None:
+    target = torch.tensor([[[0.5, 0.5], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
+    prediction = torch.tensor([[[0.25, 0.5], [0.0, 0.9]], [[0.9, 0.5], [0.2, 0.6]]])
+    # Of the mask one pixel is hit, one is missed (a half is not above a half), and one is wrong.
+    found = measures(prediction[None], target[None])
+    assert found == {"mask overlap": pytest.approx(1 / 3), "depth error": pytest.approx(0.25)}
+    both = measures(torch.stack([prediction, target]), torch.stack([target, target]))
+    assert both == {"mask overlap": pytest.approx(2 / 3), "depth error": pytest.approx(0.25 / 3)}
+
+
+def test_nothing_predicted_has_no_overlap_and_no_depth_error() -> None:
+    target = torch.ones(1, 2, 4, 4)
+    found = measures(torch.zeros(1, 2, 4, 4), target)
+    assert found["mask overlap"] == 0
+    assert np.isnan(found["depth error"])
