@@ -160,11 +160,12 @@ def plan(everything: bool, **options: Any) -> None:
 
 
 @cli.command("list")
-@click.argument("what", type=click.Choice(["methods", "datasets", "tables"]))
+@click.argument("what", type=click.Choice(["methods", "datasets", "tables", "models"]))
 @click.option("--json", "as_json", is_flag=True, help="For other programs.")
 @click.option("--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--results", type=click.Path(path_type=Path), default=Path("results"), show_default=True, metavar="DIR")
 @data_root_option
-def list_(what: str, as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
+def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, data_root: Path | None) -> None:
     """List what can be named on the command line."""
     from benchmark import listing
 
@@ -172,6 +173,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], data_root: Path |
         "methods": lambda: listing.methods(plugins),
         "datasets": lambda: listing.datasets(data_root),
         "tables": lambda: listing.tables(data_root),
+        "models": lambda: listing.models(results),
     }[what]()
     print_rows(rows, as_json)
 

@@ -55,3 +55,29 @@ def tables(data_root: Path | None) -> Rows:
         }
         for table in TABLES
     ]
+
+
+def models(results: Path) -> Rows:
+    """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
+    from benchmark.learning import CARD, Learner, read_card
+    from benchmark.store import Store
+
+    folders = {Store(results / "runs").models: "trained here"}
+    for spec in registry.methods().values():
+        method = spec.create() if spec.learns else None
+        if isinstance(method, Learner):
+            folders.setdefault(method.shipped_models, "shipped")
+    rows = []
+    for folder, origin in folders.items():
+        for path in sorted(folder.glob(f"*/*/{CARD}")):
+            card = read_card(path.parent)
+            rows.append(
+                {
+                    "training": path.parent.parent.name,
+                    "model": path.parent.name,
+                    "origin": origin,
+                    "digest": str(card["digest"])[:12],
+                    "schedule": str(card.get("schedule_in_words", "")),
+                }
+            )
+    return rows

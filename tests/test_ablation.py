@@ -142,3 +142,13 @@ def test_one_training_has_no_spread_and_none_has_no_scores():
 def test_extra_training_data_is_marked():
     row = content(record(0.5, "a", models=[MODEL | {"digest": "a", "extra_data": True}])).rows[0]
     assert row.label == "Our (extra training data)"
+
+
+def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_named():
+    known = registry.methods().values()
+    one, three = (galleries([numeral])[0] for numeral in ("I", "III"))
+    beyond = {"learned-wide", "learned-wide-extra"}
+    assert beyond <= {spec.name for spec in one.rows(known)}
+    assert not beyond & {spec.name for spec in three.rows(known)}
+    assert "learned" in {spec.name for spec in three.rows(known)}
+    assert [spec.name for spec in three.rows(specs("learned-wide"))] == ["learned-wide"]

@@ -79,6 +79,20 @@ def test_a_finished_model_is_left_alone(trained, results, root):
     assert card.stat().st_mtime_ns == before
 
 
+def test_models_are_listed_with_what_made_them(trained, results):
+    (own,) = [
+        row for row in json.loads(call("list", "models", "--results", results, "--json")) if row["origin"] != "shipped"
+    ]
+    card = json.loads((results / "models" / "tosca-III" / "plain-seed0" / "card.json").read_text())
+    assert own == {
+        "training": "tosca-III",
+        "model": "plain-seed0",
+        "origin": "trained here",
+        "digest": card["digest"][:12],
+        "schedule": card["schedule_in_words"],
+    }
+
+
 def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained, results, root):
     text = run("III", results, root)
     assert "| Mean target" in text
