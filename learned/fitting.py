@@ -17,7 +17,7 @@ from learned import pictures
 from learned.checkpoint import CHECKPOINT
 from learned.configuration import configuration as configuration_named
 from learned.images import gather
-from learned.model import load_model, predict, save_model
+from learned.model import as_stored, load_model, predict, save_model
 from learned.schedule import Schedule, schedule
 from learned.training import device_named, measures, train
 
@@ -78,7 +78,7 @@ def fit(
     pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)
     say(f"training '{name}', seed {seed}: {plan.in_words()}, on {device.type}")
     result = train(chosen, plan, pairs, unseen, folder, recipe, seed=seed, device=device, say=say)
-    result.network.to("cpu")
+    as_stored(result.network.to("cpu"))
     final, drawn = {}, {}
     for kind, of_kind in (("training", pairs), ("unseen", unseen)):
         rows = np.linspace(0, len(of_kind) - 1, min(SAMPLES, len(of_kind))).round().astype(int)

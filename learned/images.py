@@ -21,6 +21,10 @@ COVERED = 0.5
 """Share of a coarse pixel that must show the shape, and probability of the mask above which a pixel shows it."""
 
 
+LEAST_DEPTH = 1e-3
+"""Smallest predicted depth, for 0 is the background."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """All pairs of a training at its resolution.
@@ -117,16 +121,11 @@ def enlarge(prediction: Tensor) -> Floats:
     """
     depth, mask = prediction.float()
     inside = (mask > COVERED).float()
-    # A rim of one pixel around the mask takes the depth of its neighbours, for the finer mask may reach into it.
-    stack = torch.stack([depth * inside, inside])[None]
-    spread = functional.avg_pool2d(stack, 3, stride=1, padding=1)
-    filled = torch.where(inside > 0, stack, spread)
-    size = (SIZE, SIZE)
-    fine = functional.interpolate(filled, size=size, mode="bilinear", align_corners=False)[0]
-    fine_mask = functional.interpolate(mask[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
-    tiny = torch.finfo(torch.float32).tiny
-    seen = (fine_mask > COVERED) & (fine[1] > tiny)
-    result = torch.where(seen, (fine[0] / fine[1].clamp(min=tiny)).clamp(1e-3, 1.0), torch.zeros(()))
+    coarse = torch.stack([depth * inside, inside, mask])[None]
+    depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
+    # Where the finer mask exceeds a half, so does one of the coarse pixels around; rounding errors know no such rule.
+    seen = (mask > COVERED) & (weight > 0)
+    result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), torch.zeros(()))
     return np.asarray(result.numpy(), dtype=np.float32)
 
 

@@ -63,7 +63,6 @@ def save_model(
     dict
         The card.
     """
-    # Half precision halves the file; the rounding is part of the model, for what is tested is what is on disk.
     weights = save(
         {name: tensor.detach().cpu().half().contiguous() for name, tensor in result.network.state_dict().items()}
     )
@@ -104,6 +103,13 @@ def save_model(
     write_atomically(folder / HISTORY, _table(progress.history).encode())
     write_atomically(folder / CARD, _card_text(card).encode())
     return card
+
+
+def as_stored(network: nn.Module) -> None:
+    """Round the weights to half precision, which halves the file: what is tested is then what is on disk."""
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.copy_(parameter.half().float())
 
 
 def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
