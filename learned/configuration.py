@@ -35,7 +35,7 @@ class Configuration:
     global_context
         Whether the mean of the innermost features is added to each of their pixels.
     group_norm
-        Whether the encoder-decoder normalises groups of channels.
+        Whether encoder and decoder normalise groups of channels.
     code_size
         Length of the vector of ``"global-code"``.
     extra_data

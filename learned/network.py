@@ -87,6 +87,11 @@ class LongRangeFeatures(nn.Sequential):
         super().__init__(*blocks)
 
 
+def _norm(channels: int, group_norm: bool) -> list[nn.Module]:
+    """The layer that normalises groups of channels, where a configuration asks for it."""
+    return [nn.GroupNorm(GROUPS, channels)] if group_norm else []
+
+
 class EncoderDecoder(nn.Module):
     """DPR: four blocks of convolution, LeakyReLU and max-pooling, four of transposed convolution and ReLU, a 1x1 head.
 
@@ -115,13 +120,10 @@ class EncoderDecoder(nn.Module):
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
 
-        def norm(channels: int) -> list[nn.Module]:
-            return [nn.GroupNorm(GROUPS, channels)] if group_norm else []
-
         def encoder_block(before: int, after: int) -> nn.Sequential:
             layers: list[nn.Module] = []
             for place in range(convolutions):
-                layers += [nn.Conv2d(before if place == 0 else after, after, 3, padding=1), *norm(after)]
+                layers += [nn.Conv2d(before if place == 0 else after, after, 3, padding=1), *_norm(after, group_norm)]
                 layers.append(nn.LeakyReLU(SLOPE))
             return nn.Sequential(*layers)
 
@@ -135,7 +137,7 @@ class EncoderDecoder(nn.Module):
             nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
             for before, after in zip(innermost, afters, strict=True)
         )
-        self.norms = nn.ModuleList(nn.Sequential(*norm(after)) for after in afters)
+        self.norms = nn.ModuleList(nn.Sequential(*_norm(after, group_norm)) for after in afters)
         self.head = nn.Conv2d(width, CHANNELS, 1)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -215,14 +217,12 @@ class GlobalCodeNetwork(nn.Module):
         widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
 
         def block(before: int, after: int) -> nn.Sequential:
-            return nn.Sequential(
-                nn.Conv2d(before, after, 4, stride=2, padding=1), nn.GroupNorm(GROUPS, after), nn.LeakyReLU(SLOPE)
-            )
+            convolution = nn.Conv2d(before, after, 4, stride=2, padding=1)
+            return nn.Sequential(convolution, *_norm(after, configuration.group_norm), nn.LeakyReLU(SLOPE))
 
         def unblock(before: int, after: int) -> nn.Sequential:
-            return nn.Sequential(
-                nn.ConvTranspose2d(before, after, 4, stride=2, padding=1), nn.GroupNorm(GROUPS, after), nn.ReLU()
-            )
+            deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+            return nn.Sequential(deconvolution, *_norm(after, configuration.group_norm), nn.ReLU())
 
         flat = widths[-1] * self.INNERMOST**2
         self.encoder = nn.Sequential(*map(block, [1, *widths[:-1]], widths))
