@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -102,6 +103,35 @@ def shrink(image: Floats, resolution: int) -> Floats:
     mask = (cover >= COVERED).float()
     depth = torch.where(mask > 0, depth / cover.clamp(min=COVERED), torch.zeros(()))
     return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
+
+
+def smooth(prediction: Tensor, deviation: float) -> Tensor:
+    """Average the depth over neighbours inside the mask, with the weights of a Gaussian; the mask stays as it is.
+
+    Parameters
+    ----------
+    prediction
+        Depth and mask, shape (2, r, r).
+    deviation
+        Standard deviation of the Gaussian in pixels; 0 changes nothing.
+
+    Returns
+    -------
+    torch.Tensor
+        Shape (2, r, r).
+    """
+    if deviation == 0:
+        return prediction
+    depth, mask = prediction.float()
+    inside = (mask > COVERED).float()
+    reach = math.ceil(3 * deviation)
+    bell = torch.exp(-torch.arange(-reach, reach + 1, dtype=torch.float32).square() / (2 * deviation**2))
+    spread = torch.stack([depth * inside, inside])[:, None]
+    for kernel, padding in ((bell[None, None, :, None], (reach, 0)), (bell[None, None, None, :], (0, reach))):
+        spread = functional.conv2d(spread, kernel, padding=padding)
+    weighted, weight = spread[:, 0]
+    # Inside the mask the weight is at least that of the pixel itself.
+    return torch.stack([torch.where(inside > 0, weighted / weight.clamp(min=1.0), depth), mask])
 
 
 def enlarge(prediction: Tensor) -> Floats:

@@ -14,6 +14,9 @@ from benchmark.learning import Split, TrainingData
 DEFAULT_TRAINING = "humans-I"
 """Training data of the model that is used where no table chooses one."""
 
+MOST_SMOOTHING = 50.0
+"""Beyond this a body of the size of the frame would lose all relief."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Learned:
@@ -30,6 +33,9 @@ class Learned:
         Seed of the training whose model is used.
     training
         Name of the training data; "" takes what the table says.
+    smoothing
+        Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
+        The paper has none; a schedule shorter than the paper's leaves noise that this takes away.
     model
         Folder of the model; "" takes the shipped one.
     """
@@ -51,7 +57,14 @@ class Learned:
     configuration: str = "literal"
     training_seed: int = 0
     training: str = ""
+    smoothing: float = 0.0
     model: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.smoothing <= MOST_SMOOTHING:
+            raise ConfigurationError(
+                f"smoothing cannot be {self.smoothing}", f"choose between 0 and {MOST_SMOOTHING:g} pixels"
+            )
 
     @property
     def model_name(self) -> str:
@@ -99,7 +112,7 @@ class Learned:
         from learned.prediction import canonical_surface
 
         folder = Path(self.model) if self.model else self.shipped_models / DEFAULT_TRAINING / self.model_name
-        surface, notes = canonical_surface(folder, shape.depth)
+        surface, notes = canonical_surface(folder, shape.depth, self.smoothing)
         return CanonicalForm(surface.vertices, surface.faces, notes)
 
 

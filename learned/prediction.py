@@ -9,11 +9,11 @@ import torch
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.depth import DepthImage, back_project
 from benchmark.geometry.mesh import Mesh
-from learned.images import checked, enlarge, shrink
+from learned.images import checked, enlarge, shrink, smooth
 from learned.model import load_model, predict
 
 
-def canonical_depth(folder: Path, depth: DepthImage) -> DepthImage:
+def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> DepthImage:
     """Predict the depth image of the canonical pose.
 
     Parameters
@@ -22,6 +22,8 @@ def canonical_depth(folder: Path, depth: DepthImage) -> DepthImage:
         The model.
     depth
         Depth image, shape (500, 500).
+    smoothing
+        Standard deviation, in pixels of the network, of the Gaussian that smooths the depth inside the mask.
 
     Returns
     -------
@@ -37,20 +39,20 @@ def canonical_depth(folder: Path, depth: DepthImage) -> DepthImage:
     """
     network, card = load_model(folder)
     image = shrink(checked(depth), int(card["schedule"]["resolution"]))[:1]
-    return enlarge(predict(network, torch.from_numpy(image)))
+    return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
 
 
-def canonical_surface(folder: Path, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
+def canonical_surface(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> tuple[Mesh, dict[str, float | str]]:
     """Surface behind the predicted image, of unit area, and facts about it.
 
-    The sampling is that of the view input: about 2000 vertices.
+    The sampling is that of the view input: about 2000 vertices. See :func:`canonical_depth` for the parameters.
 
     Raises
     ------
     UnsupportedShape
         If the network predicts an empty mask.
     """
-    predicted = canonical_depth(folder, depth)
+    predicted = canonical_depth(folder, depth, smoothing)
     if not predicted.any():
         raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
     surface, report = back_project(predicted, 1.0)

@@ -9,7 +9,7 @@ import torch
 from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
 from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingPair
-from learned.images import checked, enlarge, gather, shrink
+from learned.images import checked, enlarge, gather, shrink, smooth
 from tests.learned.toy import Image, ellipsoid, person
 
 
@@ -138,3 +138,29 @@ def test_nan_in_a_pair_is_found_before_training() -> None:
 def test_no_pair_is_no_training() -> None:
     with pytest.raises(TrainingError, match="no pair"):
         gather([], resolution=32)
+
+
+def test_smoothing_takes_noise_away_and_keeps_the_mask_and_a_slope() -> None:
+    across = torch.linspace(0.2, 0.8, 64).expand(64, 64)
+    mask = torch.zeros(64, 64)
+    mask[16:48, 16:48] = 1
+    noise = 0.05 * torch.randn(64, 64, generator=torch.Generator().manual_seed(0))
+    smoothed = smooth(torch.stack([across + noise, mask]), 2.0)
+    np.testing.assert_array_equal(smoothed[1], mask)
+    centre = slice(24, 40)
+    # The mean of 4 pi deviation^2 independent values has a standard deviation smaller by the root of that number.
+    rest = (smoothed[0] - across)[centre, centre]
+    assert float(rest.std()) < 1.3 * 0.05 / (4 * np.pi * 4) ** 0.5
+
+
+def test_smoothing_does_not_look_outside_the_mask() -> None:
+    prediction = torch.from_numpy(shrink(disc(), 64))
+    noisy = prediction.clone()
+    noisy[0][prediction[1] == 0] = 0.9
+    inside = prediction[1] > 0
+    np.testing.assert_allclose(smooth(noisy, 3.0)[0][inside], 0.7, rtol=1e-5)
+
+
+def test_no_smoothing_changes_nothing() -> None:
+    prediction = torch.rand(2, 16, 16)
+    np.testing.assert_array_equal(smooth(prediction, 0.0), prediction)

@@ -53,7 +53,13 @@ def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned])
     assert learner.model_name == f"{learner.configuration}-seed0"
     assert replace(learner, training_seed=2).model_name == f"{learner.configuration}-seed2"
     assert learner.info.inputs == ("view",)
-    assert {field.name for field in fields(learner)} == {"configuration", "training_seed", "training", "model"}
+    assert {field.name for field in fields(learner)} == {
+        "configuration",
+        "training_seed",
+        "training",
+        "smoothing",
+        "model",
+    }
 
 
 def test_names_and_splits() -> None:
@@ -162,3 +168,9 @@ def test_loading_leaves_the_method_as_it_was(trained: Path) -> None:
     assert before.model == ""
     assert after == replace(before, model=str(trained))
     assert json.loads((trained / CARD).read_text())["configuration"]["name"] == after.configuration
+
+
+@pytest.mark.parametrize("smoothing", [-1.0, float("nan"), 1e3])
+def test_a_smoothing_that_cannot_be_is_refused(smoothing: float) -> None:
+    with pytest.raises(ConfigurationError, match="choose between 0 and 50 pixels"):
+        Learned(smoothing=smoothing)
