@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,12 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.humans import Humans
 from benchmark.learning import CARD, WEIGHTS, read_card
+from benchmark.store import Store
 from learned.methods import Learned
 from learned.model import load_model
 from learned.network import n_parameters
 
+ROOT = Path(__file__).parents[2]
 MEBIBYTES = 20
 FOLDS = re.compile(r"humans-strict-(\d)-(\d)")
 SUBJECTS = list(dict.fromkeys(entry.subject for entry in Humans().entries))
@@ -28,18 +32,14 @@ Card = dict[str, Any]
 @pytest.fixture(scope="module")
 def cards() -> dict[Path, Card]:
     """Card of each shipped model by its folder."""
-    found = {path.parent: read_card(path.parent) for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))}
-    if not found:
-        pytest.skip("no model is shipped")
-    return found
+    return {path.parent: read_card(path.parent) for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))}
 
 
 @pytest.fixture
 def of_data(cards: dict[Path, Card], request: pytest.FixtureRequest) -> list[Card]:
     """Cards of the models whose training has a name that matches."""
     found = [card for folder, card in cards.items() if re.fullmatch(request.param, folder.parent.name)]
-    if not found:
-        pytest.skip(f"no model is shipped that was trained on {request.param}")
+    assert found, f"no model is shipped that was trained on {request.param}"
     return found
 
 
@@ -107,3 +107,21 @@ def test_sampled_bodies_are_none_of_the_data_set(of_data: list[Card]) -> None:
     for card in of_data:
         assert not set(card["identifiers"]) & {entry.identifier for entry in Humans().entries}
         assert card["extra_data"]
+
+
+@pytest.mark.slow
+def test_table_one_needs_no_training(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "benchmark", "run", "-t", "I", "-m", "learned", "--input", "view", "--quick"]
+    done = subprocess.run(
+        [*command, "--results", str(tmp_path)], capture_output=True, text=True, cwd=ROOT, timeout=280, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    (record,) = Store.open(tmp_path).records()
+    assert record["n_shapes"] == 25
+    assert record["seen"] == []
+    assert (
+        record["models"][0]["digest"] == read_card(Learned.shipped_models / "humans-I" / "literal-seed0")["digest"][:16]
+    )
+    # Five poses of five subjects: random order finds a shape of the subject first in a sixth of the queries.
+    assert record["scores"]["NN"] > 2 * record["chance"]["NN"]
+    assert "128 x 128 pixels, 60 epochs" in done.stdout
