@@ -114,6 +114,8 @@ class TableContent:
                         row.title
                     )
             lines += self._trainings(row)
+        if any(cell.models for row in self.rows for cell in row.cells.values()):
+            lines.append(f"The paper's schedule: {paper.SCHEDULE}.")
         lines += [f"{', '.join(titles)}, {what}" for what, titles in without_scores.items()]
         not_run = [row.title for row in self.rows if any(cell.status in NOT_RUN for cell in row.cells.values())]
         if not_run:
