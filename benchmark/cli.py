@@ -78,7 +78,7 @@ def _selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
         ),
-        click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'."),
+        click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'; or all."),
         click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
         click.option("--plugin", "plugins", multiple=True, type=file, metavar="FILE", help="Python file with methods."),

@@ -23,6 +23,9 @@ from benchmark.errors import ConfigurationError, did_you_mean
 
 ENTRY_POINTS = "canonical_forms.methods"
 
+#: Stands for all methods where others are named beside it.
+EVERY = "all"
+
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
     "fast-mds": "baselines.fast_mds:FastMDS",
@@ -190,7 +193,8 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     Parameters
     ----------
     names
-        Names, each with parameters if need be: ``"least-squares-mds[start=classic]"``.
+        Names, each with parameters if need be: ``"least-squares-mds[start=classic]"``; ``"all"`` stands for what is
+        chosen when none is given, to add further ones to it.
     known
         What :func:`methods` found.
     plugins
@@ -201,15 +205,16 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     ConfigurationError
         If a name or a parameter is unknown, or a value does not fit.
     """
-    wanted = [variant(name, known) for name in dict.fromkeys(names)]
+    asked = list(dict.fromkeys(names))
+    every = not asked or EVERY in asked
+    wanted = [variant(name, known) for name in asked if name != EVERY]
     files = {str(path.resolve()) for path in plugins}
     chosen = []
     for spec in known.values():
         variants = [variant for variant in wanted if variant.target == spec.target]
-        if variants:
-            chosen += [dataclasses.replace(variant, named=True) for variant in variants]
-        elif not wanted or spec.module in files:
+        if (every and all(variant.parameters for variant in variants)) or (spec.module in files and not variants):
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
+        chosen += [dataclasses.replace(variant, named=True) for variant in variants]
     return chosen
 
 

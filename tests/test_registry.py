@@ -114,3 +114,13 @@ def test_parameters_in_brackets_make_a_variant_with_its_own_name_and_title():
 def test_a_wrong_parameter_is_named(name, message):
     with pytest.raises(ConfigurationError, match=message):
         registry.select([name], registry.methods())
+
+
+def test_all_methods_and_some_more():
+    known = registry.methods()
+    plain = [spec.name for spec in registry.select([], known)]
+    more = registry.select(["all", "least-squares-mds[start=classic]"], known)
+    place = plain.index("least-squares-mds") + 1
+    assert [spec.name for spec in more] == [*plain[:place], "least-squares-mds[start=classic]", *plain[place:]]
+    assert [spec.name for spec in more if spec.named] == ["least-squares-mds[start=classic]"]
+    assert [spec.name for spec in registry.select(["all", "gps"], known)] == plain

@@ -219,9 +219,11 @@ def _others(
     cells: Mapping[str, Mapping[Input, Cell]], printed: Iterable[str], specs: Mapping[str, MethodSpec]
 ) -> list[str]:
     """Methods without a row in the paper that were run: further forms first, controls last."""
-    rest = [
-        name
-        for name, by_input in cells.items()
-        if name not in set(printed) and any(cell.status not in NOT_RUN for cell in by_input.values())
-    ]
+    rest = [name for name, by_input in cells.items() if name not in set(printed) and _was_run(by_input.values())]
     return sorted(rest, key=lambda name: specs[name].info.family == "control")
+
+
+def _was_run(cells: Iterable[Cell]) -> bool:
+    """Whether some input was tried, or none can be: what waits for one input alone has no row yet."""
+    statuses = [cell.status for cell in cells if cell.record.get("status") or cell.status in NOT_RUN]
+    return not statuses or any(status not in NOT_RUN for status in statuses)
