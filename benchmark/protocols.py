@@ -159,13 +159,13 @@ class Gallery:
         return [
             variant
             for spec in methods
-            if (spec.named or spec.name in printed) and spec.learns and spec.load().split == self.split
+            if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split == self.split
             for variant in _trainings(spec)
         ]
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.name in _ABLATED:
+        if spec.base_name in _ABLATED:
             return False
         try:
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"

@@ -214,7 +214,8 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
         variants = [variant for variant in wanted if variant.target == spec.target]
         if (every and all(variant.parameters for variant in variants)) or (spec.module in files and not variants):
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
-        chosen += [dataclasses.replace(variant, named=True) for variant in variants]
+        # Beside all methods, a further one goes where its kind goes; alone, it goes wherever it is asked for.
+        chosen += [dataclasses.replace(variant, named=EVERY not in asked) for variant in variants]
     return chosen
 
 

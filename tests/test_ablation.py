@@ -152,3 +152,10 @@ def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_n
     assert not beyond & {spec.name for spec in three.rows(known)}
     assert "learned" in {spec.name for spec in three.rows(known)}
     assert [spec.name for spec in three.rows(specs("learned-wide"))] == ["learned-wide"]
+
+
+def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
+    chosen = registry.select(["all", "learned-strict[smoothing=3]"], registry.methods())
+    one, fold = galleries(["I"])[0], galleries(["IV"])[1]
+    assert "learned-strict[smoothing=3]" not in {spec.name for spec in one.rows(chosen)}
+    assert [spec.name for spec in fold.rows(chosen)] == ["learned-strict", "learned-strict[smoothing=3]"]
