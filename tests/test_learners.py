@@ -8,6 +8,8 @@ from click.testing import CliRunner
 
 from benchmark.cli import cli
 from benchmark.errors import BenchmarkError
+from benchmark.models import ready
+from benchmark.registry import methods, variant
 from benchmark.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
@@ -206,3 +208,22 @@ def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
     write_off(tmp_path / "rod.off", rod(0.1, 2.0))
     call("canonicalise", "-m", "mean-target", tmp_path / "rod.off", "-o", tmp_path / "form.off")
     assert (tmp_path / "form.off").read_text().startswith("OFF")
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("learned", "humans-I/literal-seed0"),
+        ("learned-wide-extra", "humans-sampled/wide-extra-seed0"),
+        ("learned-strict", "humans-I/literal-seed0"),
+        ("learned[training=animals-III]", "animals-III/literal-seed0"),
+    ],
+)
+def test_a_single_shape_gets_the_shipped_model(name, folder):
+    method = ready(variant(name, methods()))
+    assert method.model.endswith(folder)
+
+
+def test_a_method_that_does_not_learn_is_made_as_it_is():
+    spec = variant("gps", methods())
+    assert ready(spec) == spec.create()
