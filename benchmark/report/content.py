@@ -113,9 +113,10 @@ class TableContent:
                     without_scores.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(
                         row.title
                     )
-            lines += self._trainings(row)
-        if any(cell.models for row in self.rows for cell in row.cells.values()):
-            lines.append(f"The paper's schedule: {paper.SCHEDULE}.")
+        trained = self._trainings()
+        if trained:
+            lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
+        lines += [line for row in self.rows for line in self._of_models(row)]
         lines += [f"{', '.join(titles)}, {what}" for what, titles in without_scores.items()]
         not_run = [row.title for row in self.rows if any(cell.status in NOT_RUN for cell in row.cells.values())]
         if not_run:
@@ -125,16 +126,23 @@ class TableContent:
             lines.append(bridges)
         return lines
 
-    def _trainings(self, row: Row) -> Iterable[str]:
-        """Which schedule made the models of a row, on which data, and whether they had seen the shapes."""
-        for input_, cell in row.cells.items():
+    def _trainings(self) -> list[str]:
+        """Which schedule made the models, and on which data; rows that share them share a line."""
+        titles: dict[str, list[str]] = {}
+        for row in self.rows:
             by_schedule: dict[tuple[str, bool], list[str]] = {}
-            for model in cell.models:
+            for model in (model for cell in row.cells.values() for model in cell.models):
                 by_schedule.setdefault((model["schedule"], model["extra_data"]), []).append(model["data"])
             for (schedule, extra), data in by_schedule.items():
                 sets = list(dict.fromkeys(data))
                 named = sets[0] + (f" (and {len(sets) - 1} more such sets)" if len(sets) > 1 else "")
-                yield f"{row.title}: trained on {'extra data, ' if extra else ''}{named}: {schedule}"
+                what = f"trained on {'extra data, ' if extra else ''}{named}: {schedule}"
+                titles.setdefault(what, []).append(row.title)
+        return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
+
+    def _of_models(self, row: Row) -> Iterable[str]:
+        """Whether the models of a row had seen the shapes, and how many there are."""
+        for input_, cell in row.cells.items():
             if seen := cell.record.get("seen"):
                 yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
             if 0 < cell.n_averaged < cell.n_wanted:
