@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Descriptor, Method
+from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
@@ -19,12 +19,11 @@ from benchmark.trainings import (
     NUMERALS,
     TRAININGS,
     Training,
-    training_without_a_table,
     trainings_by_shape,
     trainings_of,
 )
 
-__all__ = ["Maker", "MissingModel", "Model", "find_models", "ready"]
+__all__ = ["Maker", "MissingModel", "Model", "find_models"]
 
 
 class MissingModel(ConfigurationError):
@@ -114,18 +113,6 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.mend) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
-
-
-def ready(spec: MethodSpec) -> Method | Descriptor:
-    """Make a method that can treat a shape of no data set: one that learns comes with the model that is shipped for it.
-
-    A learner for which none is shipped, or whose parameter ``model`` names one, is left as it is.
-    """
-    method = spec.create()
-    if not isinstance(method, Learner) or getattr(method, "model", False):
-        return method
-    folder = find_model([method.shipped_models], training_without_a_table(method).name, method.model_name)
-    return method.load(folder) if folder else method
 
 
 def _command(spec: MethodSpec, method: Learner, gallery: Gallery, training: Training) -> str:

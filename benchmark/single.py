@@ -7,7 +7,6 @@ from pathlib import Path
 
 from benchmark.contracts import CanonicalForm, Mesh, Method, Shape
 from benchmark.errors import ConfigurationError
-from benchmark.models import ready
 from benchmark.registry import methods, select
 from benchmark.stages import N_VERTICES
 
@@ -41,7 +40,7 @@ def canonicalise_file(
     from benchmark.geometry.io import read_mesh, write_mesh
 
     (spec,) = select([method], methods(plugins))
-    maker = ready(spec)
+    maker = spec.create()
     if not isinstance(maker, Method):
         raise ConfigurationError(
             f"method '{method}' describes shapes without a canonical form", "choose another method"

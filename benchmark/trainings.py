@@ -25,7 +25,6 @@ __all__ = [
     "Training",
     "find_training",
     "fold",
-    "training_without_a_table",
     "trainings_by_shape",
     "trainings_of",
 ]
@@ -229,11 +228,6 @@ def _of_set(name: str, data_root: Path | None) -> Training:
     if name == "shrec14-real":
         return TRAININGS[f"{_present('shrec14-synthetic', 'humans', data_root)}-I"]
     return TRAININGS.get(f"{name}-I", TRAININGS["humans-I"])
-
-
-def training_without_a_table(learner: Learner) -> Training:
-    """Training whose model treats a single shape that belongs to no set: that of the generated humans, if any fits."""
-    return _whatever_the_table(learner) or TRAININGS["humans-I"]
 
 
 def _whatever_the_table(learner: Learner) -> Training | None:

@@ -116,9 +116,8 @@ def resume(
         history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
     except (SafetensorError, OSError, KeyError, ValueError) as error:
         raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
-    now = json.loads(json.dumps(recipe))
-    if before != now:
-        changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+    if before != recipe:
+        changed = sorted(name for name in before.keys() | recipe.keys() if before.get(name) != recipe.get(name))
         raise TrainingError(
             f"checkpoint {path} was made with another {', '.join(changed)}",
             "train with the same options, or delete the folder to begin anew",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -78,27 +77,20 @@ def fit(
     pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)
     say(f"training '{name}', seed {seed}: {plan.in_words()}, on {device.type}")
     result = train(chosen, plan, pairs, unseen, folder, recipe, seed=seed, device=device, say=say)
-    as_stored(result.network.to("cpu"))
-    final, drawn = {}, {}
+    network = result.network.to("cpu").eval()
+    as_stored(network)
+    title = f"{name}, seed {seed}, {data.name}"
+    final = {}
     for kind, of_kind in (("training", pairs), ("unseen", unseen)):
         rows = np.linspace(0, len(of_kind) - 1, min(SAMPLES, len(of_kind))).round().astype(int)
-        result.network.eval()
-        predictions = torch.stack([predict(result.network, of_kind.images[row]) for row in rows])
-        final[kind] = measures(predictions, of_kind.targets[of_kind.target_of[rows]])
-        drawn[kind] = (rows, predictions)
-    card = save_model(folder, result, data, chosen, plan, seed=seed, n_pairs=len(pairs), final=final, recipe=recipe)
-    title = f"{name}, seed {seed}, {data.name}"
+        images, targets = of_kind.images[rows], of_kind.targets[of_kind.target_of[rows]]
+        predictions = torch.stack([predict(network, image) for image in images])
+        final[kind] = measures(predictions, targets)
+        names = [of_kind.identifiers[row] for row in rows]
+        picture = folder / f"samples-{kind}.png"
+        pictures.draw_samples(names, images, predictions, targets, picture, f"{title}: {kind} pairs")
     pictures.draw_history(result.progress.history, folder / "history.png", title)
-    for kind, of_kind in (("training", pairs), ("unseen", unseen)):
-        rows, predictions = drawn[kind]
-        pictures.draw_samples(
-            [of_kind.identifiers[row] for row in rows],
-            of_kind.images[rows, 0].numpy(),
-            predictions.numpy(),
-            of_kind.targets[of_kind.target_of[rows]].numpy(),
-            folder / f"samples-{kind}.png",
-            f"{title}: {kind} pairs",
-        )
+    card = save_model(folder, result, data, chosen, plan, seed=seed, n_pairs=len(pairs), final=final, recipe=recipe)
     load_model(folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)
     say(
@@ -109,16 +101,12 @@ def fit(
 
 def _check_finished(folder: Path, recipe: Mapping[str, Any], plan: Schedule) -> None:
     card = read_card(folder)
-    if card.get("recipe") != _plain(recipe):
+    if card.get("recipe") != recipe:
         raise ConfigurationError(
             f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
             f"not of {plan.in_words()}",
             "delete the folder to train anew, or name other --results",
         )
-
-
-def _plain(recipe: Mapping[str, Any]) -> Any:
-    return json.loads(json.dumps(recipe))
 
 
 def _threads(options: Mapping[str, Any]) -> int:

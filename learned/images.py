@@ -105,6 +105,12 @@ def shrink(image: Floats, resolution: int) -> Floats:
     return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
 
 
+def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
+    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
+
+
 def smooth(prediction: Tensor, deviation: float) -> Tensor:
     """Average the depth over neighbours inside the mask, with the weights of a Gaussian; the mask stays as it is.
 

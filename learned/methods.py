@@ -11,9 +11,6 @@ from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedSha
 from benchmark.errors import ConfigurationError
 from benchmark.learning import Split, TrainingData
 
-DEFAULT_TRAINING = "humans-I"
-"""Training data of the model that is used where no table chooses one."""
-
 MOST_SMOOTHING = 50.0
 """Beyond this a body of the size of the frame would lose all relief."""
 
@@ -53,6 +50,8 @@ class Learned:
     )
     split: ClassVar[Split] = "table"
     shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
+    default_training: ClassVar[str] = "humans-I"
+    """Training data of the model that is used where no table chooses one."""
 
     configuration: str = "literal"
     training_seed: int = 0
@@ -70,6 +69,13 @@ class Learned:
     def model_name(self) -> str:
         """Configuration and training seed."""
         return f"{self.configuration}-seed{self.training_seed}"
+
+    @property
+    def model_folder(self) -> Path:
+        """Folder of the model: the one that was named or loaded, else the shipped one."""
+        if self.model:
+            return Path(self.model)
+        return self.shipped_models / (self.training or self.default_training) / self.model_name
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.schedule.Schedule`."""
@@ -111,8 +117,7 @@ class Learned:
             raise UnsupportedShape("the learned network needs a depth image", "use the view input")
         from learned.prediction import canonical_surface
 
-        folder = Path(self.model) if self.model else self.shipped_models / DEFAULT_TRAINING / self.model_name
-        surface, notes = canonical_surface(folder, shape.depth, self.smoothing)
+        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing)
         return CanonicalForm(surface.vertices, surface.faces, notes)
 
 
@@ -177,4 +182,5 @@ class WideExtra(Learned):
         trained_on=("sampled bodies, none of the data set",),
     )
     split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-sampled"
     configuration: str = "wide-extra"

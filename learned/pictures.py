@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from learned.images import COVERED
+from learned.images import COVERED, overlaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
+    from torch import Tensor
 
 COLUMNS = 10
 """Samples in a grid."""
@@ -48,9 +49,9 @@ def draw_history(history: Sequence[Mapping[str, float]], path: Path, title: str)
 
 def draw_samples(
     names: Sequence[str],
-    images: NDArray[np.float32],
-    predictions: NDArray[np.float32],
-    targets: NDArray[np.float32],
+    images: Tensor,
+    predictions: Tensor,
+    targets: Tensor,
     path: Path,
     title: str,
 ) -> None:
@@ -61,7 +62,7 @@ def draw_samples(
     names
         One per sample.
     images
-        Shape (n, r, r).
+        Depth, shape (n, 1, r, r).
     predictions, targets
         Depth and mask, shape (n, 2, r, r).
     path, title
@@ -69,8 +70,7 @@ def draw_samples(
     """
     from matplotlib.figure import Figure
 
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
-    overlap = (predicted & true).sum(axis=(1, 2)) / np.maximum((predicted | true).sum(axis=(1, 2)), 1)
+    overlap = overlaps(predictions, targets).numpy()
     order = np.argsort(overlap, kind="stable")
     # The three worst show the failures, the others are spread over the whole range.
     chosen = np.unique(np.concatenate([np.arange(3), np.linspace(3, len(order) - 1, COLUMNS - 3).round().astype(int)]))
@@ -79,8 +79,9 @@ def draw_samples(
     figure = Figure(figsize=(1.3 * len(chosen), 1.35 * len(rows)), layout="constrained")
     grid = figure.subplots(len(rows), len(chosen), squeeze=False)
     for column, sample in enumerate(chosen):
-        depth = np.where(predicted[sample], predictions[sample, 0], 0)
-        pictures = (images[sample], depth, targets[sample, 0], predictions[sample, 1], targets[sample, 1])
+        depth, mask = predictions[sample].numpy()
+        true_depth, true_mask = targets[sample].numpy()
+        pictures = (images[sample, 0].numpy(), np.where(mask > COVERED, depth, 0), true_depth, mask, true_mask)
         for axes, picture, row in zip(grid[:, column], pictures, rows, strict=True):
             _show(axes, picture, is_depth="mask" not in row)
         grid[0, column].set_title(f"{names[sample]}\n{overlap[sample]:.2f}", fontsize=5)

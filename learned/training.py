@@ -17,7 +17,7 @@ from benchmark.geometry.depth import SIZE
 from learned import checkpoint
 from learned.checkpoint import Progress
 from learned.configuration import Configuration
-from learned.images import COVERED, Pairs
+from learned.images import COVERED, Pairs, overlaps
 from learned.network import RESOLUTIONS, build
 from learned.schedule import Schedule, losses, step_size
 
@@ -258,11 +258,10 @@ def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
         ``"mask overlap"``: intersection over union, mean over the images. ``"depth error"``: mean absolute error inside
         both masks, as a share of the depth of the frame.
     """
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
-    both, either = predicted & true, predicted | true
-    overlap = both.sum(dim=(1, 2)) / either.sum(dim=(1, 2)).clamp(min=1)
+    both = (predictions[:, 1] > COVERED) & (targets[:, 1] > COVERED)
     error = (predictions[:, 0] - targets[:, 0]).abs()[both]
-    return {"mask overlap": float(overlap.mean()), "depth error": float(error.mean()) if len(error) else float("nan")}
+    overlap = float(overlaps(predictions, targets).mean())
+    return {"mask overlap": overlap, "depth error": float(error.mean()) if len(error) else float("nan")}
 
 
 def _has_bfloat16(device: torch.device) -> bool:

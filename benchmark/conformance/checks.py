@@ -18,7 +18,6 @@ from benchmark.conformance.shapes import BENDS, awkward
 from benchmark.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
 from benchmark.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
 from benchmark.errors import UnsupportedShape
-from benchmark.models import ready
 from benchmark.registry import MethodSpec
 
 Check = Callable[[Trial], str]
@@ -147,7 +146,7 @@ def _check_awkward_shapes(trial: Trial) -> str:
 
 
 def _check_repeatable(trial: Trial) -> str:
-    used, fresh = ready(trial.spec), ready(trial.spec)
+    used, fresh = trial.spec.create(), trial.spec.create()
     other = answer(used, trial.shape(BENDS[1]))
     again = answer(used, trial.shape())
     same(trial.reference, again, "after another shape the answer is a different one; keep nothing between shapes")

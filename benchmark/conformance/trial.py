@@ -14,7 +14,6 @@ from scipy.spatial.distance import pdist
 from benchmark.conformance.shapes import BENDS, figure, view
 from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
 from benchmark.errors import BenchmarkError, UnsupportedShape
-from benchmark.models import ready
 from benchmark.registry import MethodSpec
 
 #: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
@@ -74,7 +73,7 @@ class Trial:
 
     def answer(self, shape: Shape) -> FloatArray:
         """What a new object of the method answers for a shape."""
-        return answer(ready(self.spec), shape)
+        return answer(self.spec.create(), shape)
 
     @cached_property
     def reference(self) -> FloatArray:
