@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,24 +122,26 @@ class _OutOfMemory(Exception):
     """An allocation failed."""
 
 
+@dataclass
 class _Loop:
-    def __init__(
-        self,
-        configuration: Configuration,
-        plan: Schedule,
-        pairs: Pairs,
-        unseen: Pairs | None,
-        folder: Path,
-        recipe: Mapping[str, Any],
-        seed: int,
-        device: torch.device,
-        say: Callable[[str], None],
-    ) -> None:
-        self.configuration, self.plan, self.pairs, self.unseen = configuration, plan, pairs, unseen
-        self.folder, self.recipe, self.seed, self.device, self.say = folder, recipe, seed, device, say
-        self.batch = plan.batch
+    """One training; the fields are the parameters of :func:`train`, with the pairs on the device."""
+
+    configuration: Configuration
+    plan: Schedule
+    pairs: Pairs
+    unseen: Pairs | None
+    folder: Path
+    recipe: Mapping[str, Any]
+    seed: int
+    device: torch.device
+    say: Callable[[str], None]
+
+    def __post_init__(self) -> None:
+        self.batch = self.plan.batch
         self.halved = False
-        self.half_precision = plan.precision == "bfloat16" or (plan.precision == "auto" and _has_bfloat16(device))
+        self.half_precision = self.plan.precision == "bfloat16" or (
+            self.plan.precision == "auto" and _has_bfloat16(self.device)
+        )
 
     def halve_batch(self) -> None:
         if self.batch < 2:
@@ -153,7 +155,7 @@ class _Loop:
         found = checkpoint.resume(self.folder, network, optimiser, self.recipe)
         progress = found or Progress(0, self.batch, 0.0, ())
         if self.halved:
-            progress = Progress(progress.epoch, self.batch, progress.seconds, progress.history)
+            progress = replace(progress, batch=self.batch)
         self.batch = progress.batch
         if found:
             self.say(f"going on after epoch {progress.epoch} of {self.plan.epochs}")
