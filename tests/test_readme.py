@@ -62,7 +62,7 @@ def test_every_make_target_and_verb_exists():
     makefile = (ROOT / "Makefile").read_text()
     for target in re.findall(r"^    make (\w+)", README, re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE)
-    from benchmark.cli import cli
+    from benchmark.cli.main import cli
 
     verbs = re.findall(r"python -m benchmark (\w+)", README)
     assert verbs

@@ -3,7 +3,7 @@ from importlib.resources import files
 
 import pytest
 
-from benchmark import registry
+from benchmark.methods import registry
 
 BIBLIOGRAPHY = files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 

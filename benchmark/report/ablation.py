@@ -6,10 +6,10 @@ import statistics
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmark.keys import digest
-from benchmark.plan import Job
-from benchmark.registry import MethodSpec
+from benchmark.jobs.plan import Job
+from benchmark.methods.registry import MethodSpec
 from benchmark.report.cell import Cell
+from benchmark.storage.keys import digest
 
 SEED = "training_seed"
 

@@ -17,9 +17,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, S
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import Camera, camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.stages import Stages
 from benchmark.report.drawing import SUPERSAMPLING, depth_picture, shaded
-from benchmark.stages import Stages
-from benchmark.store import Store
+from benchmark.storage.store import Store
 from retrieval.cmbof import CMBOF
 
 #: Poses of each subject, unless told otherwise.

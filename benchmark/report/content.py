@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmark.contracts import Input
-from benchmark.plan import Job
-from benchmark.protocols import Gallery
+from benchmark.jobs.plan import Job
+from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.tables import Gallery
 from benchmark.reference import paper
-from benchmark.registry import MethodSpec
 from benchmark.report.ablation import averaged, row_of
 from benchmark.report.cell import Cell, Scores
-from benchmark.store import Store
+from benchmark.storage.store import Store
 
 
 @dataclass(frozen=True)

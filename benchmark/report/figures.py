@@ -12,12 +12,12 @@ from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.geometry.depth import Camera
-from benchmark.models import Maker
-from benchmark.plan import Job
-from benchmark.protocols import Gallery
+from benchmark.jobs.plan import Job
+from benchmark.jobs.stages import Stages
+from benchmark.protocols.models import Maker
+from benchmark.protocols.tables import Gallery
 from benchmark.report.drawing import Image, depth_picture, principal_frame, shaded
-from benchmark.stages import Stages
-from benchmark.store import Store
+from benchmark.storage.store import Store
 from retrieval.cmbof import CMBOF
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmark.contracts import Input
-from benchmark.keys import digest
 from benchmark.reference.paper import METRICS
 from benchmark.report.cell import Cell, Scores
 from benchmark.report.content import Row, TableContent
+from benchmark.storage.keys import digest
 
 BLANK = "--"
 

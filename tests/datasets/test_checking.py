@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli_data import data
+from benchmark.cli.data import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.inspection import count_holes

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmark.cli_data import data
+from benchmark.cli.data import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
@@ -246,7 +246,7 @@ def test_the_list_says_what_is_here(tmp_path):
 
 @pytest.mark.slow
 def test_scores_are_the_same_after_the_round_trip(tmp_path):
-    from tests.test_command_line import benchmark
+    from tests.cli.test_command_line import benchmark
 
     write_rods(tmp_path / "in")
     export(folder_dataset(tmp_path / "in"), tmp_path / "out", "shrec14")

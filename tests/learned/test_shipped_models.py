@@ -14,7 +14,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.humans import Humans
 from benchmark.learning import CARD, WEIGHTS, read_card
-from benchmark.store import Store
+from benchmark.storage.store import Store
 from learned.methods import Learned
 from learned.model import load_model
 from learned.network import n_parameters

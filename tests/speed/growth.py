@@ -22,7 +22,7 @@ from benchmark.contracts import Mesh, Method, Shape  # noqa: E402
 from benchmark.datasets.humans import Humans  # noqa: E402
 from benchmark.geometry import geodesics  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
-from benchmark.registry import BUILT_IN, MethodSpec  # noqa: E402
+from benchmark.methods.registry import BUILT_IN, MethodSpec  # noqa: E402
 from tests.speed._document import FIGURE, GROWTH, exponent, machine, write_document  # noqa: E402
 from tests.speed._timing import Work, processor_seconds  # noqa: E402
 

@@ -1,0 +1,112 @@
+"""The verbs of ``data``: list the data sets, check one, draw one, write one out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+DATA_VARIABLE = "CANONICAL_FORMS_DATA"
+
+data_root_option = click.option(
+    "--data-root",
+    type=click.Path(path_type=Path),
+    envvar=DATA_VARIABLE,
+    metavar="DIR",
+    help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
+)
+
+
+def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+    """Print what a list verb found, in columns or as JSON."""
+    if as_json:
+        import json
+
+        click.echo(json.dumps(rows, indent=1))
+        return
+    widths = [max(len(row[key]) for row in rows) for key in rows[0]]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row.values(), widths, strict=True))
+        click.echo("  ".join(cells).rstrip())
+
+
+@click.group()
+def data() -> None:
+    """List data sets, check one, draw one, or write one out in an official layout."""
+
+
+@data.command("list")
+@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@data_root_option
+def list_(as_json: bool, data_root: Path | None) -> None:
+    """List the data sets: official or generated, present or absent."""
+    from benchmark.cli import listing
+
+    print_rows(listing.datasets(data_root), as_json)
+
+
+@data.command()
+@click.argument("name", metavar="NAME|FOLDER")
+@data_root_option
+def check(name: str, data_root: Path | None) -> None:
+    """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
+    from benchmark.datasets.checking import check_source
+
+    report = check_source(name, data_root)
+    for line in report.lines():
+        click.echo(line)
+    sys.exit(0 if report.usable else 1)
+
+
+@data.command()
+@click.argument("name", metavar="NAME|FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder to write; must be empty or new.",
+)
+@click.option(
+    "--layout",
+    required=True,
+    type=click.Choice(["shrec14", "tosca"]),
+    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off.",
+)
+@click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
+@data_root_option
+def export(name: str, output: Path, layout: str, force: bool, data_root: Path | None) -> None:
+    """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.datasets.export import export as write
+
+    files = write(open_dataset(name, data_root), output, layout, force=force)
+    click.echo(f"wrote {len(files)} files to {output}; use them with -d {output}")
+
+
+@data.command()
+@click.argument("name", metavar="NAME|FOLDER")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE.png",
+    help="File to write; by default sheet-NAME.png.",
+)
+@click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
+@click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
+@data_root_option
+def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data_root: Path | None) -> None:
+    """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.report.contact_sheet import contact_sheet
+
+    dataset = open_dataset(name, data_root)
+    drawn = contact_sheet(dataset, subjects, poses)
+    for problem in drawn.problems:
+        click.echo(f"not drawn: {problem}", err=True)
+    target = output or Path(f"sheet-{dataset.name}.png")
+    drawn.save(target)
+    click.echo(f"wrote {target}")

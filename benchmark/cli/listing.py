@@ -1,0 +1,83 @@
+"""What ``list`` shows, as rows of plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from benchmark.errors import ConfigurationError
+from benchmark.methods import registry
+
+Rows = list[dict[str, str]]
+
+
+def methods(plugins: Iterable[Path] = ()) -> Rows:
+    """Name, family, availability and summary of each method; one that cannot be imported says why."""
+    rows = []
+    for name, spec in registry.methods(plugins).items():
+        try:
+            info, missing = spec.info, spec.missing_packages()
+        except ConfigurationError as error:
+            rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
+            continue
+        state = f"needs {', '.join(missing)}" if missing else "available"
+        rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
+    return rows
+
+
+def datasets(data_root: Path | None) -> Rows:
+    """Name, presence and summary of each data set."""
+    from benchmark.datasets.catalogue import CATALOGUE, is_present
+
+    return [
+        {
+            "name": name,
+            "kind": "official" if known.folder else "generated",
+            "state": "present" if is_present(name, data_root) else f"absent: DATA_ROOT/{known.folder}",
+            "summary": known.summary,
+        }
+        for name, known in CATALOGUE.items()
+    ]
+
+
+def tables(data_root: Path | None) -> Rows:
+    """Numeral, the data set that would be used, and caption of each table."""
+    from benchmark.datasets.catalogue import is_present
+    from benchmark.protocols.tables import TABLES
+
+    return [
+        {
+            "table": table.identifier,
+            "dataset": table.dataset
+            if is_present(table.dataset, data_root)
+            else f"{table.stand_in} (stand-in for {table.dataset})",
+            "caption": table.caption,
+        }
+        for table in TABLES
+    ]
+
+
+def models(results: Path) -> Rows:
+    """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
+    from benchmark.learning import CARD, Learner, read_card
+    from benchmark.storage.store import Store
+
+    folders = {Store(results / "runs").models: "trained here"}
+    for spec in registry.methods().values():
+        method = spec.create() if spec.learns else None
+        if isinstance(method, Learner):
+            folders.setdefault(method.shipped_models, "shipped")
+    rows = []
+    for folder, origin in folders.items():
+        for path in sorted(folder.glob(f"*/*/{CARD}")):
+            card = read_card(path.parent)
+            rows.append(
+                {
+                    "training": path.parent.parent.name,
+                    "model": path.parent.name,
+                    "origin": origin,
+                    "digest": str(card["digest"])[:12],
+                    "schedule": str(card.get("schedule_in_words", "")),
+                }
+            )
+    return rows

@@ -1,0 +1,170 @@
+"""Pairs that learners are trained on: the shapes of a protocol, rendered as every method is given them.
+
+That no shape to be tested, nor another shape of its subject, is among them is checked each time they are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.datasets import humans
+from benchmark.datasets.base import Entry
+from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.human_poses import POSES, Pose
+from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.geometry.depth import FRONT, render_depth
+from benchmark.jobs.stages import VIEW, Stages
+from benchmark.learning import TrainingData, TrainingPair
+from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, SAMPLED_POSES, Training
+from benchmark.storage import keys
+from benchmark.storage.store import Store
+from retrieval.cmbof import CMBOF
+
+__all__ = ["training_data"]
+
+Say = Callable[[str], None]
+
+
+def training_data(
+    training: Training, store: Store, data_root: Path | None, say: Say, n_sampled: int = SAMPLED_BODIES
+) -> TrainingData:
+    """Render the shapes of a protocol and make its pairs.
+
+    Parameters
+    ----------
+    training
+        The protocol.
+    store
+        Where images are kept.
+    data_root
+        The folder that holds the official sets.
+    say
+        Told about shapes that cannot be rendered.
+    n_sampled
+        Number of bodies where they are sampled.
+
+    Raises
+    ------
+    DatasetError
+        If the set is absent.
+    ConfigurationError
+        If the training data would hold a subject that its models are tested on, or nothing at all.
+    """
+    dataset = open_dataset(training.dataset, data_root)
+    stages = Stages(store, dataset, "view", 0, CMBOF())
+    tested = training.tested.of(dataset)
+    if training.name == SAMPLED:
+        return _sampled(training, stages, tested, say, n_sampled)
+    pairs = _renderable(training.trained.of(dataset), stages, say)
+    shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
+    data = TrainingData(
+        name=training.name,
+        title=f"{dataset.title}, {training.words}",
+        digest=keys.digest([[stages.shape_recipe(entry) for entry in pair] for pair in pairs]),
+        subjects=tuple(dict.fromkeys(entry.subject for entry in shown)),
+        identifiers=tuple(entry.identifier for entry in shown),
+        n_pairs=len(pairs),
+        pairs=lambda: _pairs(pairs, stages),
+        unseen=lambda: _pairs(_renderable(tested, stages, say), stages),
+    )
+    _check_apart(data, tested)
+    return data
+
+
+def _renderable(entries: Iterable[Entry], stages: Stages, say: Say) -> list[tuple[Entry, Entry]]:
+    """Shapes beside those of the same subject in the canonical pose, without those that cannot be rendered."""
+    told: set[str] = set()
+
+    def can_be_rendered(entry: Entry) -> bool:
+        try:
+            stages.shape(entry)
+        except ShapeError as error:
+            if entry.identifier not in told:
+                say(f"skipped {entry.identifier}: {error}")
+            told.add(entry.identifier)
+            return False
+        return True
+
+    beside = [(entry, canonical_entry(stages.dataset, entry.subject)) for entry in entries]
+    return [pair for pair in beside if all(can_be_rendered(entry) for entry in pair)]
+
+
+def _pairs(pairs: Iterable[tuple[Entry, Entry]], stages: Stages) -> Iterator[TrainingPair]:
+    targets: dict[str, NDArray[np.float32]] = {}
+    for entry, target in pairs:
+        if target.identifier not in targets:
+            targets[target.identifier] = _image(stages, target)
+        yield TrainingPair(
+            identifier=entry.identifier,
+            subject=entry.subject,
+            target_identifier=target.identifier,
+            image=_image(stages, entry),
+            target=targets[target.identifier],
+        )
+
+
+def _image(stages: Stages, entry: Entry) -> NDArray[np.float32]:
+    """The image that methods are given, from the store."""
+    image = stages.shape(entry).depth
+    if image is None:
+        raise ConfigurationError(f"{entry.identifier} has no depth image", "train on the view input")
+    return image
+
+
+def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
+    """Raise ``ConfigurationError`` unless there are pairs and none of them shows a subject to be tested."""
+    if not data.n_pairs:
+        raise ConfigurationError(f"training '{data.name}' has no pairs", "check the data set with 'data check'")
+    both = sorted({entry.subject for entry in tested} & set(data.subjects)) + sorted(
+        {entry.identifier for entry in tested} & set(data.identifiers)
+    )
+    if both:
+        raise ConfigurationError(
+            f"training '{data.name}' would show what its models are tested on: {', '.join(both[:5])}",
+            "keep the subjects of the data set apart",
+        )
+
+
+def _sampled(training: Training, stages: Stages, tested: Iterable[Entry], say: Say, n_bodies: int) -> TrainingData:
+    """Pairs of bodies beyond the data set; they are made as they are read, for they are too many to be kept."""
+    bodies = [
+        (f"sample-{number}", body, (POSES[humans.CANONICAL_POSE], *poses))
+        for number, (body, poses) in enumerate(humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0))
+    ]
+    recipes = [humans.recipe(body, pose) for _, body, poses in bodies for pose in poses]
+    frame = [repr(FRONT), stages.half_width, keys.code_digest(VIEW)]
+    data = TrainingData(
+        name=training.name,
+        title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {stages.dataset.title}",
+        digest=keys.digest([recipes, frame]),
+        subjects=tuple(name for name, _, _ in bodies),
+        identifiers=tuple(f"{name}_{number}" for name, _, poses in bodies for number in range(len(poses))),
+        n_pairs=len(recipes),
+        pairs=lambda: _sampled_pairs(bodies, stages.half_width),
+        unseen=lambda: _pairs(_renderable(tested, stages, say), stages),
+    )
+    _check_apart(data, tested)
+    return data
+
+
+def _sampled_pairs(
+    bodies: Sequence[tuple[str, humans.Subject, Sequence[Pose]]], half_width: float
+) -> Iterator[TrainingPair]:
+    meshes = humans.human_meshes((body, pose) for _, body, poses in bodies for pose in poses)
+    for name, _, poses in bodies:
+        target = None
+        for number in range(len(poses)):
+            image = render_depth(next(meshes), FRONT, half_width)
+            target = image if target is None else target
+            yield TrainingPair(
+                identifier=f"{name}_{number}",
+                subject=name,
+                target_identifier=f"{name}_0",
+                image=image,
+                target=target,
+            )

@@ -1,0 +1,1 @@
+"""Methods by name, their scaffold, and the checks of their contract."""

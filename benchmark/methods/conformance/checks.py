@@ -1,0 +1,287 @@
+"""The checks, each a function that returns praise, or raises what is wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import re
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, get_args
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmark.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
+from benchmark.errors import UnsupportedShape
+from benchmark.methods.conformance.shapes import BENDS, awkward
+from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
+from benchmark.methods.registry import MethodSpec
+from benchmark.storage import keys
+
+Check = Callable[[Trial], str]
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+_SCALE = 2.5
+
+
+def _listed(problems: list[str], praise: str) -> str:
+    if problems:
+        raise Failed("; ".join(problems))
+    return praise
+
+
+# The class ---------------------------------------------------------------------------------------------------------
+
+
+def check_requirements(trial: Trial) -> str:
+    """Whether the packages beyond the core are installed."""
+    missing = trial.spec.missing_packages()
+    if missing:
+        raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
+    return f"{', '.join(trial.info.requires)} installed" if trial.info.requires else "nothing beyond the core"
+
+
+def _check_info(trial: Trial) -> str:
+    info = trial.info
+    problems = []
+    if not _NAME.fullmatch(info.name):
+        problems.append(f"name '{info.name}' is not lower-case words joined by hyphens; write it so")
+    if info.name != trial.spec.name:
+        problems.append(f"info.name is '{info.name}' but the entry point is '{trial.spec.name}'; give both one name")
+    if not info.title.strip():
+        problems.append("title is empty; say what the tables shall print")
+    if not info.inputs or not set(info.inputs) <= set(get_args(Input)):
+        problems.append(f"inputs are {info.inputs}; name 'mesh', 'view' or both")
+    if info.scale not in ("equivariant", "invariant"):
+        problems.append(f"scale is '{info.scale}'; write 'equivariant' or 'invariant'")
+    if info.family not in ("paper", "control", "extended"):
+        problems.append(f"family is '{info.family}'; write 'extended'")
+    return _listed(problems, f"'{info.title}', {' and '.join(info.inputs)}, scale {info.scale}")
+
+
+def _check_class(trial: Trial) -> str:
+    made: Any = trial.spec.load()
+    if not dataclasses.is_dataclass(made):
+        raise Failed(f"{made.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
+    fields = [field for field in dataclasses.fields(made) if field.init]
+    problems = []
+    if not getattr(made, "__dataclass_params__").frozen:  # noqa: B009
+        problems.append("parameters can be changed after creation; write @dataclass(frozen=True, kw_only=True)")
+    if not all(field.kw_only for field in fields):
+        problems.append("parameters can be passed by position; write @dataclass(frozen=True, kw_only=True)")
+    bare = [
+        field.name
+        for field in fields
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    ]
+    if bare:
+        problems.append(f"{', '.join(bare)} without default; give every parameter one")
+    return _listed(problems, "frozen, keyword-only, every parameter has a default")
+
+
+def _check_parameters(trial: Trial) -> str:
+    parameters = trial.spec.resolved_parameters()
+    try:
+        keys.plain(parameters)
+    except (TypeError, ValueError) as error:
+        raise Failed(f"parameters do not fit into JSON ({error}); use numbers, strings and tuples of them") from error
+    if trial.spec.load()(**parameters) != trial.spec.create():
+        raise Failed("made again from its parameters it is another method; keep every setting in a field")
+    return ", ".join(f"{name}={value!r}" for name, value in parameters.items()) or "none"
+
+
+# One answer --------------------------------------------------------------------------------------------------------
+
+
+def check_answer(trial: Trial) -> str:
+    """What the method says of the reference figure."""
+    found = trial.reference
+    if found.ndim == 1:
+        return f"{len(found)} numbers, all finite"
+    if not np.ptp(found, axis=0).max() > 0:
+        raise Failed("all vertices of the form lie in one point; return positions that differ")
+    return f"{len(found)} vertices, all finite"
+
+
+def _check_input_untouched(trial: Trial) -> str:
+    shape = trial.shape()
+    laplacian = shape.laplacian()
+    arrays = {
+        "vertices": shape.mesh.vertices,
+        "faces": shape.mesh.faces,
+        "depth": shape.depth if shape.depth is not None else np.empty(0),
+        "geodesics": shape.geodesics(),
+        "Laplacian": laplacian.stiffness.data,
+        "vertex areas": laplacian.mass,
+    }
+    before = {name: array.copy() for name, array in arrays.items()}
+    attributes = (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed)
+    trial.answer(shape)
+    changed = [name for name, array in arrays.items() if not np.array_equal(array, before[name])]
+    if attributes != (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed):
+        changed.append("attributes")
+    if changed:
+        raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
+    return "mesh, geodesics and Laplacian are as before"
+
+
+def _check_awkward_shapes(trial: Trial) -> str:
+    refused, problems = [], []
+    for name, mesh in awkward().items():
+        shape = Shape(identifier=name, mesh=mesh, source_area=mesh.area)
+        try:
+            trial.answer(shape)
+        except UnsupportedShape as reason:
+            refused.append(name)
+            if not str(reason):
+                problems.append(f"{name} is refused without a reason; say why")
+        except Exception as error:
+            problems.append(f"{name}: {explain(error)}")
+    return _listed(problems, f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated")
+
+
+# Two answers that must be the same ---------------------------------------------------------------------------------
+
+
+def _check_repeatable(trial: Trial) -> str:
+    used, fresh = trial.spec.create(), trial.spec.create()
+    other = answer(used, trial.shape(BENDS[1]))
+    again = answer(used, trial.shape())
+    same(trial.reference, again, "after another shape the answer is a different one; keep nothing between shapes")
+    same(other, answer(fresh, trial.shape(BENDS[1])), "a second object answers differently; keep nothing in the class")
+    return "the same whatever was treated before"
+
+
+def _check_seed(trial: Trial) -> str:
+    if trial.info.deterministic:
+        found = trial.answer(trial.shape(name="another name", seed=1))
+        mend = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
+        same(trial.reference, found, mend)
+        return "neither the seed nor the name of a shape matters"
+    found = trial.answer(trial.shape(seed=1))
+    if found.shape == trial.reference.shape and np.array_equal(found, trial.reference):
+        raise Failed("declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag")
+    return "the same under one seed, different under another"
+
+
+def _check_fresh_process(trial: Trial) -> str:
+    context = multiprocessing.get_context("spawn")
+    try:
+        with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
+            found = pool.submit(_answer_elsewhere, trial.spec).result()
+    except BrokenProcessPool as error:
+        raise Failed(
+            "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
+        ) from error
+    same(trial.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
+    return "made again elsewhere, it answers the same"
+
+
+def _answer_elsewhere(spec: MethodSpec) -> FloatArray:
+    return Trial(spec).reference
+
+
+def _check_relabelling(trial: Trial) -> str:
+    _require_deterministic(trial)
+    mesh = trial.shape().mesh
+    generator = np.random.default_rng(0)
+    order = generator.permutation(mesh.n_vertices)
+    rank = np.argsort(order).astype(np.int32)
+    faces = rank[np.roll(mesh.faces, 1, axis=1)][generator.permutation(mesh.n_faces)]
+    found = trial.answer(trial.shape(mesh=Mesh(mesh.vertices[order], faces)))
+    if found.ndim == 2:
+        if len(trial.reference) != mesh.n_vertices:
+            raise Skipped("the form has vertices of its own")
+        restored = np.empty_like(found)
+        restored[order] = found
+        found = restored
+    return close(trial.reference, found, 1.0, "depends on the numbering of vertices or faces; break ties by geometry")
+
+
+def _check_rigid_motion(trial: Trial) -> str:
+    _require_deterministic(trial)
+    _require_mesh(trial)
+    mesh = trial.shape().mesh
+    rotation = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
+    moved = mesh.with_vertices(mesh.vertices @ rotation.T + [0.7, -1.1, 0.4])
+    return close(
+        trial.reference,
+        trial.answer(trial.shape(mesh=moved)),
+        1.0,
+        "depends on the position of the shape in space; use distances, or a frame that turns with the shape",
+    )
+
+
+def _check_scale(trial: Trial) -> str:
+    _require_deterministic(trial)
+    _require_mesh(trial)
+    equivariant = trial.info.scale == "equivariant"
+    other = "invariant" if equivariant else "equivariant"
+    mend = (
+        f"does not keep info.scale = '{trial.info.scale}'; measure relative to the shape's size, or declare '{other}'"
+    )
+    if trial.reference.ndim == 2 or not equivariant:
+        found = trial.answer(_scaled(trial, BENDS[0]))
+        return close(trial.reference, found, _SCALE if equivariant else 1.0, mend)
+    before, after = _dissimilarities(trial, trial.shape), _dissimilarities(trial, lambda bend: _scaled(trial, bend))
+    if not (before.max() > 0 and after.max() > 0):
+        raise Failed("tells no two poses of the figure apart, so scale cannot be checked; declare scale='invariant'")
+    return close(before.ravel() / before.max(), after.ravel() / after.max(), 1.0, mend)
+
+
+def _check_dissimilarities(trial: Trial) -> str:
+    if isinstance(trial.spec.create(), Method):
+        raise Skipped("forms are compared by the scorer")
+    found = _dissimilarities(trial, trial.shape)
+    if found.shape != (len(BENDS), len(BENDS)) or not np.isfinite(found).all() or found.min() < 0:
+        raise Failed(
+            f"'distances' of {len(BENDS)} descriptors came as {found.tolist()}; return (N, N) finite numbers >= 0"
+        )
+    if not np.allclose(found, found.T, atol=1e-12 * found.max()) or np.abs(np.diag(found)).max() > 1e-6 * found.max():
+        raise Failed("'distances' is not symmetric with a zero diagonal; make it so")
+    backwards = _dissimilarities(trial, trial.shape, BENDS[::-1])
+    same(found, backwards[::-1, ::-1], "'distances' depends on the order of the descriptors; treat all pairs alike")
+    return f"symmetric, zero diagonal, largest {found.max():.3g}"
+
+
+def _dissimilarities(trial: Trial, shape: Callable[[float], Shape], bends: tuple[float, ...] = BENDS) -> FloatArray:
+    method = trial.spec.create()
+    if not isinstance(method, Descriptor):
+        raise Skipped("forms are compared by the scorer")
+    return np.asarray(method.distances([answer(method, shape(bend)) for bend in bends]), dtype=np.float64)
+
+
+def _scaled(trial: Trial, bend: float) -> Shape:
+    mesh = trial.shape(bend).mesh
+    return trial.shape(bend, mesh=mesh.with_vertices(_SCALE * mesh.vertices), scale=_SCALE)
+
+
+def _require_deterministic(trial: Trial) -> None:
+    if not trial.info.deterministic:
+        raise Skipped("the answer is drawn at random")
+
+
+def _require_mesh(trial: Trial) -> None:
+    if trial.reads_images:
+        raise Skipped("the depth image has one camera")
+
+
+OF_THE_CLASS: dict[str, Check] = {
+    "info": _check_info,
+    "class": _check_class,
+    "parameters": _check_parameters,
+}
+
+OF_THE_ANSWER: dict[str, Check] = {
+    "input untouched": _check_input_untouched,
+    "repeatable": _check_repeatable,
+    "seed": _check_seed,
+    "fresh process": _check_fresh_process,
+    "relabelling": _check_relabelling,
+    "rigid motion": _check_rigid_motion,
+    "scale": _check_scale,
+    "dissimilarities": _check_dissimilarities,
+    "awkward shapes": _check_awkward_shapes,
+}

@@ -1,0 +1,172 @@
+"""A method on trial: the shapes that it is given, a look at what it answers, and when two answers are the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.errors import BenchmarkError, UnsupportedShape
+from benchmark.methods.conformance.shapes import BENDS, figure, view
+from benchmark.methods.registry import MethodSpec
+
+#: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
+#: array lies in memory.
+REPEAT_TOLERANCE = 1e-9
+
+#: Largest difference of two runs on one surface given in two ways, relative to the diameter of the form: an iteration
+#: that stops by a threshold may stop one step earlier. The scorer does not see a thousandth of the diameter.
+SYMMETRY_TOLERANCE = 1e-3
+
+_COMPARED_VERTICES = 1000
+
+
+class Failed(Exception):
+    """The check found a fault; the message says which, and the mend."""
+
+
+class Skipped(Exception):
+    """The check does not apply; the message says why."""
+
+
+@dataclass
+class Trial:
+    """A method, and the shapes that it is tried on."""
+
+    spec: MethodSpec
+
+    @cached_property
+    def info(self) -> MethodInfo:
+        """What the method says about itself."""
+        return self.spec.info
+
+    @property
+    def reads_images(self) -> bool:
+        """Whether the method is made for depth images alone."""
+        return "mesh" not in self.info.inputs
+
+    def shape(
+        self,
+        bend: float = BENDS[0],
+        *,
+        mesh: Mesh | None = None,
+        scale: float = 1.0,
+        name: str = "figure",
+        seed: int = 0,
+    ) -> Shape:
+        """The figure as the method wants it, or another mesh in its place."""
+        seen = view(bend) if self.reads_images else None
+        # Any area will do that differs between poses: bending keeps the area, and equal areas would compare nothing.
+        return Shape(
+            identifier=f"{name} {bend}",
+            mesh=mesh or (seen.mesh if seen else figure(bend)),
+            depth=seen.depth if seen else None,
+            source_area=(1 + bend) * scale**2,
+            seed=seed,
+        )
+
+    def answer(self, shape: Shape) -> FloatArray:
+        """What a new object of the method answers for a shape."""
+        return answer(self.spec.create(), shape)
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """The answer for the figure."""
+        return self.answer(self.shape())
+
+
+def answer(method: Method | Descriptor, shape: Shape) -> FloatArray:
+    """Run a method and look at what comes back.
+
+    Returns
+    -------
+    numpy.ndarray
+        Vertices of the form, shape (n, 3), or the descriptor, shape (k,).
+
+    Raises
+    ------
+    UnsupportedShape
+        If the method refuses the shape.
+    """
+    if not isinstance(method, Method):
+        return _numbers("the descriptor", method.describe(shape), dimensions=1)
+    form = method.canonicalise(shape)
+    if not isinstance(form, CanonicalForm):
+        raise Failed(f"'canonicalise' returns {type(form).__name__}; return shape.form(vertices)")
+    vertices = _numbers("the vertices", form.vertices, dimensions=2)
+    faces = np.asarray(form.faces)
+    if vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise Failed(
+            f"vertices {vertices.shape}, faces {faces.shape} of {faces.dtype}; return (n, 3) floats and (m, 3) integers"
+        )
+    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise Failed(
+            f"faces name vertices {faces.min()} to {faces.max()} of {len(vertices)}; "
+            "return one vertex per vertex of the shape, or faces of your own"
+        )
+    for name, value in form.notes.items():
+        if not _can_be_noted(value):
+            raise Failed(f"note '{name}' is {value!r}; note finite numbers and strings only")
+    return vertices
+
+
+def _can_be_noted(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, Real) and math.isfinite(value))
+
+
+def _numbers(what: str, given: Any, *, dimensions: int) -> FloatArray:
+    if not isinstance(given, np.ndarray) or given.ndim != dimensions or given.dtype.kind != "f" or not given.size:
+        seen = f"{given.shape} of {given.dtype}" if isinstance(given, np.ndarray) else type(given).__name__
+        raise Failed(f"{what} came as {seen}; return a float array with {dimensions} dimension(s)")
+    if not np.isfinite(given).all():
+        raise Failed(
+            f"{int((~np.isfinite(given)).sum())} of {given.size} numbers of {what} are NaN or infinite; "
+            "raise UnsupportedShape where there is no answer"
+        )
+    return given.astype(np.float64)
+
+
+def explain(error: Exception) -> str:
+    """Say in one line what an exception means to the author of the method."""
+    if isinstance(error, ImportError):
+        return f"cannot import what it needs ({error}); name packages beyond the core in info.requires"
+    if isinstance(error, UnsupportedShape):
+        return f"refuses an ordinary surface ({error}); treat it"
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        return "writes into its input; work on a copy"
+    if isinstance(error, (Failed, BenchmarkError)):
+        return str(error)
+    return f"raises {type(error).__name__}: {error}; raise UnsupportedShape with the reason, or mend the method"
+
+
+def same(expected: FloatArray, found: FloatArray, mend: str) -> None:
+    """Compare two answers for one shape; ``mend`` says what a difference means."""
+    if expected.shape != found.shape:
+        raise Failed(f"{found.shape} instead of {expected.shape}: {mend}")
+    difference = float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
+    if not difference <= REPEAT_TOLERANCE:
+        raise Failed(f"relative difference {difference:.1e}: {mend}")
+
+
+def close(expected: FloatArray, found: FloatArray, factor: float, mend: str) -> str:
+    """Compare two answers up to rigid motions and mirrorings, the second one ``factor`` times as large."""
+    if expected.shape != found.shape:
+        raise Failed(f"{found.shape} instead of {expected.shape}: {mend}")
+    wanted, seen = factor * _invariants(expected), _invariants(found)
+    difference = float(np.abs(seen - wanted).max() / (np.abs(wanted).max() or 1.0))
+    if not difference <= SYMMETRY_TOLERANCE:
+        raise Failed(f"relative difference {difference:.1e}: {mend}")
+    return f"relative difference {difference:.1e}"
+
+
+def _invariants(found: FloatArray) -> FloatArray:
+    """What no rigid motion changes: distances between vertices of a form; a descriptor itself."""
+    if found.ndim == 1:
+        return found
+    return np.asarray(pdist(found[:: max(1, len(found) // _COMPARED_VERTICES)]))

@@ -1,0 +1,169 @@
+"""Which trained model treats which shape of a gallery, and whether it has seen it before."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmark.contracts import Method
+from benchmark.datasets.base import Entry
+from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.errors import ConfigurationError
+from benchmark.learning import Learner, find_model, read_card
+from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.tables import Gallery
+from benchmark.protocols.trainings import (
+    NUMERALS,
+    TRAININGS,
+    Training,
+    trainings_by_shape,
+    trainings_of,
+)
+
+__all__ = ["Maker", "MissingModel", "Model", "find_models"]
+
+
+class MissingModel(ConfigurationError):
+    """A learner has not been trained for a gallery, or its model cannot be used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A finished model.
+
+    Parameters
+    ----------
+    training
+        Name of its training data.
+    folder
+        Where weights and card are.
+    card
+        What it was trained on and how.
+    """
+
+    training: str
+    folder: Path
+    card: Mapping[str, Any]
+
+    @property
+    def digest(self) -> str:
+        """What recipes name it by: the weights, wherever they lie."""
+        return str(self.card["digest"])[:16]
+
+    def has_seen(self, entry: Entry, dataset: str) -> bool:
+        """Whether training showed a shape, or another one of its subject.
+
+        Names say so within one data set, and in a folder, which may hold anything; those of two known sets mean
+        different things.
+        """
+        if dataset in CATALOGUE and dataset != TRAININGS[self.training].dataset:
+            return False
+        return entry.identifier in self.card.get("identifiers", ()) or entry.subject in self.card.get("subjects", ())
+
+    def summary(self) -> dict[str, Any]:
+        """What a record tells of it."""
+        return {
+            "training": self.training,
+            "data": str(self.card.get("data_title", self.training)),
+            "digest": self.digest,
+            "schedule": str(self.card.get("schedule_in_words", "")),
+            "extra_data": bool(self.card.get("extra_data", False)),
+        }
+
+
+def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
+    """Model for each shape of a gallery, by identifier; empty for a method that does not learn.
+
+    Parameters
+    ----------
+    spec
+        The method.
+    gallery
+        The shapes.
+    trained_here
+        Folder of the models that were trained here; the shipped ones come after them.
+
+    Raises
+    ------
+    MissingModel
+        If one has not been trained; the message says by which command it is.
+    NoFolds
+        If the learner has a model for each fold and the set has none.
+    ConfigurationError
+        If the learner names a training that does not exist.
+    """
+    method = spec.create()
+    if not isinstance(method, Learner):
+        return {}
+    of_shape = trainings_by_shape(method, gallery.dataset, gallery.entries, gallery.data_root)
+    needed = {training.name: training for training in of_shape.values()}
+    folders = (trained_here, method.shipped_models)
+    found = {name: find_model(folders, name, method.model_name) for name in needed}
+    missing = [name for name, folder in found.items() if folder is None]
+    if missing:
+        raise MissingModel(
+            f"needs the model{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
+            f"run `{_command(spec, method, gallery, needed[missing[0]])}`",
+        )
+    try:
+        models = {name: Model(name, folder, read_card(folder)) for name, folder in found.items() if folder is not None}
+    except ConfigurationError as error:
+        raise MissingModel(error.problem, error.mend) from error
+    return {identifier: models[training.name] for identifier, training in of_shape.items()}
+
+
+def _command(spec: MethodSpec, method: Learner, gallery: Gallery, training: Training) -> str:
+    """The command that trains what is missing."""
+    words = ["python", "-m", "benchmark", "train", spec.name]
+    if method.split == "table":
+        numeral = gallery.table.part_of or gallery.table.identifier
+        known = numeral in NUMERALS and training.name in trainings_of(method, numeral, gallery.data_root)
+        words += ["--table", numeral] if known else ["--only", training.name]
+    if spec.module.endswith(".py"):
+        words += ["--plugin", spec.module]
+    return shlex.join(words)
+
+
+@dataclass(frozen=True)
+class Maker:
+    """A method at work: where it learns, with the model that fits each shape.
+
+    Parameters
+    ----------
+    spec
+        The method by name.
+    method
+        The method.
+    models
+        Model for each shape by identifier; empty for a method that does not learn.
+    """
+
+    spec: MethodSpec
+    method: Method
+    models: Mapping[str, Model] = field(default_factory=dict)
+    _loaded: dict[Path, Method] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def method_for(self, entry: Entry) -> Method:
+        """Return the method that makes the form of a shape; each model is loaded once."""
+        model = self.models.get(entry.identifier)
+        if model is None or not isinstance(self.method, Learner):
+            return self.method
+        if model.folder not in self._loaded:
+            self._loaded[model.folder] = self.method.load(model.folder)
+        return self._loaded[model.folder]
+
+    def recipe_for(self, entry: Entry) -> dict[str, str]:
+        """What the model adds to the recipe of a form: nothing where the method does not learn."""
+        model = self.models.get(entry.identifier)
+        return {} if model is None else {"model": model.digest}
+
+    def seen(self, entries: Iterable[Entry], dataset: str) -> list[str]:
+        """Shapes that their model was trained on, or whose subject was."""
+        return [
+            entry.identifier
+            for entry in entries
+            if (model := self.models.get(entry.identifier)) and model.has_seen(entry, dataset)
+        ]

@@ -1,0 +1,277 @@
+"""The tables of the paper as data: which set, which shapes, which rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.contracts import Input
+from benchmark.datasets.base import Dataset, Entry, check_retrievable
+from benchmark.datasets.catalogue import CATALOGUE, is_path, is_present, open_dataset
+from benchmark.datasets.parts import Part
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.learning import Split
+from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TEST_SUBJECTS, fold
+from benchmark.reference import paper
+
+INPUTS: tuple[Input, ...] = ("mesh", "view")
+
+#: ``--quick`` keeps every k-th pose so that no subject keeps more than this many.
+QUICK_POSES = 5
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table.
+
+    Parameters
+    ----------
+    identifier
+        The paper's numeral, or the name of a data set for a table of one's own.
+    caption
+        What the table shows, without naming the data.
+    dataset
+        Name or path of the set that the paper uses.
+    stand_in
+        Generated set that takes its place when it is absent; "" if there is none.
+    subjects
+        Subjects in the gallery, by name or by their place in the data set; empty for all.
+    in_quick_runs
+        Whether ``--quick`` makes it without being asked for it by name.
+    part_of
+        Table with which it is made as well; "" if it stands alone.
+    all_unseen
+        Whether it is an error that a model was trained on one of its shapes or subjects.
+    ablation
+        Whether its rows are learners, each the mean over several trainings or folds.
+    extended_learners
+        Whether learners beyond the paper's have rows without being asked for by name; a model of each must exist.
+    """
+
+    identifier: str
+    caption: str
+    dataset: str
+    stand_in: str = ""
+    subjects: tuple[int | str, ...] = ()
+    in_quick_runs: bool = True
+    part_of: str = ""
+    all_unseen: bool = True
+    ablation: bool = False
+    extended_learners: bool = False
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs under which it is made: learners read depth images alone."""
+        return ("view",) if self.ablation else INPUTS
+
+
+TABLES: tuple[Table, ...] = (
+    Table(
+        "I",
+        "Retrieval of synthetic humans, test subjects only",
+        "shrec14-synthetic",
+        "humans",
+        TEST_SUBJECTS,
+        extended_learners=True,
+    ),
+    Table(
+        "II",
+        "Retrieval of real humans",
+        "shrec14-real",
+        "humans-scanlike",
+        in_quick_runs=False,
+        extended_learners=True,
+    ),
+    Table("III", "Retrieval of animals and people", "tosca", "animals", all_unseen=False),
+    Table(
+        "III-held-out",
+        "Retrieval of cats and horses alone, which no model of Table III was trained on (without figures of the paper: "
+        "its values cannot come from so few shapes)",
+        "tosca",
+        "animals",
+        HELD_OUT,
+        in_quick_runs=False,
+        part_of="III",
+    ),
+    Table(
+        "IV",
+        "Ablation of the learned method",
+        "shrec14-synthetic",
+        "humans",
+        TEST_SUBJECTS,
+        in_quick_runs=False,
+        ablation=True,
+    ),
+)
+
+#: Seeds of the trainings that a row of an ablation is the mean of.
+TRAINING_SEEDS = (0, 1, 2)
+
+#: Methods that have rows in the ablation alone, unless they are asked for by name.
+_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """The shapes that one table ranks against each other.
+
+    Parameters
+    ----------
+    table
+        The table.
+    source
+        Name or path by which the set is opened again in another process.
+    dataset
+        The set that is used: the paper's or its stand-in.
+    entries
+        The shapes, in matrix order.
+    quick
+        Whether poses were left out to save time.
+    part
+        Which part of the set it is, where a set has several galleries.
+    split
+        Learners of which split are tested on it; None for all methods.
+    data_root
+        The folder that holds the official sets.
+    """
+
+    table: Table
+    source: str
+    dataset: Dataset
+    entries: tuple[Entry, ...]
+    quick: bool = False
+    part: str = ""
+    split: Split | None = None
+    data_root: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the gallery in plans and records."""
+        return f"{self.dataset.name}{self.part and ' ' + self.part}{' (quick)' if self.quick else ''}"
+
+    def rows(self, methods: Iterable[MethodSpec]) -> list[MethodSpec]:
+        """Methods that are tested on it, a learner of an ablation once for each seed of its training."""
+        if not self.table.ablation:
+            return [spec for spec in methods if spec.named or self._has_row(spec)]
+        printed = {row.method for row in paper.ABLATION}
+        return [
+            variant
+            for spec in methods
+            if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split == self.split
+            for variant in _trainings(spec)
+        ]
+
+    def _has_row(self, spec: MethodSpec) -> bool:
+        """Whether a method that was not asked for by name has a row in a table that is no ablation."""
+        if spec.base_name in _ABLATED:
+            return False
+        try:
+            return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
+        except ConfigurationError:
+            return True  # what cannot be imported says so in its row
+
+
+def _trainings(spec: MethodSpec) -> list[MethodSpec]:
+    """The method with each seed of its training; the first one is the default and has the plain name."""
+    parameters = spec.resolved_parameters()
+    if spec.load().split == "strict" or "training_seed" not in parameters or "training_seed" in spec.parameters:
+        return [spec]
+    return [
+        spec if seed == parameters["training_seed"] else spec.with_parameter("training_seed", seed)
+        for seed in TRAINING_SEEDS
+    ]
+
+
+def galleries(
+    table_names: Iterable[str] = (),
+    dataset_names: Iterable[str] = (),
+    data_root: Path | None = None,
+    quick: bool = False,
+) -> list[Gallery]:
+    """Choose the galleries that a selection on the command line stands for.
+
+    The paper's set is used when it is present and its stand-in otherwise, never both in one table.
+
+    Parameters
+    ----------
+    table_names
+        Numerals of tables; empty for all.
+    dataset_names
+        Names of data sets or paths of folders; empty for those of the tables. A set that no table uses gets a table
+        of its own.
+    data_root
+        The folder that holds the official sets.
+    quick
+        Keep at most :data:`QUICK_POSES` poses of each subject.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown or the selection is empty.
+    DatasetError
+        If a named set is absent or not fit for retrieval.
+    """
+    known = {table.identifier: table for table in TABLES}
+    wanted_tables, wanted_sets = list(table_names), list(dataset_names)
+    for name in wanted_tables:
+        if name not in known:
+            raise did_you_mean("table", name, known)
+    made = [table for table in known.values() if _is_made(table, wanted_tables, wanted_sets, quick)]
+    chosen = [(table, _source(table, data_root)) for table in made]
+    if wanted_sets:
+        chosen = [(table, name) for name in wanted_sets for table in _tables_of(name, made, own=not wanted_tables)]
+        if not chosen:
+            raise ConfigurationError(
+                f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
+            )
+    return [gallery for table, name in chosen for gallery in _galleries(table, name, data_root, quick)]
+
+
+def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
+    """Whether a selection includes a table; naming its set is as good as its numeral, but for what goes with others."""
+    if table.identifier in tables:
+        return True
+    named = bool(sets) and not table.part_of and not table.ablation
+    return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)
+
+
+def _source(table: Table, data_root: Path | None) -> str:
+    return table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in
+
+
+def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
+    """Tables that use a set; where none does, one of its own if that is wanted."""
+    if name not in CATALOGUE and not is_path(name):
+        raise did_you_mean("data set", name, CATALOGUE)
+    if any(name in (table.dataset, table.stand_in) for table in TABLES) or not own:
+        return [table for table in made if name in (table.dataset, table.stand_in)]
+    own_name = Path(name).resolve().name if name not in CATALOGUE else name
+    return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
+
+
+def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> list[Gallery]:
+    dataset = open_dataset(name, data_root)
+    check_retrievable(dataset)
+
+    def gallery(subjects: tuple[int | str, ...], part: str = "", split: Split | None = None) -> Gallery:
+        entries = Part(subjects).of(dataset)
+        return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, split, data_root)
+
+    if not table.ablation:
+        return [gallery(table.subjects, "held out" if table.part_of else "")]
+    folds = [gallery(fold(number), f"fold {number}", "strict") for number in range(SUBJECT_FOLDS)]
+    return [gallery(table.subjects, split="table"), *folds]
+
+
+def _thin_out(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    """Keep evenly spaced poses of each subject, the first one always."""
+    by_subject: dict[str, list[Entry]] = {}
+    for entry in entries:
+        by_subject.setdefault(entry.subject, []).append(entry)
+    kept: set[str] = set()
+    for members in by_subject.values():
+        step = -(-len(members) // QUICK_POSES)
+        kept.update(entry.identifier for entry in members[::step])
+    return tuple(entry for entry in entries if entry.identifier in kept)

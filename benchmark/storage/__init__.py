@@ -1,0 +1,1 @@
+"""Keys that name a recipe, and the folder where results are kept by them."""

@@ -1,0 +1,274 @@
+"""The suite as its users meet it: through the command line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.toy import rod, write_off, write_rods
+
+ROOT = Path(__file__).parents[2]
+SCORES = ("table", "dataset", "input", "method", "NN", "FT", "ST", "DCG", "n_shapes", "unsupported", "status")
+METHODS = ("-m", "identity", "-m", "classic-mds", "-m", "surface-area")
+
+PLUGIN = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Stretch a shape along one axis."""
+
+    info: ClassVar[MethodInfo] = MethodInfo(name="stretch", title="Stretched")
+    factor: float = 2.0
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        return shape.form(shape.mesh.vertices * [self.factor, 1, 1])
+'''
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "benchmark", *map(str, arguments)]
+
+
+def benchmark(*arguments, env=None, **options):
+    clean = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
+    return subprocess.run(
+        command(*arguments),
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=280,
+        check=False,
+        env=clean | (env or {}),
+        **options,
+    )
+
+
+def scores(arguments):
+    rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+    return [{name: row[name] for name in SCORES} for row in rows]
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    return write_rods(tmp_path_factory.mktemp("data") / "rods")
+
+
+@pytest.fixture(scope="module")
+def finished(rods, tmp_path_factory):
+    """A finished run of three methods on both inputs, two jobs at a time."""
+    arguments = ("-d", rods, *METHODS, "--results", tmp_path_factory.mktemp("results"))
+    return arguments, benchmark("run", *arguments, "-j", 2)
+
+
+def test_help_and_lists_answer_at_once():
+    # Best of three: the first call may write bytecode, and the machine may be busy.
+    for arguments, limit in (("--help",), 0.3), (("list", "methods"), 0.5):
+        seconds = []
+        for _ in range(3):
+            start = time.perf_counter()
+            assert benchmark(*arguments).returncode == 0
+            seconds.append(time.perf_counter() - start)
+        assert min(seconds) < 2 * limit
+
+
+def test_lists_speak_json():
+    rows = json.loads(benchmark("list", "methods", "--json").stdout)
+    assert {"name", "title", "family", "state", "summary"} == set(rows[0])
+    assert {row["table"] for row in json.loads(benchmark("list", "tables", "--json").stdout)} == {
+        "I",
+        "II",
+        "III",
+        "III-held-out",
+        "IV",
+    }
+    assert "absent" in benchmark("list", "datasets").stdout
+
+
+@pytest.mark.slow
+def test_a_run_prints_its_table_with_chance(finished):
+    _, done = finished
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("6 of 6 jobs to run")
+    assert "| Classic MDS" in done.stdout
+    assert "*Chance*" in done.stdout
+    assert "6 shapes, 2 classes" in done.stdout
+
+
+@pytest.mark.slow
+def test_json_has_the_keys_that_other_programs_rely_on(finished):
+    arguments, _ = finished
+    rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+    assert len(rows) == 6
+    wanted = "table dataset stand_in input method title NN FT ST DCG paper chance n_shapes n_classes"
+    assert {*wanted.split(), "unsupported", "seconds", "peak_mib", "status"} <= set(rows[0])
+    assert rows[0]["stand_in"] is False
+    assert all(row["status"] == "ok" and row["seconds"] > 0 for row in rows)
+    area = next(row for row in rows if row["method"] == "surface-area" and row["input"] == "mesh")
+    assert (area["NN"], area["FT"], area["ST"], area["DCG"]) == (1, 1, 1, 1)
+    assert area["chance"]["NN"] == pytest.approx(0.4)
+
+
+@pytest.mark.slow
+def test_the_same_run_again_computes_nothing(finished):
+    arguments, first = finished
+    again = benchmark("run", *arguments)
+    assert again.stdout.startswith("0 of 6 jobs to run, 6 finished before")
+    assert again.stdout.partition("\n\n")[2] == first.stdout.partition("\n\n")[2]
+    assert again.returncode == 0
+
+
+@pytest.mark.slow
+def test_one_job_at_a_time_or_in_this_process_gives_the_same_scores(finished, tmp_path):
+    arguments, _ = finished
+    for name, options in ("one", ("-j", 1)), ("serial", ("--executor", "serial")):
+        other = (*arguments[:-1], tmp_path / name)
+        assert benchmark("run", *other, *options).returncode == 0
+        assert scores(other) == scores(arguments)
+
+
+@pytest.mark.slow
+def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
+    arguments, _ = finished
+    other = (*arguments[:-1], tmp_path / "killed")
+    process = subprocess.Popen(
+        command("run", *other, "-j", "1"),
+        cwd=ROOT,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    folder = tmp_path / "killed" / "runs" / "records"
+    deadline = time.monotonic() + 200
+    while len(list(folder.glob("*.json"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.json")}
+    assert 2 <= len(kept) < 6
+    again = benchmark("run", *other)
+    assert again.stdout.startswith(f"{6 - len(kept)} of 6 jobs to run, {len(kept)} finished before")
+    assert kept == {name: (folder / name).stat().st_mtime_ns for name in kept}
+    assert scores(other) == scores(arguments)
+
+
+@pytest.mark.slow
+def test_tables_are_stable_to_the_byte_and_checked(finished, tmp_path):
+    arguments, _ = finished
+    benchmark("tables", *arguments, "-o", tmp_path / "a")
+    benchmark("tables", *arguments, "-o", tmp_path / "b")
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert names == ["references.bib", "table-rods.md", "table-rods.tex", "tables.csv", "tables.json"]
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert benchmark("tables", *arguments, "-o", tmp_path / "a", "--check").returncode == 0
+    (tmp_path / "a" / "table-rods.tex").write_text("edited by hand")
+    checked = benchmark("tables", *arguments, "-o", tmp_path / "a", "--check")
+    assert (checked.returncode, checked.stdout.strip()) == (1, "stale: table-rods.tex")
+
+
+@pytest.mark.slow
+def test_a_plugin_file_appears_as_a_row_and_costs_only_itself(finished, tmp_path):
+    arguments, _ = finished
+    (tmp_path / "stretch.py").write_text(PLUGIN)
+    done = benchmark("run", *arguments, "--plugin", tmp_path / "stretch.py")
+    assert done.stdout.startswith("2 of 8 jobs to run, 6 finished before")
+    assert "| Stretched" in done.stdout
+    plan = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py")
+    assert plan.stdout.endswith("0 of 8 jobs to run\n")
+    (tmp_path / "stretch.py").write_text(PLUGIN.replace("2.0", "3.0"))
+    changed = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py").stdout
+    assert "parameters changed: factor 2.0 -> 3.0; code of stretch.py changed" in changed
+    assert changed.endswith("2 of 8 jobs to run\n")
+
+
+@pytest.mark.slow
+def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
+    folder = write_rods(tmp_path / "mixed", bends=(0.0, 1.0, 2.0, 3.0))
+    (folder / "thin4.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    (folder / "thin5.off").write_text("")
+    (folder / "thick4.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n")
+    (folder / "thick5.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
+    (folder / "thick6.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    arguments = ("-d", folder, "-m", "identity", "--input", "mesh", "--results", tmp_path / "results")
+    done = benchmark("run", *arguments)
+    (row,) = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+    assert (row["status"], row["n_shapes"], row["unsupported"]) == ("ok", 8, 5)
+    assert "5 unsupported" in done.stdout
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "-m", "clasic-mds"), "unknown method 'clasic-mds'; did you mean classic-mds"),
+        (("run", "-t", "VII"), "unknown table 'VII'"),
+        (("run", "-d", "tosca"), "data set 'tosca' is not at"),
+        (
+            ("run", "--all", "--data-root", "/nowhere"),
+            "data root /nowhere is not a readable folder; correct --data-root",
+        ),
+        (("run",), "nothing is selected; pass --all"),
+        (("run", "--all", "--plugin", "none.py"), "none.py is not a Python file"),
+        (("run", "--all", "--timeout", "soon"), "'soon' is not a duration"),
+        (("tables", "--check"), "--check has nothing to compare with"),
+        (("canonicalise", "-m", "gps", "missing.off"), "missing.off"),
+        (("canonicalise", "-m", "surface-area", "x.off"), "describes shapes without a canonical form"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_2(arguments, message, tmp_path):
+    done = benchmark(*arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ((), "no meshes in"),
+        (("cat0", "cat1"), "has one class ('cat')"),
+        (("cat", "dog"), "each class of data set 'shapes' has one shape"),
+    ],
+)
+def test_a_folder_that_cannot_be_ranked_is_named(names, message, tmp_path):
+    (tmp_path / "shapes").mkdir()
+    for name in names:
+        write_off(tmp_path / "shapes" / f"{name}.off", rod(0.1, 1.0))
+    done = benchmark("run", "-d", tmp_path / "shapes", "--results", tmp_path / "results")
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_canonicalise_writes_the_form_of_one_mesh(tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 2.0))
+    done = benchmark("canonicalise", "-m", "classic-mds", tmp_path / "rod.off", "-o", tmp_path / "form.off")
+    assert done.returncode == 0, done.stderr
+    assert "stress" in done.stdout
+    assert (tmp_path / "form.off").read_text().startswith("OFF")
+
+
+@pytest.mark.slow
+@pytest.mark.data
+def test_tosca_agrees_with_the_measured_level(data_root, tmp_path):
+    arguments = ("-d", "tosca", "--input", "mesh", "-m", "classic-mds", "--data-root", data_root, "--results", tmp_path)
+    done = benchmark("run", *arguments)
+    assert done.returncode == 0, done.stderr
+    row = next(
+        row
+        for row in json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+        if row["method"] == "classic-mds"
+    )
+    assert (row["n_shapes"], row["n_classes"]) == (80, 9)
+    assert 0.75 <= row["NN"] <= 0.95
+    assert row["DCG"] > 0.80
+    assert row["paper"] == {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}

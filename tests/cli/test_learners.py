@@ -1,0 +1,222 @@
+"""A learner through the command line: trained, tested, told about, and refused where it must be."""
+
+import json
+import shlex
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import BenchmarkError
+from benchmark.methods.registry import methods, variant
+from benchmark.storage.store import Store
+from tests.mean_target import PLUGIN_PATH, write_model
+from tests.toy import rod, write_off
+
+#: Width and bends of each class: the smallest set that looks like TOSCA.
+CLASSES = {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    for name, radius in CLASSES.items():
+        for number, bend in enumerate((0.0, 1.0, 2.0)):
+            write_off(folder / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+def call(*arguments, fails=False):
+    result = CliRunner().invoke(cli, [*map(str, arguments), "--plugin", str(PLUGIN_PATH)])
+    if isinstance(result.exception, BenchmarkError):
+        assert fails
+        return str(result.exception)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    assert (result.exit_code != 0) == fails, result.output
+    return result.output
+
+
+def run(table, results, root, method="mean-target", fails=False):
+    selection = ("-t", table, "-m", method, "--input", "view", "--results", results, "--data-root", root)
+    return call("run", *selection, "--executor", "serial", fails=fails)
+
+
+def rows(table, results, root, method="mean-target"):
+    selection = ("-t", table, "-m", method, "--input", "view", "--results", results, "--data-root", root)
+    found = json.loads(call("tables", *selection, "--format", "json"))
+    return [row for row in found if row["method"] == method]
+
+
+@pytest.fixture(scope="module")
+def trained(results, root):
+    """What the verb said of the first training."""
+    return call(
+        "train", "mean-target", "--table", "III", "--epochs", 3, "-o", "speed=fast", "--results", results,
+        "--data-root", root,
+    )  # fmt: skip
+
+
+def test_train_makes_the_model_of_a_table_and_says_where(trained, results):
+    folder = results / "models" / "tosca-III" / "plain-seed0"
+    said = trained.splitlines()
+    assert said[0] == "mean-target, tosca-III"
+    assert said[1] == "6 of 6 pairs, 6 unseen, [('epochs', 3), ('speed', 'fast')]"
+    assert said[2] == f"the model is in {folder}"
+    card = json.loads((folder / "card.json").read_text())
+    assert card["subjects"] == ["dog", "wolf"]
+    assert card["identifiers"] == ["dog0", "dog1", "dog2", "wolf0", "wolf1", "wolf2"]
+
+
+def test_a_finished_model_is_left_alone(trained, results, root):
+    card = results / "models" / "tosca-III" / "plain-seed0" / "card.json"
+    before = card.stat().st_mtime_ns
+    again = call("train", "mean-target", "--table", "III", "--results", results, "--data-root", root)
+    assert "finished before" in again
+    assert card.stat().st_mtime_ns == before
+
+
+def test_models_are_listed_with_what_made_them(trained, results):
+    (own,) = [
+        row for row in json.loads(call("list", "models", "--results", results, "--json")) if row["origin"] != "shipped"
+    ]
+    card = json.loads((results / "models" / "tosca-III" / "plain-seed0" / "card.json").read_text())
+    assert own == {
+        "training": "tosca-III",
+        "model": "plain-seed0",
+        "origin": "trained here",
+        "digest": card["digest"][:12],
+        "schedule": card["schedule_in_words"],
+    }
+
+
+def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained, results, root):
+    text = run("III", results, root)
+    assert "| Mean target" in text
+    assert "- Mean target: trained on tosca-III: one pass" in text
+    assert "- The paper's schedule: 500 x 500 pixels, 500 epochs" in text
+    assert "- Mean target, view: 6 of 12 shapes were seen in training" in text
+    assert "**Table III-held-out. Retrieval of cats and horses alone" in text
+    assert "TOSCA (6 shapes, 2 classes)" in text
+    whole, held_out = rows("III", results, root)
+    assert (whole["table"], whole["n_shapes"], whole["n_models"], whole["spread"]) == ("III", 12, 1, None)
+    assert (held_out["table"], held_out["n_shapes"], held_out["paper"]) == ("III-held-out", 6, None)
+    assert held_out["chance"]["NN"] == pytest.approx(2 / 5)
+
+
+def test_other_weights_make_the_job_stale(trained, results, root, tmp_path):
+    (tmp_path / "models").symlink_to(results / "models")
+    (tmp_path / "runs").symlink_to(results / "runs")
+    run("III-held-out", results, root)
+    arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
+    assert call("plan", *arguments, "--results", results).startswith("cached")
+    (tmp_path / "models").unlink()
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, ("dog0",), ("dog",))
+    told = call("plan", *arguments, "--results", tmp_path)
+    assert told.startswith("stale")
+    assert "models changed: tosca-III" in told
+
+
+def test_other_weights_make_other_forms_of_the_same_images(root, tmp_path):
+    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
+    for value in (0.7, 0.9):
+        write_model(folder, value)
+        run("III-held-out", tmp_path, root)
+    second = list(Store.open(tmp_path).records())[-1]
+    assert second["from_cache"]["prepare"] == 6
+    assert second["from_cache"]["canonicalise"] == 0
+
+
+def test_a_seen_shape_is_an_error_where_all_must_be_unseen(root, tmp_path):
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, ("cat1", "dog0"), ("dog",))
+    text = run("III-held-out", tmp_path, root, fails=True)
+    assert "Mean target, view: failed: 1 shapes were seen in training: cat1; test on shapes" in text.replace("\n", " ")
+
+
+def test_names_of_another_known_set_mean_other_shapes(root, tmp_path):
+    folder = tmp_path / "models" / "animals-III" / "plain-seed0"
+    write_model(folder, 0.7, ("cat1",), ("cat",))
+    text = run("III-held-out", tmp_path, root, "mean-target[training=animals-III]")
+    assert "seen" not in text.partition("Mean target (training")[2]
+
+
+def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp_path):
+    arguments = ("-m", "mean-target[training_seed=1]", "--results", tmp_path, "--data-root", root, "--input", "view")
+    told = call("plan", "-t", "III-held-out", *arguments)
+    assert told.startswith("unavailable  tosca held out view mean-target[training_seed=1]  needs the model tosca-III")
+    command = shlex.split(told.split("`")[1])
+    assert command[:3] == ["python", "-m", "benchmark"]
+    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--table", "III"]
+    call(*command[3:-2], "--results", tmp_path, "--data-root", root)
+    assert call("plan", "-t", "III-held-out", *arguments).startswith("missing")
+
+
+def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
+    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
+    write_model(folder, 0.7)
+    (folder / "card.json").write_text("{}")
+    selection = ("-t", "III-held-out", "-m", "mean-target", "--results", tmp_path, "--data-root", root)
+    told = call("plan", *selection, "--input", "view")
+    assert told.startswith("unavailable")
+    assert "names no digest of the weights; train the model again" in told
+
+
+def test_an_unknown_training_is_an_error_of_the_command_line(root, tmp_path):
+    selection = ("-t", "III", "-m", "mean-target[training=tosca-IV]", "--results", tmp_path, "--data-root", root)
+    assert "unknown training 'tosca-IV'; did you mean tosca-III" in call("plan", *selection, fails=True)
+
+
+def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
+    call(
+        "train",
+        "mean-target",
+        "-t",
+        "III",
+        "--seed",
+        2,
+        "--config",
+        "other",
+        "--results",
+        tmp_path,
+        "--data-root",
+        root,
+    )
+    assert (tmp_path / "models" / "tosca-III" / "other-seed2" / "card.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("gps",), "method 'gps' does not learn; choose from learned"),
+        (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
+        (("mean-target", "--table", "VI"), "unknown table 'VI'"),
+        (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
+        (("mean-target", "-o", "jitter"), "option 'jitter' has no value; write -o NAME=VALUE"),
+        (("mean-target[training=nothing]",), "unknown training 'nothing'"),
+    ],
+)
+def test_what_cannot_be_trained_is_named(arguments, message, tmp_path):
+    assert message in call("train", *arguments, "--results", tmp_path, fails=True)
+
+
+def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 2.0))
+    call("canonicalise", "-m", "mean-target", tmp_path / "rod.off", "-o", tmp_path / "form.off")
+    assert (tmp_path / "form.off").read_text().startswith("OFF")
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("learned", "humans-I/literal-seed0"),
+        ("learned-wide-extra", "humans-sampled/wide-extra-seed0"),
+        ("learned-strict", "humans-I/literal-seed0"),
+        ("learned[training=animals-III]", "animals-III/literal-seed0"),
+    ],
+)
+def test_a_single_shape_gets_the_shipped_model(name, folder):
+    assert str(variant(name, methods()).create().model_folder).endswith(folder)

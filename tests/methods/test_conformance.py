@@ -1,0 +1,343 @@
+"""The contract checks: right methods pass, and each fault is found by the check that is made for it."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+
+from benchmark.contracts import Shape
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.cleaning import clean
+from benchmark.geometry.laplacian import eigenpairs
+from benchmark.methods import conformance, registry
+from benchmark.methods.conformance import checks, shapes
+from benchmark.methods.registry import MethodSpec
+
+METHOD = """
+import os
+import multiprocessing
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from benchmark.contracts import CanonicalForm, MethodInfo, UnsupportedShape
+
+CALLS = []
+
+
+@dataclass({dataclass})
+class Tried:
+    info: ClassVar[MethodInfo] = MethodInfo({info})
+    {field}
+
+    {body}
+"""
+FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
+DESCRIBE = "def describe(self, shape):\n        x = shape.mesh.vertices\n        "
+SPREAD = "return np.array([shape.geodesics().std(), shape.source_area])"
+DISTANCES = (
+    "\n\n    def distances(self, descriptors):\n        d = np.stack(descriptors)\n"
+    "        return np.abs(d[:, None] - d[None]).sum(axis=2)"
+)
+
+
+class InThisProcess:
+    """Stands in for a pool of processes, whose start would take most of the time."""
+
+    def __init__(self, **options):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
+
+    def submit(self, function, *arguments):
+        self.result = lambda: function(*arguments)
+        return self
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    monkeypatch.setattr(checks, "ProcessPoolExecutor", InThisProcess)
+
+
+@pytest.fixture
+def findings(tmp_path):
+    """Check a method that differs from a right one in what is passed."""
+    numbers = itertools.count()
+
+    def check(body=FORM + "return shape.form(x)", info="", field="factor: float = 1.0", dataclass=None):
+        path = tmp_path / f"tried_{next(numbers)}.py"
+        info = f"name='tried', title='Tried'{', ' if info else ''}{info}" if "name=" not in info else info
+        path.write_text(
+            METHOD.format(body=body, info=info, field=field, dataclass=dataclass or "frozen=True, kw_only=True")
+        )
+        return {finding.name: finding for finding in conformance.check(MethodSpec("tried", f"{path}:Tried"))}
+
+    return check
+
+
+def failed(found):
+    return [name for name, finding in found.items() if finding.outcome == "failed"]
+
+
+def test_a_right_method_passes_every_check(findings):
+    found = findings()
+    assert failed(found) == []
+    assert [name for name, finding in found.items() if finding.outcome == "skipped"] == ["dissimilarities"]
+    assert all("\n" not in str(finding) for finding in found.values())
+
+
+@pytest.mark.parametrize(
+    ("check", "changes", "message"),
+    [
+        # The class.
+        ("info", {"info": "name='tried', title=' '"}, "title is empty"),
+        ("info", {"info": "name='Tried_It', title='T'"}, "not lower-case words.*entry point is 'tried'"),
+        ("info", {"info": "inputs=()"}, "inputs are ()"),
+        ("info", {"info": "inputs=('mesh', 'image')"}, "name 'mesh', 'view' or both"),
+        ("info", {"info": "family='best'"}, "write 'extended'"),
+        ("class", {"dataclass": "kw_only=True"}, "can be changed after creation"),
+        ("class", {"dataclass": "frozen=True"}, "can be passed by position"),
+        ("parameters", {"field": "factor: object = np.linalg.norm"}, "do not fit into JSON"),
+        ("parameters", {"dataclass": "frozen=True, kw_only=True, eq=False"}, "it is another method"),
+        # One answer.
+        ("answer", {"body": FORM + "return shape.form(x * np.nan)"}, "1500 of 1500 numbers of the vertices are NaN"),
+        ("answer", {"body": FORM + "return shape.form(x[:, :2])"}, r"vertices \(500, 2\)"),
+        ("answer", {"body": FORM + "return shape.form(x[:-1])"}, "faces name vertices 0 to 499 of 499"),
+        ("answer", {"body": FORM + "return shape.form(0 * x)"}, "in one point"),
+        ("answer", {"body": FORM + "return shape.form(x.ravel())"}, r"the vertices came as \(1500,\)"),
+        ("answer", {"body": FORM + "return x"}, "returns ndarray; return shape.form"),
+        ("answer", {"body": FORM + "return CanonicalForm(x, shape.mesh.faces - 1)"}, "faces name vertices -1 to 498"),
+        ("answer", {"body": FORM + "return shape.form(x, stress=float('nan'))"}, "note 'stress' is nan"),
+        ("answer", {"body": FORM + "x[0] = 0\n        return shape.form(x)"}, "writes into its input"),
+        ("answer", {"body": FORM + "import no_such_package"}, "cannot import.*info.requires"),
+        ("answer", {"body": FORM + "raise UnsupportedShape('too thin')"}, r"refuses an ordinary surface \(too thin\)"),
+        ("answer", {"body": FORM + "raise KeyError('limb')"}, "raises KeyError: 'limb'"),
+        ("answer", {"body": DESCRIBE + "return np.array([[1.0]])" + DISTANCES}, r"descriptor came as \(1, 1\)"),
+        ("answer", {"body": DESCRIBE + "return [1.0]" + DISTANCES}, "descriptor came as list"),
+        # The shape.
+        (
+            "input untouched",
+            {
+                "body": FORM
+                + "d = shape.geodesics()\n        d.flags.writeable = True\n        d *= 2\n"
+                + "        return shape.form(x)"
+            },
+            "changes the geodesics of the shape",
+        ),
+        (
+            "input untouched",
+            {"body": FORM + "shape.laplacian().mass[:] = 1\n        return shape.form(x)"},
+            "changes the vertex areas",
+        ),
+        ("input untouched", {"body": FORM + "shape.seed = 7\n        return shape.form(x)"}, "changes the attributes"),
+        # Two answers.
+        (
+            "repeatable",
+            {"body": FORM + "CALLS.append(1)\n        return shape.form(x * len(CALLS))"},
+            "after another shape the answer is a different one; keep nothing",
+        ),
+        (
+            "repeatable",
+            {"body": FORM + "return shape.form(x + np.random.rand(3))", "info": "deterministic=False"},
+            "keep nothing between shapes",
+        ),
+        (
+            "seed",
+            {"body": FORM + "return shape.form(x * (1 + shape.random().random()))"},
+            "declare deterministic=False",
+        ),
+        ("seed", {"body": FORM + "return shape.form(x * len(shape.identifier))"}, "depends on the name or the seed"),
+        ("seed", {"info": "deterministic=False"}, "ignores the seed"),
+        ("relabelling", {"body": FORM + "return shape.form(x - 0.5 * (x[0] @ x[0]) * x)"}, "break ties by geometry"),
+        ("relabelling", {"body": FORM + "return shape.form(np.sort(x, axis=0))"}, "numbering of vertices"),
+        ("rigid motion", {"body": FORM + "return shape.form(x * [1, 1, 2])"}, "position of the shape in space"),
+        ("rigid motion", {"body": FORM + "return shape.form(x * np.abs(x).max())"}, "position of the shape in space"),
+        ("scale", {"body": FORM + "return shape.form(x / np.sqrt(shape.mesh.area))"}, "or declare 'invariant'"),
+        ("scale", {"info": "scale='invariant'"}, "difference 1.5e.00.* or declare 'equivariant'"),
+        ("scale", {"body": DESCRIBE + SPREAD + DISTANCES, "info": "scale='invariant'"}, "or declare 'equivariant'"),
+        (
+            "scale",
+            {"body": DESCRIBE + "return np.array([shape.source_area**2 + shape.source_area])" + DISTANCES},
+            "does not keep info.scale",
+        ),
+        ("scale", {"body": DESCRIBE + "return np.array([1.0])" + DISTANCES}, "tells no two poses of the figure apart"),
+        (
+            "dissimilarities",
+            {"body": DESCRIBE + SPREAD + DISTANCES.replace("np.abs", "np.exp")},
+            "not symmetric with a zero diagonal",
+        ),
+        (
+            "dissimilarities",
+            {"body": DESCRIBE + SPREAD + DISTANCES.replace("return np", "return -np")},
+            r"return \(N, N\) finite numbers >= 0",
+        ),
+        (
+            "dissimilarities",
+            {"body": DESCRIBE + SPREAD + DISTANCES.replace(".sum(axis=2)", ".sum(axis=(1, 2))")},
+            r"return \(N, N\)",
+        ),
+        (
+            "dissimilarities",
+            {"body": DESCRIBE + SPREAD + DISTANCES + " * (1 + d[0, 0])"},
+            "depends on the order of the descriptors",
+        ),
+        # Shapes that are hard to treat.
+        ("awkward shapes", {"body": FORM + "return shape.form(x + 0 * x[10])"}, "a triangle: raises IndexError"),
+        (
+            "awkward shapes",
+            {"body": FORM + "return shape.form(x if np.ptp(x, axis=0).min() > 1e-9 else x * np.nan)"},
+            "a flat sheet: 462 of 462 numbers of the vertices are NaN",
+        ),
+        (
+            "awkward shapes",
+            {"body": FORM + "if len(x) < 5: raise UnsupportedShape('')\n        return shape.form(x)"},
+            "a tetrahedron is refused without a reason",
+        ),
+    ],
+)
+def test_a_fault_is_found_by_its_check(check, changes, message, findings, in_this_process, monkeypatch):
+    if check in checks.OF_THE_ANSWER:  # the others are correct to find fault too, but take time
+        monkeypatch.setattr(conformance, "OF_THE_ANSWER", {check: checks.OF_THE_ANSWER[check]})
+    found = findings(**changes)
+    assert check in failed(found), [str(finding) for finding in found.values()]
+    assert re.search(message, found[check].explanation), found[check].explanation
+    if check == "answer":
+        assert {found[name].outcome for name in checks.OF_THE_ANSWER} == {"skipped"}
+
+
+def test_a_parameter_without_default_cannot_be_made(findings, in_this_process):
+    found = findings(field="factor: float")
+    assert "factor without default; give every parameter one" in found["class"].explanation
+    assert failed(found) == ["class", "parameters", "answer"]
+
+
+def test_a_check_that_raises_costs_itself_alone(findings, in_this_process):
+    found = findings(body=FORM + "if shape.seed: raise KeyError('seed')\n        return shape.form(x)")
+    assert failed(found) == ["seed"]
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("return shape.form(x * os.getpid())", "another process answers differently"),
+        (
+            "if multiprocessing.parent_process(): os._exit(1)\n        return shape.form(x)",
+            "the process ended before it answered",
+        ),
+    ],
+)
+def test_another_process_must_answer_the_same(body, message, findings):
+    found = findings(body=FORM + body)
+    assert failed(found) == ["fresh process"]
+    assert message in found["fresh process"].explanation
+
+
+def test_a_right_descriptor_passes(findings, in_this_process):
+    assert failed(findings(body=DESCRIBE + "return np.array([shape.geodesics().std()])" + DISTANCES)) == []
+    found = findings(body=DESCRIBE + "return np.array([shape.source_area])" + DISTANCES)
+    assert {finding.outcome for finding in found.values()} == {"ok"}
+
+
+def test_a_random_form_is_not_asked_for_symmetry(findings, in_this_process):
+    found = findings(
+        body=FORM + "return shape.form(shape.random().standard_normal(x.shape))", info="deterministic=False"
+    )
+    assert failed(found) == []
+    for name in ("relabelling", "rigid motion", "scale"):
+        assert str(found[name]).startswith("skipped")
+        assert found[name].explanation == "the answer is drawn at random"
+    assert found["seed"].explanation == "the same under one seed, different under another"
+
+
+def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(findings, in_this_process):
+    body = (
+        FORM + "if shape.depth is None: raise UnsupportedShape('no depth image')\n"
+        "        d = shape.depth[::100, ::100].astype(float)\n"
+        "        v = np.stack([*np.indices(d.shape), d], axis=-1).reshape(-1, 3)\n"
+        "        return CanonicalForm(v, np.array([[0, 1, 2]], dtype=np.int32))"
+    )
+    found = findings(body=body, info="inputs=('view',)")
+    assert failed(found) == []
+    assert found["relabelling"].explanation == "the form has vertices of its own"
+    assert found["rigid motion"].explanation == found["scale"].explanation == "the depth image has one camera"
+    assert found["awkward shapes"].explanation == (
+        "refuses a triangle, a tetrahedron, a flat sheet, two pieces, an open surface, each with a reason"
+    )
+
+
+def test_a_missing_package_is_no_fault(findings):
+    found = findings(info="requires=('no_such_package',)", body=FORM + "import no_such_package")
+    assert [str(finding) for finding in found.values()] == [
+        "skipped  requirements     unavailable: install no_such_package, then check again"
+    ]
+
+
+def test_a_target_is_a_name_or_a_file(tmp_path):
+    report = conformance.check_target("surface-area")
+    assert report
+    lines = str(report).splitlines()
+    assert all(line.startswith("surface-area  ") for line in lines)
+    assert len(lines) == len(report.findings["surface-area"]) == 5 + len(checks.OF_THE_ANSWER)
+    with pytest.raises(ConfigurationError, match="unknown method 'surface-are'; did you mean surface-area"):
+        conformance.check_target("surface-are")
+    with pytest.raises(ConfigurationError, match="is not a Python file"):
+        conformance.check_target(str(tmp_path / "none.py"))
+
+
+def test_all_methods_of_a_file_are_checked_and_one_fault_fails_it(tmp_path, in_this_process):
+    path = tmp_path / "pair_of_methods.py"
+    path.write_text(
+        "from benchmark.contracts import canonical_form\n"
+        "@canonical_form(name='kept', title='Kept')\ndef kept(shape):\n    return shape.mesh.vertices\n"
+        "@canonical_form(name='flat', title='Flat')\ndef flat(shape):\n    return shape.mesh.vertices * [1, 1, 0]\n"
+    )
+    report = conformance.check_target(str(path))
+    assert not report
+    assert list(report.findings) == ["kept", "flat"]
+    assert [f.name for f in report.findings["kept"] if f.outcome == "failed"] == []
+    assert [f.name for f in report.findings["flat"] if f.outcome == "failed"] == ["rigid motion"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(registry.BUILT_IN))
+def test_every_built_in_method_keeps_the_contract(name):
+    report = conformance.check_target(name)
+    assert report, f"\n{report}"
+
+
+@pytest.mark.parametrize("bend", shapes.BENDS)
+def test_the_figure_is_one_closed_surface_without_symmetry(bend):
+    mesh = shapes.figure(bend)
+    _, report = clean(mesh)
+    assert (mesh.n_vertices, report.components, report.boundary_edges) == (500, 1, 0)
+    assert report.degenerate_faces == report.non_manifold_edges == report.non_manifold_vertices == 0
+    assert mesh.n_vertices - mesh.n_faces / 2 == 2  # a sphere: no limb has grown into another
+    assert mesh.area == pytest.approx(1)
+    values, _ = eigenpairs(Shape(identifier="figure", mesh=mesh).laplacian(), 8)
+    assert (np.diff(values[1:]) / values[1:-1]).min() > 0.05
+    moments = np.linalg.eigvalsh(np.cov(mesh.vertices.T))
+    assert (np.diff(moments) / moments[1:]).min() > 0.05
+
+
+def test_bending_moves_the_limbs_and_keeps_the_way_along_the_surface():
+    one, other = (Shape(identifier="figure", mesh=shapes.figure(bend)) for bend in shapes.BENDS[:2])
+    diameters = [shape.geodesics().max() for shape in (one, other)]
+    assert diameters[0] == pytest.approx(diameters[1], rel=0.05)
+    extents = [np.ptp(shape.mesh.vertices, axis=0) for shape in (one, other)]
+    assert np.abs(extents[0] / extents[1] - 1).max() > 0.1
+
+
+def test_the_view_is_open_and_whole():
+    view = shapes.view()
+    _, report = clean(view.mesh)
+    assert report.components == 1
+    assert report.boundary_edges > 50
+    assert view.depth.shape == (500, 500)
+    assert not view.depth.flags.writeable
+    assert 300 < view.mesh.n_vertices < 700

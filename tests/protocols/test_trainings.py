@@ -1,0 +1,128 @@
+"""Which shapes train which model, by hand."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmark.datasets.animals import Animals
+from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.humans import Humans
+from benchmark.datasets.parts import Part
+from benchmark.errors import ConfigurationError
+from benchmark.protocols.tables import galleries
+from benchmark.protocols.trainings import TRAININGS, trainings_by_shape, trainings_of
+from tests.mean_folds import MeanSampled, MeanStrict
+from tests.mean_target import MeanTarget
+
+SETS = {"humans": Humans(), "animals": Animals()}
+STRICT = [f"humans-strict-{a}-{b}" for a in range(3) for b in range(4)]
+GENERATED = [name for name, training in TRAININGS.items() if training.dataset in SETS and name != "humans-sampled"]
+
+
+def shown(name):
+    """Identifiers and subjects of inputs and targets."""
+    training = TRAININGS[name]
+    dataset = SETS[training.dataset]
+    inputs = training.trained.of(dataset)
+    return inputs, {canonical_entry(dataset, entry.subject) for entry in inputs}
+
+
+def unseen_of(name):
+    return TRAININGS[name].tested.of(SETS[TRAININGS[name].dataset])
+
+
+def test_a_part_is_chosen_by_name_and_by_place():
+    humans = Humans()
+    assert len(Part().of(humans)) == 300
+    assert [e.identifier for e in Part(("man-1",), (0, 19)).of(humans)] == [
+        humans.entries[0].identifier,
+        humans.entries[19].identifier,
+    ]
+    assert Part((0,), (0, 19)).of(humans) == Part(("man-1",), (0, 19)).of(humans)
+    assert [entry.identifier for entry in Part(("wolf",)).of(Animals())] == ["wolf0", "wolf1", "wolf2"]
+
+
+@pytest.mark.parametrize(
+    ("name", "pairs", "subjects", "unseen"),
+    [("humans-I", 200, 10, 100), ("animals-III", 22, 4, 19), ("animals-III-people", 61, 7, 19)]
+    + [(name, 150, 10, 25) for name in STRICT],
+)
+def test_numbers_of_pairs(name, pairs, subjects, unseen):
+    inputs, _ = shown(name)
+    assert (len(inputs), len({entry.subject for entry in inputs}), len(unseen_of(name))) == (pairs, subjects, unseen)
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_what_is_tested_is_never_trained_on(name):
+    inputs, targets = shown(name)
+    assert not {e.subject for e in (*inputs, *targets)} & {e.subject for e in unseen_of(name)}
+    assert not {e.identifier for e in (*inputs, *targets)} & {e.identifier for e in unseen_of(name)}
+
+
+@pytest.mark.parametrize("name", STRICT)
+def test_strict_trainings_see_no_pose_of_the_test_but_the_canonical_one_as_target(name):
+    inputs, targets = shown(name)
+    fold = {entry.pose for entry in unseen_of(name)}
+    assert len(fold) == 5
+    assert not fold & {entry.pose for entry in inputs}
+    canonical = {Humans().entries[0].pose}
+    assert {entry.pose for entry in targets} == canonical
+    assert bool(targets - set(inputs)) == bool(canonical & fold) == name.endswith("-0")
+
+
+def test_the_strict_trainings_test_every_shape_once():
+    chosen = [entry.identifier for name in STRICT for entry in unseen_of(name)]
+    assert len(chosen) == len(set(chosen)) == 300
+
+
+@pytest.mark.parametrize("learner", [MeanTarget(), MeanStrict()])
+def test_no_shape_of_a_gallery_meets_a_model_that_knows_its_subject(learner):
+    for gallery in galleries(["I", "III-held-out", "IV"]):
+        if gallery.split not in (None, learner.split) or (learner.split == "strict" and gallery.part == "held out"):
+            continue  # not a gallery of this learner; there are folds of humans alone
+        models = trainings_by_shape(learner, gallery.dataset, gallery.entries, None)
+        assert list(models) == [entry.identifier for entry in gallery.entries]
+        known = {
+            training.name: {e.subject for part in shown(training.name) for e in part}
+            for training in set(models.values())
+        }
+        assert not any(entry.subject in known[models[entry.identifier].name] for entry in gallery.entries)
+
+
+def test_each_gallery_gets_the_models_of_its_table():
+    def names(learner, gallery):
+        found = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
+        return {training.name for training in found.values()}
+
+    first, second, third, held_out = galleries(["I", "II", "III"])
+    assert [names(MeanTarget(), gallery) for gallery in (first, second, third, held_out)] == [
+        {"humans-I"},
+        {"humans-I"},
+        {"animals-III"},
+        {"animals-III"},
+    ]
+    assert names(MeanSampled(), second) == {"humans-sampled"}
+    assert names(MeanTarget(training="animals-III-people"), third) == {"animals-III-people"}
+    assert names(MeanStrict(), first) == {f"humans-strict-2-{b}" for b in range(4)}
+    with pytest.raises(ConfigurationError, match="'humans-scanlike' has no folds of subjects and poses"):
+        names(MeanStrict(), second)
+    with pytest.raises(ConfigurationError, match="unknown training 'humans-i'; did you mean humans-I"):
+        names(MeanTarget(training="humans-i"), first)
+
+
+def test_what_train_makes_for_a_table(tmp_path):
+    (tmp_path / "tosca").mkdir()
+    (tmp_path / "shrec14" / "synthetic").mkdir(parents=True)
+    for table, root, expected in [
+        ("I", None, ["humans-I"]),
+        ("II", None, ["humans-I"]),
+        ("IV", tmp_path, ["shrec14-synthetic-I"]),
+        ("III", None, ["animals-III"]),
+        ("III", tmp_path, ["tosca-III"]),
+    ]:
+        assert list(trainings_of(MeanTarget(), table, root)) == expected
+    assert list(trainings_of(MeanStrict(), "I", None)) == STRICT
+    assert list(trainings_of(MeanSampled(), "I", None)) == ["humans-sampled"]
+    assert list(trainings_of(MeanTarget(training="tosca-III-people"), "I", None)) == ["tosca-III-people"]
+    with pytest.raises(ConfigurationError, match="unknown table 'VI'"):
+        trainings_of(MeanTarget(), "VI", Path())

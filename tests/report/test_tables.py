@@ -1,0 +1,165 @@
+"""Golden tables from made-up records."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from benchmark.contracts import MethodInfo
+from benchmark.datasets.base import Entry, FileDataset
+from benchmark.jobs.plan import difference
+from benchmark.protocols.tables import Gallery, Table
+from benchmark.report.cell import Cell
+from benchmark.report.content import Row, TableContent
+from benchmark.report.files import render
+from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
+from retrieval.chance import chance_levels
+
+
+def cell(nn, unsupported=(), status="ok"):
+    scores = {"NN": nn, "FT": 0.5, "ST": 0.75, "DCG": 0.8}
+    return Cell(
+        status,
+        {
+            "key": "k",
+            "scores": scores,
+            "status": status,
+            "unsupported": list(unsupported),
+            "n_shapes": 4,
+            "n_classes": 2,
+            "phase_seconds": {"form": 1.25},
+            "peak_mib": 100,
+        },
+    )
+
+
+def table(quick=False, stand_in="tosca"):
+    entries = tuple(Entry(f"{subject}{i}", subject, str(i)) for subject in ("cat", "dog") for i in range(2))
+    dataset = FileDataset(name="beasts", title="Beasts & Co", entries=entries, stand_in_for=stand_in)
+    paper = {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}
+    rows = (
+        Row(
+            "classic-mds",
+            "Classic MDS",
+            "paper",
+            paper,
+            {"mesh": cell(0.7449), "view": cell(0.2, [("cat1", "two parts; join them")])},
+        ),
+        Row("fast-mds", "Fast MDS", "paper", paper, {"mesh": Cell("pending", {}), "view": Cell("pending", {})}),
+        Row(
+            "mine",
+            "50 % of_mine",
+            "extended",
+            None,
+            {"mesh": cell(0.7401), "view": Cell("timeout", {"reason": "stopped"})},
+        ),
+    )
+    gallery = Gallery(Table("III", "Animals", "tosca", "beasts"), "beasts", dataset, entries, quick)
+    return TableContent(gallery, ("mesh", "view"), rows, chance_levels([entry.subject for entry in entries]))
+
+
+def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
+    text = markdown(table(quick=True))
+    lines = text.splitlines()
+    assert lines[0] == "**Table III. Animals: generated stand-in 'beasts', not TOSCA (4 shapes, 2 classes).**"
+    classic = [word.strip() for word in lines[4].strip("|").split("|")]
+    assert classic == [
+        "Classic MDS",
+        "0.74",
+        "0.54",
+        "0.80",
+        "0.80",
+        "**0.74**",
+        "**0.50**",
+        "**0.75**",
+        "**0.80**",
+        "**0.20**",
+        "**0.50**",
+        "**0.75**",
+        "**0.80**",
+    ]
+    mine = [word.strip() for word in lines[6].strip("|").split("|")]
+    assert mine[5] == "**0.74**"  # 0.7401 and 0.7449 both print as 0.74
+    assert mine[9] == "--"
+    assert "| *Chance*" in lines[7]
+    assert "- Quick run: some poses of each subject were left out." in lines
+    assert "- Classic MDS, view: 1 unsupported (cat1): two parts; join them" in lines
+    assert "- 50 % of_mine, view: timeout: stopped" in lines
+    assert len({len(line) for line in lines[2:8]}) == 1
+
+
+def test_what_was_not_run_is_one_note():
+    content = table()
+    rows = tuple(replace(row, cells={"mesh": Cell("missing", {"reason": "never run"})}) for row in content.rows)
+    lines = markdown(replace(content, rows=rows, inputs=("mesh",))).splitlines()
+    assert [line for line in lines if line.startswith("- ")] == ["- Not run yet: Classic MDS, Fast MDS, 50 % of_mine."]
+
+
+def test_real_data_is_named_as_such():
+    assert "Animals: Beasts & Co (4 shapes" in markdown(table(stand_in=""))
+
+
+def test_latex_is_booktabs_escaped_and_stable():
+    text = latex(table())
+    assert text == latex(table())
+    assert text.startswith("% table-III-beasts, made from records ")
+    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
+    assert r"\begin{tabular}{lrrrrrrrrrrrr}" in text
+    assert r"\cmidrule(lr){2-5} \cmidrule(lr){6-9} \cmidrule(lr){10-13}" in text
+    assert r"50 \% of\_mine & -- & -- & -- & -- & \textbf{0.74}" in text
+    assert "generated stand-in 'beasts', not TOSCA" in text
+    assert r"Chance & 0.33 & 0.33 & 0.67 & 0.88" in text
+    for line in text.splitlines():
+        assert line.startswith("%") or "%" not in line.replace(r"\%", "")
+    body = text[text.index(r"\midrule") : text.index(r"\bottomrule")]
+    assert all(line.count(" & ") == 12 for line in body.splitlines() if line.endswith(r"\\"))
+
+
+def test_json_and_csv_hold_one_row_per_input_and_method():
+    rows = rows_as_json([table()])
+    assert [(row["input"], row["method"], row["status"]) for row in rows] == [
+        ("mesh", "classic-mds", "ok"),
+        ("mesh", "fast-mds", "pending"),
+        ("mesh", "mine", "ok"),
+        ("view", "classic-mds", "ok"),
+        ("view", "fast-mds", "pending"),
+        ("view", "mine", "timeout"),
+    ]
+    assert rows[0]["stand_in"] is True
+    assert rows[0]["seconds"] == 1.25
+    assert rows[1]["NN"] is None
+    assert rows[2]["paper"] is None
+    assert rows[3]["unsupported"] == 1
+    lines = as_csv([table()]).splitlines()
+    assert len(lines) == 7
+    assert lines[0].startswith("table,dataset,stand_in,input,method,title,NN,FT,ST,DCG,paper_NN")
+
+
+def test_files_of_all_formats():
+    files = render([table()], ("latex", "markdown", "csv", "json"))
+    assert sorted(files) == [
+        "references.bib",
+        "table-III-beasts.md",
+        "table-III-beasts.tex",
+        "tables.csv",
+        "tables.json",
+    ]
+    assert json.loads(files["tables.json"]) == rows_as_json([table()])
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "said"),
+    [
+        ({"seed": 0}, {"seed": 1}, "seed changed from 0 to 1"),
+        ({"gallery": "a"}, {"gallery": "b"}, "the data changed"),
+        ({"parameters": {"k": 1}}, {"parameters": {"k": 2}}, "parameters changed: k 1 -> 2"),
+        ({"code": {"method": {"m": "1", "n": "1"}}}, {"code": {"method": {"m": "2", "n": "1"}}}, "code of m changed"),
+        ({}, {}, "the recipe changed"),
+    ],
+)
+def test_a_stale_job_says_what_changed(before, now, said):
+    assert difference(before, now) == said
+
+
+def test_method_info_has_no_required_field_beyond_name_and_title():
+    assert MethodInfo(name="a", title="A").inputs == ("mesh", "view")

@@ -1,0 +1,93 @@
+import json
+import resource
+import time
+
+import numpy as np
+import pytest
+
+from benchmark.storage.store import StorageError, Store
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.open(tmp_path)
+
+
+def test_a_recipe_is_computed_once_and_keeps_its_time(store):
+    calls = []
+
+    def compute():
+        calls.append(1)
+        return {"x": np.arange(3)}
+
+    first, second = (store.get_or_compute({"a": 1}, compute) for _ in range(2))
+    assert len(calls) == 1
+    assert not first.was_cached
+    assert second.was_cached
+    assert second.seconds == first.seconds
+    np.testing.assert_array_equal(second.arrays["x"], [0, 1, 2])
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 not a zip", None])
+def test_a_damaged_artefact_is_made_again(store, damage):
+    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(1000)})
+    (path,) = (store.root / "artefacts").rglob("*.npz")
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] if damage is None else damage)
+    again = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(1000)})
+    assert not again.was_cached
+    assert store.find({"a": 1}) is not None
+
+
+def test_objects_are_not_unpickled(store):
+    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
+    (path,) = (store.root / "artefacts").rglob("*.npz")
+    np.savez(path, x=np.array([{"danger": 1}], dtype=object), allow_pickle=True)
+    assert store.find({"a": 1}) is None
+
+
+def test_records_are_whole_or_absent(store):
+    store.write_record("k", {"status": "ok", "value": 1.5})
+    assert store.read_record("k") == {"status": "ok", "value": 1.5}
+    with pytest.raises(ValueError, match="JSON"):
+        store.write_record("k", {"value": float("nan")})
+    assert store.read_record("k") == {"status": "ok", "value": 1.5}
+    (store.root / "records" / "half.json").write_text(json.dumps({"a": 1})[:-2])
+    assert store.read_record("half") is None
+    assert [record["status"] for record in store.records()] == ["ok"]
+
+
+def test_a_full_disk_is_named_and_leaves_nothing_half_written(store):
+    """A file size limit makes writing fail as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        with pytest.raises(StorageError, match="free some space"):
+            store.get_or_compute({"a": 1}, lambda: {"x": np.zeros(10**6)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path for path in (store.root / "artefacts").rglob("*") if path.is_file()] == []
+    assert not store.get_or_compute({"a": 1}, lambda: {"x": np.zeros(10**6)}).was_cached
+
+
+def test_a_results_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="choose another --results"):
+        Store.open(tmp_path / "file")
+
+
+def test_the_time_of_an_inner_stage_is_not_booked_twice(store):
+    inner = []
+
+    def compute_inner():
+        time.sleep(0.2)
+        return {"x": np.arange(3)}
+
+    def compute_outer():
+        inner.append(store.get_or_compute({"inner": 1}, compute_inner))
+        time.sleep(0.05)
+        return {"x": np.arange(3)}
+
+    outer = store.get_or_compute({"outer": 1}, compute_outer)
+    assert inner[0].seconds >= 0.2
+    assert 0.05 <= outer.seconds < 0.2
