@@ -32,9 +32,7 @@ from retrieval.pose import normalise  # noqa: E402
 from retrieval.views import BACKGROUND, render  # noqa: E402
 
 #: Models of TOSCA are not shipped, so methods that learn have no row.
-METHODS = {
-    name: MethodSpec(name, target) for name, target in BUILT_IN.items() if not target.startswith("learned.")
-}
+METHODS = {name: MethodSpec(name, target) for name, target in BUILT_IN.items() if not target.startswith("learned.")}
 INPUTS = ("mesh", "view")
 MEASURES = ("nn", "ft", "st", "dcg")
 CODEBOOK_SEEDS = (0, 1, 2)
@@ -116,7 +114,9 @@ def score(spec: MethodSpec, paths: list[Path], dataset: FolderDataset) -> dict[s
     found, labels, digests = [], [], {}
     for path, entry in zip(paths, dataset.entries, strict=True):
         with np.load(path) as arrays:
-            parts = {key.removeprefix(f"{spec.name}:"): arrays[key] for key in arrays if key.startswith(f"{spec.name}:")}
+            parts = {
+                key.removeprefix(f"{spec.name}:"): arrays[key] for key in arrays if key.startswith(f"{spec.name}:")
+            }
         parts.pop("form", None)
         if parts:
             found.append(parts)
