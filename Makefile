@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow lint speed tables figures clean
+.PHONY: setup bench test test-slow portability lint speed tables figures clean
 
 setup: $(READY)
 
@@ -22,6 +22,9 @@ test: setup
 
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
+
+portability: setup
+	$(BIN)/python -m tests.portability.suite
 
 lint: setup
 	$(BIN)/ruff check .

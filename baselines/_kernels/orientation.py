@@ -8,7 +8,6 @@ from baselines._kernels.ties import largest
 from benchmark.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
-
 EQUAL = 1e-6
 """Eigenvalues that differ by less than this share of the larger are equal: their axes may be turned into each other."""
 

@@ -16,7 +16,7 @@ from benchmark.geometry import geodesics, laplacian
 
 #: Vertices move by up to this share of the size of the shape.
 MOVE = 1e-13
-#: Results of linear algebra and distances change by up to this share of the largest number: a few units in the last place.
+#: Results of linear algebra and distances change by up to this share of the largest number: a few last places.
 NOISE = 1e-15
 
 

@@ -27,8 +27,8 @@ METHODS = {name: MethodSpec(name, target) for name, target in BUILT_IN.items() i
 #: precision, so that a move of 1e-13 may become one of 1e-7.
 TOLERANCE = 1e-6
 #: Non-metric scaling gives equal distances equal disparities. Which distances are equal in single precision is the one
-#: decision that cannot be given a margin: distances lie as densely as their rounding errors, and a margin would make one
-#: chain of all of them.
+#: decision that cannot be given a margin: distances lie as densely as their rounding errors, and a margin would make
+#: one chain of all of them.
 TOLERANCES = {"non-metric-mds": 2e-4}
 
 
