@@ -102,12 +102,12 @@ class CanonicalForm:
 
 
 class ArtefactCache(Protocol):
-    """Where a shape keeps what is expensive; the harness passes its store, tests pass nothing."""
+    """Where a shape keeps what is expensive while several methods treat it; tests pass nothing."""
 
     def get_or_compute(
         self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
     ) -> Mapping[str, NDArray[Any]]:
-        """Return the arrays of this stage of this shape, computing and storing them when missing."""
+        """Return the arrays of this stage of this shape, computing them when missing."""
         ...
 
 
@@ -128,7 +128,7 @@ class Shape:
     seed
         Seed of every random choice made for this shape.
     cache
-        Where geodesics and the Laplacian are kept; None computes them once per object.
+        Where geodesics are kept; None computes them once per object.
     """
 
     def __init__(
@@ -174,16 +174,18 @@ class Shape:
         from benchmark.geometry import geodesics
 
         name = geodesics.resolve_solver(solver)
+        if self._cache is not None:
+            return self._cache.get_or_compute("geodesics", {"solver": name}, lambda: self._all_pairs(name))["distances"]
         if name not in self._geodesics:
-
-            def compute() -> dict[str, NDArray[Any]]:
-                return {"condensed": geodesics.condense(geodesics.all_pairs(self.mesh, name))}
-
-            arrays = self._cache.get_or_compute("geodesics", {"solver": name}, compute) if self._cache else compute()
-            matrix = geodesics.expand(arrays["condensed"])
-            matrix.flags.writeable = False
-            self._geodesics[name] = matrix
+            self._geodesics[name] = self._all_pairs(name)["distances"]
         return self._geodesics[name]
+
+    def _all_pairs(self, solver: str) -> dict[str, FloatArray]:
+        from benchmark.geometry import geodesics
+
+        matrix = geodesics.rounded(geodesics.all_pairs(self.mesh, solver))
+        matrix.flags.writeable = False
+        return {"distances": matrix}
 
     def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
         """Geodesic distances from a few vertices to all, without computing all pairs.

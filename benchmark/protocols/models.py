@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
@@ -23,7 +22,7 @@ from benchmark.protocols.trainings import (
     trainings_of,
 )
 
-__all__ = ["Maker", "MissingModel", "Model", "find_models"]
+__all__ = ["MissingModel", "Model", "find_models"]
 
 
 class MissingModel(ConfigurationError):
@@ -125,45 +124,3 @@ def _command(spec: MethodSpec, method: Learner, gallery: Gallery, training: Trai
     if spec.module.endswith(".py"):
         words += ["--plugin", spec.module]
     return shlex.join(words)
-
-
-@dataclass(frozen=True)
-class Maker:
-    """A method at work: where it learns, with the model that fits each shape.
-
-    Parameters
-    ----------
-    spec
-        The method by name.
-    method
-        The method.
-    models
-        Model for each shape by identifier; empty for a method that does not learn.
-    """
-
-    spec: MethodSpec
-    method: Method
-    models: Mapping[str, Model] = field(default_factory=dict)
-    _loaded: dict[Path, Method] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    def method_for(self, entry: Entry) -> Method:
-        """Return the method that makes the form of a shape; each model is loaded once."""
-        model = self.models.get(entry.identifier)
-        if model is None or not isinstance(self.method, Learner):
-            return self.method
-        if model.folder not in self._loaded:
-            self._loaded[model.folder] = self.method.load(model.folder)
-        return self._loaded[model.folder]
-
-    def recipe_for(self, entry: Entry) -> dict[str, str]:
-        """What the model adds to the recipe of a form: nothing where the method does not learn."""
-        model = self.models.get(entry.identifier)
-        return {} if model is None else {"model": model.digest}
-
-    def seen(self, entries: Iterable[Entry], dataset: str) -> list[str]:
-        """Shapes that their model was trained on, or whose subject was."""
-        return [
-            entry.identifier
-            for entry in entries
-            if (model := self.models.get(entry.identifier)) and model.has_seen(entry, dataset)
-        ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +16,8 @@ from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, S
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import Camera, camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.stages import Stages
+from benchmark.jobs.preparation import Preparation
 from benchmark.report.drawing import SUPERSAMPLING, depth_picture, shaded
-from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
 
 #: Poses of each subject, unless told otherwise.
 POSES = 8
@@ -96,9 +93,7 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
         If the data set is empty, or a shape extends beyond the frame of the camera.
     """
     rows = select(dataset, n_subjects, n_poses)
-    # The frame of a set that declares none is a stage of the view, for which all shapes are looked at.
-    with tempfile.TemporaryDirectory() as folder:
-        half_width = Stages(Store.open(Path(folder)), dataset, "view", 0, CMBOF()).half_width
+    half_width = Preparation(dataset, "view").half_width
     sights: dict[str, _Sight] = {}
     problems = []
     for entry in (entry for row in rows for entry in row):

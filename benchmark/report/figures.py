@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmark.contracts import Method
+from benchmark.contracts import Descriptor
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.geometry.depth import Camera
 from benchmark.jobs.plan import Job
-from benchmark.jobs.stages import Stages
-from benchmark.protocols.models import Maker
+from benchmark.jobs.preparation import Preparation
+from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.tables import Gallery
 from benchmark.report.drawing import Image, depth_picture, principal_frame, shaded
 from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,20 +75,17 @@ def forms_figure(jobs: Sequence[Job], store: Store, seed: int, subject: str = ""
     gallery = jobs[0].gallery
     inputs = tuple(dict.fromkeys(job.input for job in jobs))
     available = {job.method.name: job for job in jobs if job.state not in ("unavailable", "unsupported")}
-    makers = [
-        Maker(job.method, method, job.models)
-        for job in available.values()
-        if isinstance(method := job.method.create(), Method)
-    ]
+    shown = [job for job in available.values() if not isinstance(job.method.create(), Descriptor)]
     entries = _poses(gallery, subject)
     columns: list[tuple[str, list[Image]]] = []
     for input_ in inputs:
-        stages = Stages(store, gallery.dataset, input_, seed, CMBOF())
+        preparation = Preparation(gallery.dataset, input_, store)
+        treatments = [Treatment(preparation, store, job.method, seed, job.models) for job in shown]
         for entry in entries:
-            pictures = [_input_picture(stages, entry, size)]
-            pictures += [_form_picture(stages, entry, maker, size) for maker in makers]
+            pictures = [_input_picture(preparation, entry, size)]
+            pictures += [_form_picture(treatment, entry, size) for treatment in treatments]
             columns.append((f"{input_}: {entry.identifier}", pictures))
-    rows = ["input", *(maker.spec.title for maker in makers)]
+    rows = ["input", *(job.method.title for job in shown)]
     figure = Figure(figsize=(1.7 * len(columns) + 1.2, 1.7 * len(rows) + 0.3), dpi=100)
     axes = figure.subplots(len(rows), len(columns), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
     for j, (title, pictures) in enumerate(columns):
@@ -115,22 +111,22 @@ def _poses(gallery: Gallery, subject: str) -> list[Entry]:
     return [members[i] for i in np.unique(np.linspace(0, len(members) - 1, POSES).astype(int))]
 
 
-def _input_picture(stages: Stages, entry: Entry, size: int) -> Image:
+def _input_picture(preparation: Preparation, entry: Entry, size: int) -> Image:
     """The complete surface as the camera sees it, or the depth image."""
-    shape = stages.shape(entry)
+    shape = preparation.shape(entry)
     if shape.depth is not None:
         return depth_picture(shape.depth, size)
-    return shaded(shape.mesh, stages.dataset.camera(entry), size)
+    return shaded(shape.mesh, preparation.dataset.camera(entry), size)
 
 
-def _form_picture(stages: Stages, entry: Entry, maker: Maker, size: int) -> Image:
+def _form_picture(treatment: Treatment, entry: Entry, size: int) -> Image:
     try:
-        form, _ = stages.form(entry, maker)
+        form = treatment.form(entry)
     except ShapeError:
         return np.ones((size, size, 3))
-    if maker.spec.name not in _UPRIGHT:
+    if treatment.spec.name not in _UPRIGHT:
         return shaded(principal_frame(form), size=size)
-    if stages.input == "mesh":
-        return shaded(form, stages.dataset.camera(entry), size)
+    if treatment.preparation.input == "mesh":
+        return shaded(form, treatment.preparation.dataset.camera(entry), size)
     upright = form.with_vertices(form.vertices[:, [0, 2, 1]] * [1, -1, 1])  # from camera coordinates to z up
     return shaded(upright, _ASLANT, size)

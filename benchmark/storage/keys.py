@@ -1,25 +1,55 @@
-"""Keys that name a recipe: inputs, code, parameters and seed; never the bytes that came out.
+"""Keys that name a recipe: inputs, code, packages, parameters and seed; never the bytes that came out.
 
-Output bytes change between BLAS builds and thread counts, a recipe does not. The code part of a key is a fingerprint of
-a module and of every first-party module that it imports, taken from the syntax tree without docstrings and positions,
-so that a comment does not invalidate anything and an edit in a helper does.
+Output bytes change between BLAS builds and thread counts, a recipe does not. The code of a stage is its module with
+every local module that it imports, directly or not: those of this suite, and of a plugin its helpers. Each is named by
+a fingerprint of its syntax tree without docstrings and positions, so that a comment invalidates nothing and an edit in
+a helper does. The packages that this code imports are named with their versions.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import importlib.metadata
 import importlib.util
 import json
-from collections.abc import Iterator, Mapping
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
-#: Modules that cannot change a result: the wording of errors.
-IGNORED = frozenset({"benchmark.errors"})
+#: Modules that cannot change a result: the version of the suite, the wording of errors, the way files are written.
+IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.files"})
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """What of the code and of its surroundings can move a stage.
+
+    Parameters
+    ----------
+    code
+        Fingerprint of each local module, by name; a plugin goes by its file name, for where it lies changes nothing.
+    packages
+        Version of each package that the code imports.
+    """
+
+    code: Mapping[str, str]
+    packages: Mapping[str, str]
+
+    @property
+    def digest(self) -> str:
+        """One digest over both."""
+        return digest([dict(self.code), dict(self.packages)])
+
+    def plain(self) -> dict[str, dict[str, str]]:
+        """As part of a recipe."""
+        return {"code": dict(self.code), "packages": dict(self.packages)}
 
 
 def digest(recipe: Any) -> str:
@@ -33,37 +63,182 @@ def plain(recipe: Any) -> Any:
     return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))
 
 
-def code_of(module: str) -> dict[str, str]:
-    """Fingerprints of a module and of all first-party modules that it imports, directly or not.
+def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
+    """Fingerprint of modules with all that they import.
 
     Parameters
     ----------
-    module
-        Dotted name of an installed module, or the path of a plugin file.
+    *modules
+        Dotted names of modules, or paths of plugin files.
+    without
+        Functions that the stage never calls, by name: what is imported in their bodies is left out.
     """
-    seen: dict[str, str] = {}
-    pending = [module]
-    while pending:
-        name = pending.pop()
-        if name in seen or name in IGNORED:
-            continue
-        path = _source(name)
-        if path is None:
-            continue
-        seen[name], imports = _read(path)
-        pending.extend(imports)
-    return dict(sorted(seen.items()))
+    return _fingerprint(modules, tuple(without))
 
 
-def code_digest(module: str) -> str:
-    """One digest over :func:`code_of`."""
-    return _code_digest(module)
+def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
+    """The code part of :func:`fingerprint`."""
+    return dict(fingerprint(module, without=without).code)
+
+
+def forget() -> None:
+    """Read all sources again at the next call: they may have changed since."""
+    for cached in (_fingerprint, _source, _read):
+        cached.cache_clear()
 
 
 @cache
-def _code_digest(module: str) -> str:
-    # The path of a plugin says where it lies, not what it does.
-    return digest(sorted(code_of(module).values()))
+def _fingerprint(modules: tuple[str, ...], without: tuple[str, ...]) -> Fingerprint:
+    code: dict[str, str] = {}
+    packages: set[str] = set()
+    done: set[str] = set()
+    for root in modules:
+        pending = [root]
+        while pending:
+            name = pending.pop()
+            if name in done:
+                continue
+            done.add(name)
+            path = _source(name, _folder(root))
+            if path is None:
+                continue
+            imported = _read(path, name, without)
+            if name not in IGNORED:
+                code[path.name if name.endswith(".py") else name] = imported.digest
+                for target in imported.names:
+                    found = _known_as(target, root)
+                    pending.extend(found)
+                    if not found and (top := target.partition(".")[0]) not in sys.stdlib_module_names:
+                        packages.add(top)
+    versions = (pair for name in packages if not _is_local(name, "") for pair in _versions(name))
+    return Fingerprint(dict(sorted(code.items())), dict(sorted(versions)))
+
+
+def _known_as(name: str, root: str) -> list[str]:
+    """The local modules that an imported name stands for, with the packages around them; none for a foreign one."""
+    if not _is_local(name, root):
+        return []
+    parts = name.split(".")
+    names = [".".join(parts[: k + 1]) for k in range(len(parts))]
+    return [module for module in names if _source(module, _folder(root)) is not None]
+
+
+def _is_local(name: str, root: str) -> bool:
+    """Whether a module belongs to the suite, to the package of the root, or lies outside the installed packages."""
+    top = name.partition(".")[0]
+    if top in FIRST_PARTY or (root and not root.endswith(".py") and top == root.partition(".")[0]):
+        return True
+    if top in sys.stdlib_module_names:
+        return False
+    path = _source(top, _folder(root))
+    return path is not None and not any(path.is_relative_to(folder) for folder in _installed())
+
+
+def _folder(root: str) -> str:
+    """Where the helpers of a plugin file lie."""
+    return str(Path(root).parent) if root.endswith(".py") else ""
+
+
+@cache
+def _installed() -> tuple[Path, ...]:
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    return tuple({Path(sysconfig.get_path(name)).resolve() for name in names} | {Path(json.__file__).parents[1]})
+
+
+@cache
+def _source(name: str, folder: str = "") -> Path | None:
+    """The file of a module, without importing anything; a helper is looked for beside the plugin if nothing else is."""
+    if name.endswith(".py"):
+        return Path(name)
+    top, *rest = name.split(".")
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ImportError, AttributeError, ValueError):
+        spec = None
+    if spec is None:
+        places = [Path(folder) / top] if folder else []
+    elif spec.submodule_search_locations is not None:
+        places = [Path(place) for place in spec.submodule_search_locations]
+    else:
+        places = [Path(spec.origin).with_suffix("")] if (spec.origin or "").endswith(".py") and spec.origin else []
+    for place in places:
+        module = place.joinpath(*rest)
+        for path in (module.with_suffix(".py"), module / "__init__.py"):
+            if path.is_file():
+                return path.resolve()
+    return None
+
+
+@cache
+def _versions(name: str) -> tuple[tuple[str, str], ...]:
+    """Name and version of the distribution that brings a package; none for one that is not installed."""
+    try:
+        return ((name, _version(name)),)
+    except importlib.metadata.PackageNotFoundError:
+        found = _distributions().get(name, ())
+        return tuple((each.lower(), _version(each)) for each in sorted(set(found)))
+
+
+def _version(distribution: str) -> str:
+    """Version without the tag of the build (``+cpu``), which says where it runs, not what it computes."""
+    return importlib.metadata.version(distribution).partition("+")[0]
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return importlib.metadata.packages_distributions()
+
+
+@dataclass(frozen=True)
+class _Module:
+    digest: str
+    names: tuple[str, ...]
+
+
+@cache
+def _read(path: Path, name: str, without: tuple[str, ...]) -> _Module:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    names = tuple(sorted(set(_imports(tree, "" if name.endswith(".py") else package, frozenset(without)))))
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(
+            node
+        ):
+            node.body = node.body[1:]
+    text = json.dumps(_skeleton(tree), separators=(",", ":"))
+    return _Module(hashlib.sha256(text.encode()).hexdigest()[:16], names)
+
+
+def _skeleton(node: Any) -> Any:
+    """A syntax tree as lists, without what is empty: versions of Python differ in the empty fields that they have."""
+    if isinstance(node, ast.AST):
+        fields = ((name, value) for name, value in ast.iter_fields(node) if name not in ("kind", "type_comment"))
+        return [type(node).__name__, *([n, _skeleton(v)] for n, v in fields if v is not None and v != [])]
+    if isinstance(node, list):
+        return [_skeleton(part) for part in node]
+    return [type(node).__name__, repr(node)]
+
+
+def _imports(tree: ast.AST, package: str, without: frozenset[str]) -> Iterator[str]:
+    """Names of modules imported anywhere, but for type checking alone and in functions that are left out."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name in without:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parts = package.split(".")
+                base = ".".join([*parts[: len(parts) - node.level + 1], *([node.module] if node.module else [])])
+            if base:
+                yield base
+                # ``from package import module`` names a module only if there is one; the caller looks.
+                yield from (f"{base}.{alias.name}" for alias in node.names if alias.name != "*")
+        else:
+            yield from _imports(node, package, without)
 
 
 def _plain(value: Any) -> Any:
@@ -76,45 +251,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
     raise TypeError(f"{type(value).__name__} cannot be part of a recipe")
-
-
-@cache
-def _source(name: str) -> Path | None:
-    if name.endswith(".py"):
-        return Path(name)
-    try:
-        spec = importlib.util.find_spec(name)
-    except (ImportError, AttributeError, ValueError):
-        return None
-    return Path(spec.origin) if spec and spec.origin and spec.origin.endswith(".py") else None
-
-
-@cache
-def _read(path: Path) -> tuple[str, tuple[str, ...]]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    imports = tuple(sorted(set(_imports(tree))))
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(
-            node
-        ):
-            node.body = node.body[1:]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16], imports
-
-
-def _imports(tree: ast.AST) -> Iterator[str]:
-    """Names of first-party modules imported anywhere except for type checking alone."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if _is_ours(alias.name))
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level and _is_ours(node.module):
-            yield node.module
-            # ``from package import module`` names a module only if such a module exists.
-            yield from (f"{node.module}.{alias.name}" for alias in node.names if _source(f"{node.module}.{alias.name}"))
-        else:
-            yield from _imports(node)
-
-
-def _is_ours(name: str) -> bool:
-    return name.partition(".")[0] in FIRST_PARTY
