@@ -50,7 +50,7 @@ class Learned:
     )
     split: ClassVar[Split] = "table"
     shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
-    default_training: ClassVar[str] = "humans-I"
+    default_training: ClassVar[str] = "humans-fold-0"
     """Training data of the model that is used where no table chooses one."""
 
     configuration: str = "literal"

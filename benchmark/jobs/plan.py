@@ -125,7 +125,7 @@ def make_plan(
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     for gallery in galleries:
-        rows = gallery.rows(specs)
+        rows = gallery.rows(specs, store.models)
         for input_ in wanted_inputs:
             if rows and input_ in gallery.table.inputs:
                 data = data_recipe(gallery, input_)

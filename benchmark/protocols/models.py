@@ -14,13 +14,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.learning import Learner, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.tables import Gallery
-from benchmark.protocols.trainings import (
-    NUMERALS,
-    TRAININGS,
-    Training,
-    trainings_by_shape,
-    trainings_of,
-)
+from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 
 __all__ = ["MissingModel", "Model", "find_models"]
 
@@ -105,7 +99,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     if missing:
         raise MissingModel(
             f"needs the model{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
-            f"run `{_command(spec, method, gallery, needed[missing[0]])}`",
+            f"run `{_command(spec, missing)}`",
         )
     try:
         models = {name: Model(name, folder, read_card(folder)) for name, folder in found.items() if folder is not None}
@@ -114,13 +108,11 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
-def _command(spec: MethodSpec, method: Learner, gallery: Gallery, training: Training) -> str:
-    """The command that trains what is missing."""
+def _command(spec: MethodSpec, missing: Sequence[str]) -> str:
+    """The command that trains what is missing: that one alone, or all that a strict learner needs."""
     words = ["python", "-m", "benchmark", "train", spec.name]
-    if method.split == "table":
-        numeral = gallery.table.part_of or gallery.table.identifier
-        known = numeral in NUMERALS and training.name in trainings_of(method, numeral, gallery.data_root)
-        words += ["--table", numeral] if known else ["--only", training.name]
+    if len(missing) == 1:
+        words += ["--only", missing[0]]
     if spec.module.endswith(".py"):
         words += ["--plugin", spec.module]
     return shlex.join(words)

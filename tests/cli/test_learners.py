@@ -150,7 +150,7 @@ def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp
     assert told.startswith("unavailable  tosca held out view mean-target[training_seed=1]  needs the model tosca-III")
     command = shlex.split(told.split("`")[1])
     assert command[:3] == ["python", "-m", "benchmark"]
-    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--table", "III"]
+    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--only", "tosca-III"]
     call(*command[3:-2], "--results", tmp_path, "--data-root", root)
     assert call("plan", "-t", "III-held-out", *arguments).startswith("missing")
 
@@ -212,9 +212,9 @@ def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
 @pytest.mark.parametrize(
     ("name", "folder"),
     [
-        ("learned", "humans-I/literal-seed0"),
+        ("learned", "humans-fold-0/literal-seed0"),
         ("learned-wide-extra", "humans-sampled/wide-extra-seed0"),
-        ("learned-strict", "humans-I/literal-seed0"),
+        ("learned-strict", "humans-fold-0/literal-seed0"),
         ("learned[training=animals-III]", "animals-III/literal-seed0"),
     ],
 )
