@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from benchmark.constraints import Interval, Matches, OneOf
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters import CheckedParameters, Interval, OneOf
+from benchmark.parameters import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -30,6 +31,7 @@ __all__ = [
     "GeodesicSolver",
     "Input",
     "Interval",
+    "Matches",
     "Mesh",
     "Method",
     "MethodInfo",

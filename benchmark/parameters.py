@@ -1,7 +1,7 @@
 """The parameters of a method: which values each may have, how they are read from text, checked and spelt.
 
 A parameter is a field of a dataclass that its maker takes. Its type says what kind of value it is, ``Literal`` which
-ones there are, and a constraint beside the type what else must hold::
+ones there are, and a constraint (:mod:`benchmark.constraints`) beside the type what else must hold::
 
     iterations: Annotated[int, Interval(1)] = 20
     start: Literal["mesh", "classic"] = "mesh"
@@ -17,19 +17,16 @@ import math
 import sys
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from functools import cache
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from benchmark.constraints import Constraint, Interval, OneOf
 from benchmark.errors import ConfigurationError, did_you_mean
 
 __all__ = [
     "CheckedParameters",
-    "Interval",
-    "OneOf",
     "assignments",
     "checked",
     "departures",
@@ -41,80 +38,6 @@ __all__ = [
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 
 _TRUTH = {"true": True, "false": False}
-
-
-@dataclass(frozen=True)
-class Interval:
-    """The numbers between two bounds; never NaN, and infinite in no case.
-
-    Parameters
-    ----------
-    low, high
-        The bounds; None where there is none.
-    closed
-        Which of the bounds belong to it: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
-    """
-
-    low: float | None = None
-    high: float | None = None
-    closed: Literal["both", "left", "right", "neither"] = "both"
-
-    def admit(self, value: Any) -> Any:
-        """Return the value if it lies inside, or raise ``ValueError``."""
-        above = self.low is None or self.low < value or (self.low == value and self.closed in ("both", "left"))
-        below = self.high is None or value < self.high or (self.high == value and self.closed in ("both", "right"))
-        if not (above and below and math.isfinite(value)):
-            raise ValueError
-        return value
-
-    def __str__(self) -> str:
-        low = high = ""
-        if self.low is not None:
-            low = f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
-        if self.high is not None:
-            high = f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
-        return " and ".join(filter(None, (low, high))) or "that is finite"
-
-
-Names = Iterable[str] | Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class OneOf:
-    """One of the names that are known when the parameter is looked at.
-
-    Parameters
-    ----------
-    names
-        The names, or a mapping from each way to write one to the name that it stands for, or a function that returns
-        either, for what is expensive to import.
-    """
-
-    names: Names | Callable[[], Names]
-
-    @property
-    def known(self) -> Mapping[str, str]:
-        """The name that each way to write one stands for."""
-        names = self.names() if callable(self.names) else self.names
-        return names if isinstance(names, Mapping) else {name: name for name in names}
-
-    def admit(self, value: Any) -> Any:
-        """Return the name that the value stands for, or raise ``ValueError``."""
-        if value not in (known := self.known):
-            raise ValueError
-        return known[value]
-
-    def __str__(self) -> str:
-        return " or ".join(self.known)
-
-
-@runtime_checkable
-class Constraint(Protocol):
-    """What must hold of a value besides its type; as text, what to write instead."""
-
-    def admit(self, value: Any) -> Any:
-        """Return the value as it is to be known, or raise ``ValueError``."""
-        ...
 
 
 class _Unfit(Exception):
@@ -233,7 +156,6 @@ def _split(text: str) -> list[str]:
     return parts if text.strip() else []
 
 
-@cache
 def _declared(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     """Annotation and default of each parameter of a class, in the order of its fields."""
     if not dataclasses.is_dataclass(cls):
@@ -298,10 +220,11 @@ def _admitted(constraint: Constraint, value: Any, annotation: Any) -> Any:
     """The value as a constraint wants it."""
     try:
         return constraint.admit(value)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         if isinstance(constraint, OneOf):
             raise _Unfit(str(constraint), constraint.known) from None
-        raise _Unfit(f"{_WORDS.get(annotation, 'a value')} {constraint}") from None
+        kind = f"{_WORDS.get(annotation, 'a value')} " if isinstance(constraint, Interval) else ""
+        raise _Unfit(f"{kind}{constraint}") from None
 
 
 def _fit_any(annotations: Iterable[Any], value: Any, default: Any) -> Any:
