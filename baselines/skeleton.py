@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape, UnsupportedShape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+    UnsupportedShape,
+)
 from benchmark.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -18,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Skeleton:
+class Skeleton(CheckedParameters):
     r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
 
     1. A curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
@@ -49,10 +57,10 @@ class Skeleton:
         summary="curve skeleton scaled by its path lengths, surface transferred",
     )
 
-    max_iterations: int = 100
-    rtol: float = 1e-3
-    bands: int = 24
-    open_border: float = 1.0
+    max_iterations: Annotated[int, Interval(1)] = 100
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    bands: Annotated[int, Interval(2)] = 24
+    open_border: Annotated[float, Interval(0)] = 1.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface in the pose of its scaled skeleton.

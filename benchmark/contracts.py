@@ -1,21 +1,24 @@
 """All that the author of a method imports: a shape comes in, a canonical form goes out.
 
 A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters. A *descriptor* has no canonical form: it describes each shape by a vector and compares the
-vectors itself. A plain function becomes a method through :func:`canonical_form`.
+fields are its parameters, which may declare what they take (see :mod:`benchmark.parameters`). A *descriptor* has no
+canonical form: it describes each shape by a vector and compares the vectors itself. A plain function becomes a method
+through :func:`canonical_form`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from benchmark.constraints import Interval, Matches, OneOf
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+from benchmark.parameters import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -23,11 +26,16 @@ if TYPE_CHECKING:
 __all__ = [
     "ArtefactCache",
     "CanonicalForm",
+    "CheckedParameters",
     "Descriptor",
+    "GeodesicSolver",
     "Input",
+    "Interval",
+    "Matches",
     "Mesh",
     "Method",
     "MethodInfo",
+    "OneOf",
     "Shape",
     "UnsupportedShape",
     "canonical_form",
@@ -35,6 +43,16 @@ __all__ = [
 
 Input = Literal["mesh", "view"]
 FloatArray = NDArray[np.float64]
+
+
+def _geodesic_solvers() -> dict[str, str]:
+    from benchmark.geometry.geodesics import DEFAULT_SOLVER, SOLVERS
+
+    return {"default": DEFAULT_SOLVER} | {name: name for name in SOLVERS}
+
+
+GeodesicSolver = Annotated[str, OneOf(_geodesic_solvers)]
+"""Type of a parameter that names a solver for :meth:`Shape.geodesics`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +79,6 @@ class MethodInfo:
         ``"equivariant"`` if scaling the shape scales the form, ``"invariant"`` if the form does not change.
     deterministic
         False if the form depends on the seed.
-    trained_on
-        Subjects that a learned method has seen, as ``"data set: ids"``; empty for methods that do not learn.
     """
 
     name: str
@@ -74,7 +90,6 @@ class MethodInfo:
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"
     deterministic: bool = True
-    trained_on: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.errors import TrainingError
+from learned.fingerprint import training_code
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -87,6 +88,8 @@ def keep(
             tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
     told = {
         "recipe": json.dumps(recipe, sort_keys=True),
+        "code": json.dumps(training_code()),
+        "torch": torch.__version__,
         "epoch": str(progress.epoch),
         "batch": str(progress.batch),
         "seconds": str(progress.seconds),
@@ -103,7 +106,7 @@ def resume(
     Raises
     ------
     TrainingError
-        If the checkpoint is damaged, or was made with other options, data or code.
+        If the checkpoint is damaged, or was made with other options or data, by other code or another torch.
     """
     path = folder / CHECKPOINT
     if not path.is_file():
@@ -114,13 +117,23 @@ def resume(
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
         history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
+        code, version = json.loads(told.get("code", "{}")), told.get("torch", "")
     except (SafetensorError, OSError, KeyError, ValueError) as error:
         raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
-    if before != recipe:
-        changed = sorted(name for name in before.keys() | recipe.keys() if before.get(name) != recipe.get(name))
+    if changed := _differences(before, recipe):
         raise TrainingError(
             f"checkpoint {path} was made with another {', '.join(changed)}",
             "train with the same options, or delete the folder to begin anew",
+        )
+    if changed := _differences(code, training_code()):
+        raise TrainingError(
+            f"checkpoint {path} was made by other code: {', '.join(f'learned/{name}.py' for name in changed)} changed",
+            "delete it to begin anew, or go on with the code that made it",
+        )
+    if _release(version) != _release(torch.__version__):
+        raise TrainingError(
+            f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {torch.__version__}",
+            "install that version, or delete the checkpoint to begin anew",
         )
     with torch.no_grad():
         for name, parameter in network.named_parameters():
@@ -132,3 +145,13 @@ def resume(
                 }
                 optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
     return Progress(epoch, batch, seconds, history)
+
+
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the entries that are not the same."""
+    return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+
+
+def _release(version: str) -> str:
+    """Version without the kind of build: a training may go on on another device."""
+    return version.partition("+")[0]

@@ -10,8 +10,8 @@ ROOT = Path(__file__).parents[1]
 #: Floors, lowest first: a room may import from itself and from any floor below, never from its neighbours on the same
 #: floor. A module belongs to the longest name that fits.
 FLOORS = (
-    ("benchmark.errors", "benchmark.files", "benchmark.threads"),
-    ("benchmark.geometry",),
+    ("benchmark.constraints", "benchmark.errors", "benchmark.files", "benchmark.threads"),
+    ("benchmark.geometry", "benchmark.parameters"),
     ("benchmark.contracts",),
     ("benchmark.learning",),
     ("baselines", "learned", "retrieval"),

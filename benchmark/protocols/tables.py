@@ -70,6 +70,13 @@ class Table:
         """Inputs under which it is made: learners read depth images alone."""
         return ("view",) if self.ablation else INPUTS
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its galleries inside the data set; "" for the whole set."""
+        if self.folds:
+            return tuple(f"fold {number}" for number in range(len(self.folds)))
+        return ("held out",) if self.part_of else ("",)
+
 
 TABLES: tuple[Table, ...] = (
     Table(
@@ -283,8 +290,8 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
         return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, fold, data_root)
 
     if not table.folds:
-        return [gallery(table.subjects, "held out" if table.part_of else "")]
-    folds = [gallery(places, f"fold {number}", number) for number, places in enumerate(table.folds)]
+        return [gallery(table.subjects, *table.parts)]
+    folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
     return folds[:1] if quick else folds
 
 

@@ -288,7 +288,9 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
     return f"{base}[{','.join(kept)}]" if kept else base
 
 
-def _further_row(table: Table, name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]) -> Row:
+def _further_row(
+    table: Table, name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]
+) -> Row:
     records = [result.record for results in by_input.values() for result in results]
     titled = next((r for r in records if r["method"] == name), records[0])
     return Row(name, str(titled["title"]), str(titled["family"]), None, cells)

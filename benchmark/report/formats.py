@@ -189,9 +189,7 @@ def _legend(table: TableContent) -> str:
         {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}[input_]
         for input_ in table.inputs
     )
-    return (
-        f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: no result."
-    )
+    return f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: no result."
 
 
 def _sentence(note: str) -> str:
