@@ -7,15 +7,7 @@ from pathlib import Path
 
 import click
 
-DATA_VARIABLE = "CANONICAL_FORMS_DATA"
-
-data_root_option = click.option(
-    "--data-root",
-    type=click.Path(path_type=Path),
-    envvar=DATA_VARIABLE,
-    metavar="DIR",
-    help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
-)
+from benchmark.cli.options import data_root_option
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:

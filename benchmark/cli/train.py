@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.data import data_root_option
+from benchmark.cli.options import data_root_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters import assignments
 

@@ -52,7 +52,7 @@ class SerialExecutor:
         for order in orders:
             store = Store.open(order.results)
             if order.key not in store.records:
-                work(Ranking(order), lambda job, _: watch([names[job]], done))
+                work(Ranking((order,)), lambda job, _: watch([names[job]], done))
             yield order, _record_of(order, store)
 
 
@@ -88,7 +88,8 @@ class _Run:
     timeout: float | None
     watch: Watch
     running: list[Worker] = field(default_factory=list)
-    waiting: deque[Task] = field(default_factory=deque)
+    waiting: deque[Share] = field(default_factory=deque)
+    to_rank: list[Order] = field(default_factory=list)
     open_shares: dict[str, int] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     deaths: dict[str, int] = field(default_factory=dict)
@@ -104,7 +105,7 @@ class _Run:
             for order in share.orders:
                 self.open_shares[order.key] = self.open_shares.get(order.key, 0) + 1
         try:
-            while self.waiting or self.running:
+            while self.waiting or self.running or self.to_rank:
                 self._start()
                 wait([worker.sentinel for worker in self.running], timeout=_INTERVAL)
                 for worker in list(self.running):
@@ -116,12 +117,20 @@ class _Run:
                 worker.end()
 
     def _start(self) -> None:
-        while self.waiting and len(self.running) < self.workers:
-            task = self.waiting.popleft()
-            if isinstance(task, Ranking) and task.order.key not in self.pending:
-                continue
+        while (self.waiting or self.to_rank) and len(self.running) < self.workers:
+            task = self._due() or self.waiting.popleft()
             number = next(n for n in range(self.workers) if n not in {w.number for w in self.running})
             self.running.append(Worker(task, number, self.store.progress, self.memory))
+
+    def _due(self) -> Ranking | None:
+        """Jobs that can be ranked, shared among the free workers: starting a process for each would take longer."""
+        free = self.workers - len(self.running)
+        count = -(-len(self.to_rank) // free)
+        chosen, self.to_rank = self.to_rank[:count], self.to_rank[count:]
+        return Ranking(tuple(chosen)) if chosen else None
+
+    def _recorded(self) -> set[str]:
+        return {key for key in self.pending if key in self.store.records}
 
     def _look_at(self, worker: Worker) -> None:
         """Book the time of the job that a worker is at; end what takes too long; take note of what has ended."""
@@ -144,9 +153,9 @@ class _Run:
         self._died(worker)
 
     def _died(self, worker: Worker) -> None:
-        """A process ended in the middle of its task: blame the job that it was at, unless it was killed from outside."""
+        """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, job = worker.exit_code or 0, worker.status_at_end.job
-        whose = job or _first_order(worker.task).key
+        whose = job or worker.task.orders[0].key
         if not job or code == -signal.SIGKILL:
             self.deaths[whose] = self.deaths.get(whose, 0) + 1
             if self.deaths[whose] < _LIVES:
@@ -164,8 +173,7 @@ class _Run:
         self.running.remove(worker)
         task = worker.task
         if isinstance(task, Ranking):
-            if task.order.key != without:
-                self.waiting.appendleft(task)
+            self.to_rank += [order for order in task.orders if order.key not in (without, *self._recorded())]
             return
         behind = worker.status_at_end.steps
         left = tuple(order for order in task.orders if order.key != without)
@@ -192,11 +200,11 @@ class _Run:
         """One share of a job is over; after the last one it is ranked, before further shapes are treated."""
         self.open_shares[order.key] -= 1
         if self.open_shares[order.key] == 0 and order.key not in self.store.records:
-            self.waiting.appendleft(Ranking(order))
+            self.to_rank.append(order)
 
     def _ended(self) -> Iterator[tuple[Order, Record]]:
         busy = {key for worker in self.running for key in _keys(worker.task)}
-        due = {key for task in self.waiting if isinstance(task, Ranking) for key in _keys(task)}
+        due = {order.key for order in self.to_rank}
         for key, order in list(self.pending.items()):
             if key in self.store.records and (self.open_shares[key] == 0 or key not in busy):
                 del self.pending[key]
@@ -212,12 +220,8 @@ class _Run:
         self.watch(names, self.steps_done + shapes)
 
 
-def _first_order(task: Task) -> Order:
-    return task.order if isinstance(task, Ranking) else task.orders[0]
-
-
 def _keys(task: Task) -> list[str]:
-    return [task.order.key] if isinstance(task, Ranking) else [order.key for order in task.orders]
+    return [order.key for order in task.orders]
 
 
 def _record_of(order: Order, store: Store) -> Record:

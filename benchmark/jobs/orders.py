@@ -98,9 +98,9 @@ class Share:
 
 @dataclass(frozen=True)
 class Ranking:
-    """The second half of a job: all its shapes are treated, and are to be ranked."""
+    """The second half of jobs: all their shapes are treated, and are to be ranked."""
 
-    order: Order
+    orders: tuple[Order, ...]
 
 
 Task = Share | Ranking

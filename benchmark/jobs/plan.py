@@ -263,10 +263,8 @@ def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str
     if modules:
         changes.append(f"code of {', '.join(modules[:3])}{' and others' if len(modules) > 3 else ''} changed")
     old, new = together(before, "packages"), together(now, "packages")
-    for name in sorted(old.keys() | new.keys()):
-        if old.get(name) != new.get(name):
-            changes.append(f"{name} {old.get(name, 'absent')} -> {new.get(name, 'absent')}")
-    return changes
+    moved = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
+    return changes + [f"{name} {old.get(name, 'absent')} -> {new.get(name, 'absent')}" for name in moved]
 
 
 def unavailable_record(job: Job) -> Record:

@@ -17,6 +17,7 @@ from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import half_width_of, seen
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
+from benchmark.storage.keys import digest
 from benchmark.storage.store import Artefact, Store
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -77,6 +78,11 @@ class Preparation:
         if self.dataset.half_width is not None:
             return self.dataset.half_width
         return float(self._kept(self._frame, self._fit_frame, "frame").arrays["half_width"])
+
+    @property
+    def frame_key(self) -> str:
+        """Name of the artefact that holds a frame fitted to the data set; "" where there is none."""
+        return digest(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
 
     def mesh(self, entry: Entry) -> Mesh:
         """The mesh of the data set; generated ones are kept for the while of a run, for some take seconds to make."""

@@ -45,8 +45,9 @@ def work(task: Task, tell: Tell) -> None:
         Told before each step.
     """
     if isinstance(task, Ranking):
-        tell(task.order.key, 0)
-        _rank(task.order)
+        for done, order in enumerate(task.orders):
+            tell(order.key, done)
+            _rank(order)
     else:
         _treat(task, tell)
 
@@ -193,7 +194,9 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
         **_costs(treated),
         "wall_seconds": round(time.perf_counter() - start, 3),
         "environments": _environments(treated),
-        "artefacts": sorted({a.key for t in treated for a in (t.prepared, t.answer)} | set(distances)),
+        "artefacts": sorted(
+            {a.key for t in treated for a in (t.prepared, t.answer)} | {*distances, treatment.preparation.frame_key}
+        ),
         **_learning(order, treatment, entries, dataset.name),
     }
 

@@ -290,7 +290,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
         return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, fold, data_root)
 
     if not table.folds:
-        return [gallery(table.subjects, *table.parts)]
+        return [gallery(table.subjects, table.parts[0])]
     folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
     return folds[:1] if quick else folds
 

@@ -41,7 +41,7 @@ class Row:
 
     @property
     def label(self) -> str:
-        """Title as printed: with training data beyond the paper's, the number of models, and the mark of old records."""
+        """Title as printed, with training data beyond the paper's, the number of models, the mark of old records."""
         extra = "extra training data"
         told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
@@ -253,7 +253,7 @@ def _content(table: Table, results: Sequence[Result]) -> TableContent:
         Row(name, row.title, "paper", row.values[table.identifier], blank | cells.get(name, {}))
         for name, row in printed.items()
     ]
-    rows += [_further_row(table, name, by_row[name], cells[name]) for name in _others(by_row, printed)]
+    rows += [_further_row(name, by_row[name], cells[name]) for name in _others(by_row, printed)]
     one_each = {result.record["gallery"]: result.record for result in results}
     chance = [one_each[name]["data"]["chance"] for name in galleries]
     return TableContent(
@@ -288,9 +288,7 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
     return f"{base}[{','.join(kept)}]" if kept else base
 
 
-def _further_row(
-    table: Table, name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]
-) -> Row:
+def _further_row(name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]) -> Row:
     records = [result.record for results in by_input.values() for result in results]
     titled = next((r for r in records if r["method"] == name), records[0])
     return Row(name, str(titled["title"]), str(titled["family"]), None, cells)

@@ -16,6 +16,7 @@ from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.tables import Gallery
+from benchmark.report.content import file_stem
 from benchmark.report.drawing import Image, depth_picture, principal_frame, shaded
 from benchmark.storage.store import Store
 
@@ -42,15 +43,15 @@ def forms_figures(jobs: Sequence[Job], store: Store, seed: int, folder: Path) ->
     dict
         File name by the file stem of the gallery's table.
     """
-    from benchmark.report.content import contents
-
-    names = {}
-    for table in contents(jobs, store):
-        if table.gallery.table.part_of or table.gallery.table.ablation:
+    names: dict[str, str] = {}
+    for job in jobs:
+        gallery = job.gallery
+        stem = file_stem(gallery.table.identifier, gallery.dataset.name, quick=gallery.quick)
+        if stem in names or gallery.table.part_of or gallery.table.ablation:
             continue
-        own = [job for job in jobs if job.gallery is table.gallery]
-        names[table.file_stem] = f"forms-{table.gallery.dataset.name}.png"
-        save(forms_figure(own, store, seed), folder / names[table.file_stem])
+        names[stem] = f"forms-{gallery.dataset.name}.png"
+        own = [other for other in jobs if other.gallery.name == gallery.name]
+        save(forms_figure(own, store, seed), folder / names[stem])
     return names
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Mesh
+from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 
 #: Vertices of the prepared mesh; customary for canonical forms (Lian et al. 2013, Pickup et al. 2018).

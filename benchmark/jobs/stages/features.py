@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from benchmark.contracts import Mesh
+from benchmark.geometry.mesh import Mesh
 from retrieval.cmbof import CMBOF
 
 

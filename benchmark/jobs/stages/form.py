@@ -37,7 +37,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
         vertices = mesh.vertices.astype(np.float32)
     if not np.isfinite(vertices).all():
         raise InvalidMesh("the form is too large for single precision", "keep the scale of the shape")
-    arrays = {"vertices": vertices}
+    arrays: dict[str, NDArray[Any]] = {"vertices": vertices}
     if mesh.faces.shape != shape.mesh.faces.shape or (mesh.faces != shape.mesh.faces).any():
         arrays["faces"] = mesh.faces
     return {**arrays, **{f"note:{name}": np.asarray(value) for name, value in form.notes.items()}}

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Descriptor
 from retrieval.chance import chance_levels
 from retrieval.cmbof import CMBOF, Features
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
+
+if TYPE_CHECKING:
+    from benchmark.contracts import Descriptor
 
 Matrix = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Mesh
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import Camera, depth_surface, fit_half_width
+from benchmark.geometry.mesh import Mesh
 
 
 def seen(source: Mesh, camera: Camera, half_width: float) -> Mapping[str, NDArray[Any]]:

@@ -1,0 +1,46 @@
+"""What may go: artefacts that no record needs, and what killed processes left behind."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from benchmark.files import leftovers
+from benchmark.storage.records import by_place
+from benchmark.storage.store import Store
+
+
+def unneeded(store: Store) -> Iterator[Path]:
+    """Files that can be removed: the newest record of each place keeps what it was made from, all else may go.
+
+    The artefacts of a job that was stopped are among them; it would begin anew.
+    """
+    newest = (records[-1] for records in by_place(store.records).values())
+    needed = {key for record in newest for key in record.get("artefacts", ())}
+    yield from (path for path in store.artefact_files() if path.stem not in needed)
+    yield from (path for path in store.scratch.rglob("*") if path.is_file())
+    yield from leftovers(store.artefacts)
+    yield from leftovers(store.records.folder)
+    yield from (path for path in store.progress.iterdir() if not _is_watched(path))
+
+
+def remove(paths: list[Path]) -> int:
+    """Remove files; returns the bytes that were freed."""
+    freed = 0
+    for path in paths:
+        with suppress(OSError):
+            size = path.stat().st_size
+            path.unlink()
+            freed += size
+    return freed
+
+
+def _is_watched(path: Path) -> bool:
+    """Whether the harness that looks at a progress file is alive."""
+    harness = path.name.partition("-")[0]
+    with suppress(OSError, ValueError):
+        os.kill(int(harness), 0)
+        return True
+    return False
