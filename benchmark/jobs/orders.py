@@ -35,6 +35,8 @@ class Order:
         Everything that determines the scores.
     all_unseen
         Whether it is an error that a model was trained on one of the shapes.
+    split_size
+        Test subjects in each of all the ways to choose some; 0 where nobody asks for them.
     """
 
     key: str
@@ -49,6 +51,7 @@ class Order:
     results: Path
     recipe: Mapping[str, Any]
     all_unseen: bool
+    split_size: int = 0
 
     @classmethod
     def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
@@ -66,6 +69,7 @@ class Order:
             results=results,
             recipe=job.recipe,
             all_unseen=job.gallery.table.all_unseen,
+            split_size=job.gallery.table.split_size,
         )
 
     @property

@@ -203,6 +203,8 @@ def job_recipe(
         "scorer": recipes.scorer_recipe(CMBOF()),
         "code": recipes.job_code(recipes.dataset_module(gallery.dataset), input_, spec),
     }
+    if gallery.table.split_size:
+        recipe["split_size"] = gallery.table.split_size
     if models:
         recipe["models"] = {model.training: model.digest for model in models.values()}
     return recipe

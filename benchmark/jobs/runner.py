@@ -185,6 +185,7 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
     return {
         "status": "ok",
         **ranking.scores(matrices, labels),
+        **(ranking.over_splits(matrices, labels, order.split_size) if order.split_size else {}),
         "shapes": [entry.identifier for entry in kept],
         "labels": labels,
         "n_shapes": len(kept),

@@ -49,6 +49,9 @@ class Table:
         Whether it is an error that a model was trained on one of its shapes or subjects.
     ablation
         Whether its rows are learners, each with several seeds of its training.
+    split_size
+        Test subjects in each of all the ways to choose some, where the table tells how much depends on the choice; no
+        learner has a row there. 0 for a table without.
     extended_learners
         Whether learners beyond the paper's have rows without being asked for by name; a model of each must exist.
     """
@@ -64,6 +67,7 @@ class Table:
     all_unseen: bool = True
     ablation: bool = False
     extended_learners: bool = False
+    split_size: int = 0
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -75,7 +79,7 @@ class Table:
         """Names of its galleries inside the data set; "" for the whole set."""
         if self.folds:
             return tuple(f"fold {number}" for number in range(len(self.folds)))
-        return ("held out",) if self.part_of else ("",)
+        return ("held out",) if self.subjects else ("",)
 
 
 TABLES: tuple[Table, ...] = (
@@ -86,6 +90,15 @@ TABLES: tuple[Table, ...] = (
         "humans",
         folds=SUBJECT_FOLDS,
         extended_learners=True,
+    ),
+    Table(
+        "I-whole",
+        "Retrieval of synthetic humans, all subjects in one gallery (without figures of the paper: it has five subjects)",
+        "shrec14-synthetic",
+        "humans",
+        in_quick_runs=False,
+        part_of="I",
+        split_size=len(SUBJECT_FOLDS[0]),
     ),
     Table(
         "II",
@@ -204,7 +217,7 @@ class Gallery:
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.base_name in _ABLATED:
+        if spec.base_name in _ABLATED or (self.table.split_size and spec.learns):
             return False
         try:
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"

@@ -12,6 +12,7 @@ from retrieval.chance import chance_levels
 from retrieval.cmbof import CMBOF, Features
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
+from retrieval.splits import all_splits, ranges, scores_of_splits
 
 if TYPE_CHECKING:
     from benchmark.contracts import Descriptor
@@ -74,3 +75,27 @@ def scores(matrices: Sequence[Matrix], labels: Sequence[str]) -> dict[str, Any]:
         "lone_queries": found[0].lone_queries,
         "chance": chance_levels(labels),
     }
+
+
+def over_splits(matrices: Sequence[Matrix], labels: Sequence[str], size: int) -> dict[str, Any]:
+    """How the measures are spread over every way to take some of the subjects for testing.
+
+    Parameters
+    ----------
+    matrices
+        One per codebook, each of shape (N, N); the measures of a split are means over them.
+    labels
+        Subject of each shape.
+    size
+        Subjects to take.
+
+    Returns
+    -------
+    dict
+        ``splits``: the number of ways, and by measure the quantiles .05, .5 and .95.
+    """
+    splits = all_splits(labels, size)
+    scored = [scores_of_splits(matrix, labels, splits) for matrix in matrices]
+    means = {name: np.mean([each[name] for each in scored], axis=0) for name in scored[0]}
+    found = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
+    return {"splits": {"count": len(splits), "size": size, "quantiles": found}}
