@@ -93,7 +93,7 @@ TABLES: tuple[Table, ...] = (
     ),
     Table(
         "I-whole",
-        "Retrieval of synthetic humans, all subjects in one gallery (without figures of the paper: it has five subjects)",
+        "Retrieval of synthetic humans, all subjects in one gallery (without figures of the paper, which tests five)",
         "shrec14-synthetic",
         "humans",
         in_quick_runs=False,

@@ -14,7 +14,7 @@ def has_splits(table: TableContent) -> bool:
 
 
 def splits_markdown(table: TableContent) -> str:
-    """Median, and quantiles .05 and .95, of each measure over all splits, as Markdown: one line for each row and input."""
+    """Median and quantiles .05 and .95 of each measure over all splits as Markdown, a line for each row and input."""
     found = [
         (row.label, input_, quantiles)
         for input_ in table.inputs
