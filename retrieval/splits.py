@@ -83,8 +83,8 @@ def scores_of_splits(
 ) -> dict[str, FloatArray]:
     """Score the gallery of each split as :func:`retrieval.metrics.evaluate` does, ties by their expected value.
 
-    The distances are those of the whole set. Where they rest on words of a codebook, these were drawn from the whole set
-    too, and not anew for each gallery, so a run on one gallery alone may score a little otherwise.
+    The distances are those of the whole set. Where they rest on words of a codebook, these were drawn from the whole
+    set too, and not anew for each gallery, so a run on one gallery alone may score a little otherwise.
 
     Parameters
     ----------

@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 
 from benchmark.datasets.base import Entry, natural_key
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import mesh_files
-from benchmark.datasets.settings import FolderDataset, with_settings
+from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.depth import FRONT, SIDE, Camera
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, is_path, is_present, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, folder_name, is_path, is_present, open_dataset
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
@@ -233,7 +233,8 @@ def galleries(
 ) -> list[Gallery]:
     """Choose the galleries that a selection on the command line stands for.
 
-    The paper's set is used when it is present and its stand-in otherwise, never both in one table.
+    The paper's set is used when it is present and its stand-in otherwise, never both in one table. A table that goes
+    with another one is left out where the set lacks its classes, unless it was asked for by its name.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ def galleries(
     ConfigurationError
         If a name is unknown, the selection is empty, or an ablation is to be quick.
     DatasetError
-        If a named set is absent or not fit for retrieval.
+        If a set is absent or unreadable, or what a table ranks of it is not fit for retrieval.
     """
     known = {table.identifier: table for table in TABLES}
     wanted_tables, wanted_sets = list(table_names), list(dataset_names)
@@ -269,7 +270,14 @@ def galleries(
             raise ConfigurationError(
                 f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
             )
-    return [gallery for table, name in chosen for gallery in _galleries(table, name, data_root, quick)]
+    found: list[Gallery] = []
+    for table, name in chosen:
+        try:
+            found += _galleries(table, name, data_root, quick)
+        except DatasetError:
+            if not table.part_of or table.identifier in wanted_tables:
+                raise
+    return found
 
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
@@ -290,7 +298,9 @@ def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in (table.dataset, table.stand_in) for table in TABLES) or not own:
         return [table for table in made if name in (table.dataset, table.stand_in)]
-    own_name = Path(name).resolve().name if name not in CATALOGUE else name
+    own_name = name if name in CATALOGUE else folder_name(Path(name))
+    if any(own_name == table.identifier for table in TABLES):
+        own_name += "-folder"
     return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
 
 
@@ -300,6 +310,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
 
     def gallery(subjects: tuple[int | str, ...], part: str = "", fold: int | None = None) -> Gallery:
         entries = Part(subjects).of(dataset)
+        check_retrievable(dataset, entries if part else None)
         return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, fold, data_root)
 
     if not table.folds:

@@ -3,10 +3,11 @@ import pytest
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.methods import registry
 from benchmark.protocols.tables import QUICK_POSES, TABLES, galleries
+from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from retrieval.chance import chance_levels
 from tests import mean_folds, mean_target
-from tests.toy import write_rods
+from tests.toy import rod, write_off, write_rods
 
 
 def test_without_data_the_stand_ins_run_and_say_so():
@@ -86,6 +87,29 @@ def test_a_folder_gets_a_table_of_its_own(tmp_path):
     (gallery,) = galleries([], [str(folder)])
     assert (gallery.table.identifier, len(gallery.entries)) == ("rods", 6)
     assert paper.rows("rods") == {}
+
+
+def test_a_folder_may_be_called_like_a_known_set_or_a_table_and_is_neither(tmp_path):
+    for name, table in (("humans", "humans-folder"), ("tosca", "tosca-folder"), ("III", "III-folder")):
+        (gallery,) = galleries([], [str(write_rods(tmp_path / name))])
+        assert (gallery.table.identifier, gallery.dataset.name) == (table, table.replace("III-folder", "III"))
+        assert gallery.table.folds == ()
+        trainings = trainings_by_shape(mean_target.MeanTarget(), gallery.dataset, gallery.entries, None)
+        assert {training.name for training in trainings.values()} == {"humans-fold-0"}
+
+
+def test_a_table_is_left_out_where_a_partial_set_lacks_its_classes(tmp_path):
+    for number in range(2):
+        write_off(tmp_path / "tosca" / f"dog{number}.off", rod(0.1, number))
+        write_off(tmp_path / "tosca" / f"cat{number}.off", rod(0.2, number))
+    assert [gallery.table.identifier for gallery in galleries(["III"], data_root=tmp_path)] == ["III"]
+    with pytest.raises(DatasetError, match=r"what this table ranks of data set 'tosca' has one class \('cat'\)"):
+        galleries(["III-held-out"], data_root=tmp_path)
+    for path in (tmp_path / "tosca").glob("cat*"):
+        path.rename(path.with_name(path.name.replace("cat", "david")))
+    assert [gallery.table.identifier for gallery in galleries(["III"], data_root=tmp_path)] == ["III"]
+    with pytest.raises(DatasetError, match="what this table ranks of data set 'tosca' has no meshes"):
+        galleries(["III-held-out"], data_root=tmp_path)
 
 
 @pytest.mark.parametrize(

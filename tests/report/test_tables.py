@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from benchmark.contracts import MethodInfo
-from benchmark.datasets.base import Entry, FileDataset
+from benchmark.datasets.base import Entry
+from benchmark.datasets.files import FolderDataset
 from benchmark.jobs.plan import difference
 from benchmark.protocols.tables import Gallery, Table
 from benchmark.report.cell import Cell
@@ -35,7 +36,7 @@ def cell(nn, unsupported=(), status="ok"):
 
 def table(quick=False, stand_in="tosca"):
     entries = tuple(Entry(f"{subject}{i}", subject, str(i)) for subject in ("cat", "dog") for i in range(2))
-    dataset = FileDataset(name="beasts", title="Beasts & Co", entries=entries, stand_in_for=stand_in)
+    dataset = FolderDataset(name="beasts", title="Beasts & Co", entries=entries, stand_in_for=stand_in)
     paper = {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}
     rows = (
         Row(

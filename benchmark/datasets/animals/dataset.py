@@ -88,7 +88,7 @@ class Animals:
         return animals_mesh(entry.identifier)
 
     def recipe(self, entry: Entry) -> str:
-        """Digest of the generator, the body and the pose."""
+        """Name the proportions of the body and the pose."""
         make = person_recipe if entry.subject in PEOPLE else generated_recipe
         return make(entry.subject, entry.pose)
 
