@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
@@ -26,6 +27,9 @@ from benchmark.storage.environment import environment
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from retrieval.measures import PRINTED
+
+#: Seconds between two lines about progress where there is no terminal.
+_SILENCE = 15.0
 
 #: States of jobs that need nothing and are no failure.
 _FINE = ("cached", "unsupported")
@@ -83,8 +87,9 @@ class _Display:
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
-        places = {(o.dataset, o.input, o.room, shape) for o in orders for shape in o.identifiers}
-        self._task: TaskID = self._bar.add_task("starting", total=len(places))
+        self._total = len({(o.dataset, o.input, o.room, shape) for o in orders for shape in o.identifiers})
+        self._task: TaskID = self._bar.add_task("starting", total=self._total)
+        self._begun = self._said = time.monotonic()
 
     def __enter__(self) -> _Display:
         self._bar.start()
@@ -96,6 +101,11 @@ class _Display:
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show which jobs are at work, and how many shapes are done."""
         self._bar.update(self._task, completed=done, description=", ".join(names) or "waiting")
+        now = time.monotonic()
+        if self._bar.disable and now - self._said >= _SILENCE:
+            self._said = now
+            left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
+            click.echo(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
 
     def ended(self, order: Order, record: Record) -> None:
         """Print the line of a job that has ended."""
