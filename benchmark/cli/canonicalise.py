@@ -36,7 +36,7 @@ def canonicalise_file(
     ShapeError
         If the mesh cannot be read or treated.
     """
-    from benchmark.geometry.depth import FRONT
+    from benchmark.geometry.camera import FRONT
     from benchmark.geometry.io import read_mesh, write_mesh
     from benchmark.jobs.preparation import shape_of
     from benchmark.jobs.stages.complete import complete

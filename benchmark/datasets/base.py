@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from benchmark.errors import DatasetError
 
 if TYPE_CHECKING:
-    from benchmark.geometry.depth import Camera
+    from benchmark.geometry.camera import Camera
     from benchmark.geometry.mesh import Mesh
 
 

@@ -16,7 +16,7 @@ from benchmark.datasets.folder import subject_of_stem
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, write_manifest
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.geometry.depth import Camera
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 LAYOUTS = ("shrec14", "tosca")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, UnreadableMesh
-from benchmark.geometry.depth import FRONT, Camera
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 

@@ -22,8 +22,8 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
 from benchmark.errors import DatasetError
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import connected_components
-from benchmark.geometry.depth import FRONT, Camera
 from benchmark.geometry.mesh import Faces, Mesh
 
 CANONICAL_POSE = next(iter(POSES))

@@ -21,7 +21,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, jittered
 from benchmark.datasets.human_subjects import Subject
 from benchmark.datasets.scanning import membrane, scan, sheltered_vertices, vertex_normals
-from benchmark.geometry.depth import FRONT, Camera
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 
 N_SUBJECTS = 40

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import CleaningReport, clean
-from benchmark.geometry.depth import Camera, camera_coordinates
+from benchmark.geometry.depth import camera_coordinates
 from benchmark.geometry.mesh import Faces, Mesh
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmark.datasets.files import FolderDataset
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 SETTINGS_FILE = "dataset.toml"
 

@@ -10,7 +10,7 @@ from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import mesh_files
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 #: Classes whose long axis is y: the depth camera looks at their side.
 QUADRUPEDS = frozenset({"cat", "centaur", "dog", "horse", "wolf"})

@@ -24,6 +24,9 @@ State = Literal["cached", "failed", "stale", "published", "missing", "unavailabl
 #: Recipe parts in the order in which a change is worth telling.
 PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
 
+#: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
+CHANGED = "changed"
+
 #: States of jobs that have no scores and cannot get any here.
 NOT_HERE = ("unavailable", "unsupported")
 
@@ -162,7 +165,7 @@ def _job(
     recipe = job_recipe(gallery, input_, spec, data, models, seed)
     key = keys.digest(recipe)
     record = store.records.read(key)
-    if record is not None:
+    if record is not None and record["status"] != CHANGED:
         status = record["status"]
         if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
             return job("cached" if status == "ok" else "failed", _told(record), recipe)

@@ -19,7 +19,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.jobs import recipes
 from benchmark.jobs.orders import Order, Ranking, Share, Task
-from benchmark.jobs.plan import difference
+from benchmark.jobs.plan import CHANGED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import ranking
 from benchmark.jobs.treatment import Treated, Treatment, features_of
@@ -108,7 +108,7 @@ def _treat(share: Share, tell: Tell) -> None:
         with _guarded(order, store):
             try:
                 _require_same_code(order, dataset)
-            except BenchmarkError:
+            except _CodeChanged:
                 for key in made[order.key]:
                     store.discard(key)  # nobody knows which of the two codes made it
                 raise
@@ -127,13 +127,17 @@ def _treatment(order: Order, preparation: Preparation, store: Store) -> Treatmen
     return treatment
 
 
+class _CodeChanged(BenchmarkError):
+    """Somebody edited the code while a run was under way."""
+
+
 def _require_same_code(order: Order, dataset: Dataset) -> None:
     """Raise unless this process reads the code that the plan was made for."""
     found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), order.input, order.method))
     planned = keys.plain(order.recipe["code"])
     if found != planned:
         changed = difference({"code": planned}, {"code": found})
-        raise ConfigurationError(f"the code changed during the run ({changed})", "run again")
+        raise _CodeChanged(f"the code changed during the run ({changed})", "run again")
 
 
 @contextmanager
@@ -146,6 +150,8 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
         keep(
             order, store, failure("memory", f"{where}out of memory; run with fewer jobs (-j 1) or on a larger machine")
         )
+    except _CodeChanged as error:
+        keep(order, store, failure(CHANGED, str(error)))
     except BenchmarkError as error:
         keep(order, store, failure("failed", f"{where}{error}"))
     except BaseException as error:  # also what ends a program: a method must not end the run

@@ -17,7 +17,8 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.geometry.depth import FRONT, render_depth
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import render_depth
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import dataset_module, preparation_code, source_code
 from benchmark.learning import TrainingData, TrainingPair

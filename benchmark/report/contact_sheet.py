@@ -13,8 +13,9 @@ from PIL import Image, ImageDraw, ImageFont
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import Camera, camera_coordinates, render_depth
+from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation
 from benchmark.report.drawing import SUPERSAMPLING, depth_picture, shaded

@@ -11,7 +11,7 @@ import numpy as np
 from benchmark.contracts import Descriptor
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
-from benchmark.geometry.depth import Camera
+from benchmark.geometry.camera import Camera
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.treatment import Treatment

@@ -21,7 +21,7 @@ from benchmark.datasets.animals.skinning import blend, bone_weights
 from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.base import check_retrievable
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.depth import FRONT, SIDE
+from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 
 SOME = [f"{name}{number}" for name in ("cat", "horse", "gorilla") for number in range(3)]

@@ -7,7 +7,7 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
 
 CLA = "PSB 1\n2 4\n\nman 0 2\n0\n1\n\nwoman 0 2\n2\n3\n"

@@ -22,7 +22,8 @@ from benchmark.datasets.human_poses import POSES, Arm, Column, Leg, Pose, bone_r
 from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans import Humans, human_mesh, human_meshes, recipe, sample_humans
 from benchmark.errors import DatasetError
-from benchmark.geometry.depth import FRONT, depth_surface, fit_half_width
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 
 LEFT, FORWARD, UP = np.eye(3) * [[1], [-1], [1]]

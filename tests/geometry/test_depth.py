@@ -9,17 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.cleaning import edge_counts, fans_per_vertex
-from benchmark.geometry.depth import (
-    FRONT,
-    SIDE,
-    SPECK,
-    Camera,
-    back_project,
-    depth_surface,
-    fit_half_width,
-    render_depth,
-)
+from benchmark.geometry.depth import SPECK, back_project, depth_surface, fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
 
 TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))

@@ -9,7 +9,8 @@ from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.depth import FRONT, render_depth
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import render_depth
 from benchmark.jobs import training_pairs as pairs
 from benchmark.jobs.stages import Stages
 from benchmark.protocols.trainings import TRAININGS

@@ -11,7 +11,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.tosca import tosca
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.geometry.depth import FRONT, SIDE
+from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 from benchmark.report import contact_sheet as sheets
 from benchmark.report.contact_sheet import WIDTH, contact_sheet, select

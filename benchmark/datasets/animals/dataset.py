@@ -11,7 +11,7 @@ from benchmark.datasets.animals.people import PEOPLE, person_mesh, person_recipe
 from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.base import Entry
 from benchmark.errors import did_you_mean
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
 
 CANONICAL_POSE = "standing"

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import Camera, depth_surface, fit_half_width
+from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 
 
