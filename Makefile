@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow lint speed tables publish figures clean
+.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean
 
 setup: $(READY)
 
@@ -34,6 +34,10 @@ speed: setup
 # From the records in results/; needs neither data nor models.
 tables: setup
 	$(BIN)/python -m benchmark tables -o results/tables
+
+# Whether the committed tables are those that the records make.
+check-tables: setup
+	$(BIN)/python -m benchmark tables --check -o results/tables
 
 # Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
 publish: setup

@@ -27,9 +27,6 @@ PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
 #: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
 CHANGED = "changed"
 
-#: States of jobs that have no scores and cannot get any here.
-NOT_HERE = ("unavailable", "unsupported")
-
 
 @dataclass(frozen=True)
 class Job:

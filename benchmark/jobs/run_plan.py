@@ -24,6 +24,7 @@ from benchmark.jobs.executors import make_executor
 from benchmark.jobs.orders import Order
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment
+from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from retrieval.measures import PRINTED
@@ -66,6 +67,7 @@ def run_plan(
             click.echo(f"{job.state:<11}  {job.name}  {job.reason}{again}")
         if job.state == "unavailable":
             store.write_record({**unavailable_record(job), "environments": [environment()]})
+    sweep_leftovers(store)
     fine = all(job.state in _FINE for job in jobs if not job.to_run)
     for job in to_run:
         store.records.remove(job.key)  # asked to retry: the failure of before must not stop the workers

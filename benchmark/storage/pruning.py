@@ -26,6 +26,11 @@ def unneeded(store: Store) -> Iterator[Path]:
     yield from (path for path in store.progress.iterdir() if not _is_watched(path))
 
 
+def sweep_leftovers(store: Store) -> None:
+    """Remove what killed processes left behind: half-written files, and notes on progress that nobody reads."""
+    remove([*leftovers(store.root), *(path for path in store.progress.iterdir() if not _is_watched(path))])
+
+
 def remove(paths: list[Path]) -> int:
     """Remove files; returns the bytes that were freed."""
     freed = 0
