@@ -22,6 +22,8 @@ from benchmark.datasets.scanning import CELL, membrane, scan, sheltered_vertices
 from benchmark.geometry.depth import FRONT, fit_half_width
 from benchmark.geometry.mesh import Mesh
 
+pytestmark = pytest.mark.kernels
+
 GOLDEN = ["48f297686e3fc4ef", "be7a8ca88a8bf0d6"]
 
 

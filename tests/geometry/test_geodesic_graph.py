@@ -13,6 +13,8 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 from tests.geometry.surfaces import capped_cylinder, limbed_body, relabelled
 
+pytestmark = pytest.mark.kernels
+
 AROUND_THE_BUDGET = [WINDOWS // 4, WINDOWS // 3, WINDOWS // 2, 500, 700, WINDOWS - 1, WINDOWS, WINDOWS + 1]
 
 
@@ -74,7 +76,7 @@ def test_coordinates_whose_squares_overflow_stay_inside_the_arrays():
 
 @pytest.mark.parametrize("sides", [500, 799, 1500])
 def test_distances_on_a_finely_capped_cylinder(sides):
-    """From the centre of a cap: 1 to its corners, and through the middle of a side a little less than 3 to the others."""
+    """From the centre of a cap: 1 to its corners, a little less than 3, through the middle of a side, to the others."""
     mesh = capped_cylinder(sides)
     from_top = shortest_paths(geodesic_graph(mesh), np.array([2 * sides + 1]))[0]
     np.testing.assert_allclose(from_top[sides : 2 * sides], 1.0, rtol=1e-6)
