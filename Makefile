@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean
+.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean boundscheck
 
 setup: $(READY)
 
@@ -22,6 +22,10 @@ test: setup
 
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
+
+# The compiled kernels with every index checked; two minutes, most of them to compile.
+boundscheck: setup
+	$(BIN)/python -m tests.boundscheck
 
 lint: setup
 	$(BIN)/ruff check .

@@ -224,9 +224,15 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     squares = np.empty(64 * count, np.float64)
     arcs = 0
     best = np.full(count, np.inf)
-    seen = np.empty(count + 1, np.int64)
-    # A ring of windows is begun below the budget and has at most two successors for each of its windows.
-    room = 3 * max(budget, np.diff(first).max()) + 2
+    # The vertices with a finite ``best``, each once, without the source; one place more, as a vertex is written before
+    # it is counted.
+    seen = np.empty(count, np.int64)
+    # All windows that are kept. Either none lies beyond the first ring, which has at most one window for each triangle
+    # at the source. Or the last ring began with s < ``budget`` windows before it; the ring before it was among them, and
+    # a window has at most two successors, so that the last ring has at most 2 s windows: 3 s in all, less than three
+    # times the budget. Successors of the last ring are never followed and not kept. One place more, as a window is
+    # written before it is counted.
+    room = max(3 * budget, np.diff(first).max()) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):
@@ -239,18 +245,20 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
                 (first_names[at, 1], q_x * q_x + q_y * q_y),
             ):
                 seen[n_seen] = vertex
-                n_seen += best[vertex] == np.inf
+                n_seen += (square < np.inf) & (best[vertex] == np.inf)
                 best[vertex] = min(best[vertex], square)
             if first_names[at, 2] >= 0:
                 queue[queued] = first_names[at, 2]
                 _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
                 queued += 1
         window = ring_end = 0
+        last_ring = False
         while window < queued:
             if window == ring_end:
                 if window >= budget:
                     break
                 ring_end = queued
+                last_ring = ring_end >= budget
             passage = queue[window]
             p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
             low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
@@ -265,8 +273,10 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf
             seen[n_seen] = apex
-            n_seen += visible & (best[apex] == np.inf)
+            n_seen += (square < np.inf) & (best[apex] == np.inf)
             best[apex] = min(best[apex], square)
+            if last_ring:
+                continue
             queue[queued] = past_p
             _place(
                 plane[queued], p_x, p_y, a_x, a_y, low_x, low_y, a_x if visible else high_x, a_y if visible else high_y

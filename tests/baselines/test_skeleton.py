@@ -134,6 +134,7 @@ class TestContraction:
         depth = np.min([capsule(contracted.vertices, [0, 0, 0], tip, 0.2) for tip in scaled_tips(y_shape)[0]], axis=0)
         assert (depth < 0).mean() > 0.98
 
+    @pytest.mark.kernels
     def test_surgery_leaves_no_triangle_and_connected_parts(self, y_shape):
         owners = collapse(y_shape.with_vertices(contract(y_shape)))
         np.testing.assert_array_equal(owners[owners], owners)

@@ -24,6 +24,8 @@ from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 
+pytestmark = pytest.mark.kernels
+
 SOME = [f"{name}{number}" for name in ("cat", "horse", "gorilla") for number in range(3)]
 TOSCA_SIZES = {
     "cat": 11,

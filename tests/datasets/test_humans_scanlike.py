@@ -23,6 +23,8 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import fit_half_width
 from benchmark.geometry.mesh import Mesh
 
+pytestmark = pytest.mark.kernels
+
 GOLDEN = ["48f297686e3fc4ef", "be7a8ca88a8bf0d6"]
 
 

@@ -15,6 +15,8 @@ from benchmark.geometry.preparation import prepare
 from benchmark.geometry.shortest_paths import shortest_paths
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
 
+pytestmark = pytest.mark.kernels
+
 GRAPHS = ("geodesic-graph", "dijkstra-unfolded", "dijkstra")
 BODY = prepare(limbed_body(), 500).mesh
 TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])

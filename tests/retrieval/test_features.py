@@ -12,6 +12,8 @@ from retrieval.features import Features, Keypoints, detect, detect_views
 from retrieval.gradient_histograms import describe, gradients, orientations
 from retrieval.scale_space import blur, gaussian_kernel
 
+pytestmark = pytest.mark.kernels
+
 PEAK = 0.04 / 3  # OpenCV divides its contrast threshold by the levels per octave.
 
 
