@@ -107,7 +107,7 @@ class AcceleratedMDS(CheckedParameters):
             identity = np.eye(len(samples))
             coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
             points = _low_rank_scaling(np.hstack([interpolation, rows.T**2]), coupling)
-        points *= canonical_signs(points, vertex_areas(shape.mesh))
+        points *= canonical_signs(points, vertex_areas(shape.mesh), shape.mesh.vertices)
         return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
 
     def _extrapolated(self, shape: Shape) -> CanonicalForm:

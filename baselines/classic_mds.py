@@ -80,7 +80,7 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
         As from :func:`classic_scaling`.
     """
     points, ratios = classic_scaling(distances)
-    return points * canonical_signs(points, vertex_areas(mesh)), ratios
+    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices), ratios
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:

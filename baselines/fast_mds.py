@@ -78,7 +78,7 @@ class FastMDS(CheckedParameters):
             if apart > 0.0:
                 points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
         points -= points.mean(axis=0)
-        points *= canonical_signs(points, vertex_areas(shape.mesh))
+        points *= canonical_signs(points, vertex_areas(shape.mesh), shape.mesh.vertices)
         known = list(rows.known)
         stress = stress_of_rows(points, known, np.stack([rows.known[vertex] for vertex in known]))
         return shape.form(points, rows=len(known), stress_of_rows=stress)
@@ -86,8 +86,8 @@ class FastMDS(CheckedParameters):
     def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
         near, far = start, start
         for _ in range(self.sweeps):
-            near, far = far, int(rows.residual(far, points).argmax())
-            if rows.residual(far, points).argmax() == near:
+            near, far = far, rows.farthest(far, points)
+            if rows.farthest(far, points) == near:
                 break
         return near, far
 
@@ -105,6 +105,12 @@ class _Rows:
         if vertex not in self.known:
             self.known[vertex] = self._shape.geodesics_from([vertex], self._solver)[0]
         return self.known[vertex]
+
+    def farthest(self, vertex: int, points: FloatArray) -> int:
+        """Vertex that the axes so far leave farthest from a given one."""
+        from baselines._kernels.ties import largest
+
+        return largest(self.residual(vertex, points), self._shape.mesh.vertices)
 
     def residual(self, vertex: int, points: FloatArray) -> FloatArray:
         """Squared distances that the axes so far leave to be explained, shape (n,)."""

@@ -53,7 +53,7 @@ class GPS:
         # The constant function comes first; the fourth non-constant one only tells how far away the next axis is.
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
-        points = points * canonical_signs(points, laplacian.mass)
+        points = points * canonical_signs(points, laplacian.mass, shape.mesh.vertices)
         gaps = np.diff(values) / values[:-1]
         return shape.form(
             points,

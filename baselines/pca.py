@@ -42,7 +42,7 @@ class PCA:
         centred = shape.mesh.vertices - np.average(shape.mesh.vertices, axis=0, weights=areas)
         variances, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred / areas.sum())
         axes = axes[:, ::-1]
-        axes = axes * canonical_signs(centred @ axes, areas)
+        axes = axes * canonical_signs(centred @ axes, areas, shape.mesh.vertices)
         axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
         largest = float(variances[2])
         return shape.form(

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.frame import on_grid, principal_frame
 from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.ties import TIE, largest, order_by_coordinates
 from benchmark.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -37,6 +39,10 @@ class Skeleton(CheckedParameters):
        joints, places the joints anew.
     3. The surface. Each bone turns by the least rotation from its old to its new direction, each triangle with the bone
        that it belongs to, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
+
+    Contraction and collapse multiply the least difference until it makes another skeleton. They therefore see the
+    surface in the frame of its principal axes, with coordinates rounded to a millionth of its size: rounding errors of
+    what came before end there, and the form is the same on any processor.
 
     Parameters
     ----------
@@ -79,8 +85,14 @@ class Skeleton(CheckedParameters):
 
         require_vertices(shape)
         require_connected(shape)
-        order = _canonical_order(shape.mesh)
+        # Sums over the surface must not depend on how the vertices are numbered, and ties must not on rounding: so the
+        # vertices are put in the order of their coordinates, first the given and then the rounded ones.
+        order = np.asarray(np.lexsort(shape.mesh.vertices.T[::-1]), dtype=np.int64)
         mesh = _relabelled(shape.mesh, order)
+        frame = principal_frame(mesh)
+        mesh = on_grid(mesh, frame)
+        again = order_by_coordinates(mesh.vertices, 1.0)
+        order, mesh = order[again], _relabelled(mesh, again)
         skeleton, kind, reason = self._skeleton(shape, mesh, order)
         if not len(skeleton.bones):
             raise UnsupportedShape(
@@ -91,7 +103,7 @@ class Skeleton(CheckedParameters):
         rotations = bone_rotations(skeleton.joints, scaling.points, skeleton.bones)
         moved = follow_rotations(mesh, rotations[bones_of_triangles(mesh, skeleton)])
         vertices = np.empty_like(moved)
-        vertices[order] = moved
+        vertices[order] = frame.points(moved)
         return shape.form(
             vertices,
             skeleton=kind,
@@ -118,7 +130,7 @@ class Skeleton(CheckedParameters):
                 if len(skeleton.bones):
                     return skeleton, "contraction", ""
                 reason = "contraction left a single joint"
-        levels = geodesics_from_extremity(shape)[order]
+        levels = geodesics_from_extremity(shape)[order] / np.sqrt(shape.mesh.area)
         return level_set_skeleton(mesh, levels, self.bands), "level-set", reason
 
 
@@ -129,8 +141,8 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
     """
     areas = vertex_areas(shape.mesh)
     centroid = areas @ shape.mesh.vertices / areas.sum()
-    outermost = int(np.linalg.norm(shape.mesh.vertices - centroid, axis=1).argmax())
-    extremity = int(shape.geodesics_from([outermost])[0].argmax())
+    outermost = largest(np.linalg.norm(shape.mesh.vertices - centroid, axis=1), shape.mesh.vertices)
+    extremity = largest(shape.geodesics_from([outermost])[0], shape.mesh.vertices)
     return np.asarray(shape.geodesics_from([extremity])[0])
 
 
@@ -186,17 +198,15 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
         incident = np.flatnonzero((bones == joint).any(axis=1))
         directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
         own = np.flatnonzero(~across & (middle == joint))
-        chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
+        along = offsets[own] @ directions.T
+        near = along >= along.max(axis=1, keepdims=True) - TIE * np.linalg.norm(offsets[own], axis=1, keepdims=True)
+        # Of equally near directions the first: argmax finds the first True.
+        chosen[own] = incident[near.argmax(axis=1)]
     return chosen
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny))
-
-
-def _canonical_order(mesh: Mesh) -> NDArray[np.int64]:
-    """Order the vertices by their coordinates, so that no tie and no rounding depends on how they were numbered."""
-    return np.asarray(np.lexsort(mesh.vertices.T[::-1]))
 
 
 def _relabelled(mesh: Mesh, order: NDArray[np.int64]) -> Mesh:

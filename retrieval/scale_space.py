@@ -36,9 +36,11 @@ def gaussian_kernel(sigma: float) -> SingleArray:
     return half.astype(np.float32)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@njit(cache=True, nogil=True)
 def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated.
+
+    Products and sums are rounded one by one: fused where the processor can, they would give other bits on another one.
 
     Parameters
     ----------

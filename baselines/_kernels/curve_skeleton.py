@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components, shortest_path
 
 from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.ties import TIE
 from benchmark.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
@@ -107,7 +108,8 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     span = levels.max() - levels.min()
     edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
-    band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
+    # A vertex on the border of two bands, as regular surfaces have them, belongs to the upper one.
+    band = np.minimum((bands * (levels - levels.min()) / span + TIE).astype(np.int64), bands - 1)
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
     return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(owners, edges))
@@ -165,7 +167,8 @@ def _merge_junctions(
                 weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
                 centre = np.average(joints[[junction, other]], axis=0, weights=weights)
                 gain = _spread(vertices[part], areas[part], centre) / max(spreads[junction], np.finfo(float).tiny)
-                best = min(best, (float(gain), int(junction), int(other)))
+                if gain < best[0] * (1 - TIE):
+                    best = (float(gain), int(junction), int(other))
         _, junction, other = best
         if junction < 0:
             return joints, owners
@@ -188,7 +191,7 @@ def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indi
         flux = np.bincount(joint_of_face, weights=flux, minlength=len(joints))
         bones = _bones(owners, edges)
         degrees = np.bincount(bones.ravel(), minlength=len(joints))
-        pockets = np.flatnonzero((degrees == 1) & (flux < 0))
+        pockets = np.flatnonzero((degrees == 1) & (flux < -TIE * np.abs(flux).max()))
         if not len(pockets):
             return joints, owners
         pocket = int(pockets[0])
@@ -213,7 +216,7 @@ def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indice
     """Give each piece below ``SPECK_SHARE`` of the area to the neighbour with which it shares most edges."""
     while True:
         shares = np.bincount(owners, weights=areas) / areas.sum()
-        speck = int(shares.argmin())
+        speck = int(np.flatnonzero(shares <= shares.min() * (1 + TIE))[0])
         if shares[speck] >= SPECK_SHARE or len(shares) == 1:
             return owners
         ends = owners[np.concatenate([edges, edges[:, ::-1]])]

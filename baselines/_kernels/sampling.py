@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from baselines._kernels.ties import largest
 from benchmark.contracts import FloatArray, Shape
 
 
@@ -13,7 +14,8 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
     """Sample vertices so that each is as far as possible, along edges, from those before it.
 
     The first vertex is the one that :func:`farthest_from_centre` gives. The choice follows any relabelling of the
-    vertices, as long as no two candidates tie, and any rigid motion.
+    vertices, and any rigid motion as long as no two candidates tie; of equally far ones the first by its coordinates is
+    taken.
 
     Parameters
     ----------
@@ -27,8 +29,8 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
     list of int
         At most n vertex indices.
     """
-    graph = _edge_graph(shape)
-    return _spread(graph, _farthest_from_centre(graph, _outermost(shape)), count)
+    graph, vertices = _edge_graph(shape), shape.mesh.vertices
+    return _spread(graph, vertices, _farthest_from_centre(graph, vertices), count)
 
 
 def farthest_from_centre(shape: Shape) -> int:
@@ -37,7 +39,7 @@ def farthest_from_centre(shape: Shape) -> int:
     The centre is the vertex whose largest distance to four mutually far vertices is smallest: five rows of distances
     instead of all.
     """
-    return _farthest_from_centre(_edge_graph(shape), _outermost(shape))
+    return _farthest_from_centre(_edge_graph(shape), shape.mesh.vertices)
 
 
 def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
@@ -56,24 +58,20 @@ def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> 
     return float(((found - rows) ** 2).sum() / (rows**2).sum())
 
 
-def _farthest_from_centre(graph: csr_array, outermost: int) -> int:
-    far = _spread(graph, outermost, 4)
-    centre = int(dijkstra(graph, indices=far).max(axis=0).argmin())
-    return int(dijkstra(graph, indices=centre).argmax())
+def _farthest_from_centre(graph: csr_array, vertices: FloatArray) -> int:
+    outermost = largest(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1), vertices)
+    far = _spread(graph, vertices, outermost, 4)
+    centre = largest(-dijkstra(graph, indices=far).max(axis=0), vertices)
+    return largest(dijkstra(graph, indices=centre), vertices)
 
 
-def _outermost(shape: Shape) -> int:
-    vertices = shape.mesh.vertices
-    return int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
-
-
-def _spread(graph: csr_array, first: int, count: int) -> list[int]:
+def _spread(graph: csr_array, vertices: FloatArray, first: int, count: int) -> list[int]:
     chosen = [first]
     nearest = dijkstra(graph, indices=first)
     while len(chosen) < min(count, len(nearest)):
-        chosen.append(int(nearest.argmax()))
-        # No vertex is farther from its nearest sample than the new one was, so the search may end there.
-        np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest[chosen[-1]]), out=nearest)
+        chosen.append(largest(nearest, vertices))
+        # No vertex is farther than that from its nearest sample, so the search may end there.
+        np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest.max()), out=nearest)
     return chosen
 
 
