@@ -157,5 +157,5 @@ def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_n
 def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
     chosen = registry.select(["all", "learned-strict[smoothing=3]"], registry.methods())
     one, fold = galleries(["I"])[0], galleries(["IV"])[1]
-    assert "learned-strict[smoothing=3]" not in {spec.name for spec in one.rows(chosen)}
-    assert [spec.name for spec in fold.rows(chosen)] == ["learned-strict", "learned-strict[smoothing=3]"]
+    assert "learned-strict[smoothing=3.0]" not in {spec.name for spec in one.rows(chosen)}
+    assert [spec.name for spec in fold.rows(chosen)] == ["learned-strict", "learned-strict[smoothing=3.0]"]
