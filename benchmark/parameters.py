@@ -195,11 +195,10 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
     """The value as its type and constraints want it, or ``_Unfit``; a default helps where the type says too little."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        fitted = _fit(arguments[0], value, default)
         for constraint in arguments[1:]:
-            if fitted is not None and isinstance(constraint, Constraint):
-                fitted = _admitted(constraint, fitted, arguments[0])
-        return fitted
+            if isinstance(constraint, Constraint):
+                value = _fit_constrained(arguments[0], constraint, value, default)
+        return _fit(arguments[0], value, default)
     if origin is Literal:
         known = {spelt(choice): choice for choice in arguments}
         if value not in arguments and str(value) not in known:
@@ -216,11 +215,12 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
     return _fit_tuple((), value, default) if isinstance(default, tuple) else _fit_one(type(default), value)
 
 
-def _admitted(constraint: Constraint, value: Any, annotation: Any) -> Any:
-    """The value as a constraint wants it."""
+def _fit_constrained(annotation: Any, constraint: Constraint, value: Any, default: Any) -> Any:
+    """The value as its type and one constraint want it; what would fit is told in the words of both."""
     try:
-        return constraint.admit(value)
-    except (ValueError, TypeError, OverflowError):
+        fitted = _fit(annotation, value, default)
+        return fitted if fitted is None else constraint.admit(fitted)
+    except (_Unfit, ValueError, TypeError, OverflowError):
         if isinstance(constraint, OneOf):
             raise _Unfit(str(constraint), constraint.known) from None
         kind = f"{_WORDS.get(annotation, 'a value')} " if isinstance(constraint, Interval) else ""

@@ -19,6 +19,9 @@ from learned.fingerprint import training_code
 
 CHECKPOINT = "checkpoint.safetensors"
 
+VERSION = str(torch.__version__)
+"""Release of torch, whose arithmetic differs from that of others."""
+
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
@@ -89,7 +92,7 @@ def keep(
     told = {
         "recipe": json.dumps(recipe, sort_keys=True),
         "code": json.dumps(training_code()),
-        "torch": torch.__version__,
+        "torch": VERSION,
         "epoch": str(progress.epoch),
         "batch": str(progress.batch),
         "seconds": str(progress.seconds),
@@ -130,9 +133,9 @@ def resume(
             f"checkpoint {path} was made by other code: {', '.join(f'learned/{name}.py' for name in changed)} changed",
             "delete it to begin anew, or go on with the code that made it",
         )
-    if _release(version) != _release(torch.__version__):
+    if _release(version) != _release(VERSION):
         raise TrainingError(
-            f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {torch.__version__}",
+            f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {VERSION}",
             "install that version, or delete the checkpoint to begin anew",
         )
     with torch.no_grad():

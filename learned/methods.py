@@ -22,6 +22,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.learning import Split, TrainingData
 from learned.configuration import CONFIGURATIONS
 
+ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
+
 MOST_SMOOTHING = 50.0
 """Beyond this a body of the size of the frame would lose all relief."""
 
@@ -69,7 +71,7 @@ class Learned(CheckedParameters):
     default_training: ClassVar[str] = "humans-fold-0"
     """Training data of the model that is used where no table chooses one."""
 
-    configuration: Annotated[str, OneOf(CONFIGURATIONS.keys())] = "literal"
+    configuration: ConfigurationName = "literal"
     training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
     training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
     smoothing: Annotated[float, Interval(0, MOST_SMOOTHING)] = 0.0
@@ -138,7 +140,7 @@ class WithoutSRF(Learned):
     info: ClassVar[MethodInfo] = replace(
         Learned.info, name="learned-without-srf", title="w/o SRF", family="extended", summary="ablation: no SRF"
     )
-    configuration: str = "without_srf"
+    configuration: ConfigurationName = "without_srf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +150,7 @@ class WithoutLRF(Learned):
     info: ClassVar[MethodInfo] = replace(
         Learned.info, name="learned-without-lrf", title="w/o LRF", family="extended", summary="ablation: no LRF"
     )
-    configuration: str = "without_lrf"
+    configuration: ConfigurationName = "without_lrf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +178,7 @@ class Wide(Learned):
         family="extended",
         summary="two convolutions a block and global context",
     )
-    configuration: str = "wide"
+    configuration: ConfigurationName = "wide"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,4 +194,4 @@ class WideExtra(Learned):
     )
     split: ClassVar[Split] = "sampled"
     default_training: ClassVar[str] = "humans-sampled"
-    configuration: str = "wide-extra"
+    configuration: ConfigurationName = "wide-extra"

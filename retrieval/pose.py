@@ -211,6 +211,8 @@ def _product(first: Rotation, second: Rotation) -> Rotation:
     for row in range(3):
         for column in range(3):
             result[row, column] = (
-                first[row, 0] * second[0, column] + first[row, 1] * second[1, column] + first[row, 2] * second[2, column]
+                first[row, 0] * second[0, column]
+                + first[row, 1] * second[1, column]
+                + first[row, 2] * second[2, column]
             )
     return result

@@ -195,7 +195,7 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
         (("mean-target", "--table", "VI"), "unknown table 'VI'"),
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
-        (("mean-target", "-o", "jitter"), "option 'jitter' has no value; write -o NAME=VALUE"),
+        (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from torch import nn
 from benchmark.errors import TrainingError
 from learned import checkpoint
 from learned.checkpoint import CHECKPOINT, Progress, keep, resume, write_atomically
+from learned.fingerprint import training_code
 from tests.learned.toy import files
 
 RECIPE = {"seed": 0, "schedule": {"epochs": 9, "learning_rate": 1e-3}, "data": "ellipsoids"}
@@ -85,6 +87,44 @@ def test_another_recipe_is_refused_by_name(tmp_path: Path, change: dict[str, Any
     with pytest.raises(TrainingError, match=f"{named}; train with the same options, or delete the folder"):
         resume(tmp_path, network, optimiser, RECIPE | change)
     assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
+
+
+def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network, optimiser = stepped(1)
+    keep(tmp_path, network, optimiser, PROGRESS, RECIPE)
+    before = [parameter.clone() for parameter in network.parameters()]
+    other = training_code() | {"network": "another", "schedule": "another"}
+    monkeypatch.setattr(checkpoint, "training_code", lambda: other)
+    with pytest.raises(TrainingError) as caught:
+        resume(tmp_path, network, optimiser, RECIPE)
+    assert caught.value.problem.endswith("was made by other code: learned/network.py, learned/schedule.py changed")
+    assert caught.value.mend == "delete it to begin anew, or go on with the code that made it"
+    assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
+
+
+@pytest.mark.parametrize(("version", "fits"), [("1.13.1", False), ("%s+cu999", True), ("%s.1", False)])
+def test_a_checkpoint_of_another_torch_is_refused_but_not_one_of_another_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, fits: bool
+) -> None:
+    keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    made, now = torch.__version__, version.replace("%s", torch.__version__.partition("+")[0])
+    monkeypatch.setattr(checkpoint, "VERSION", now)
+    if fits:
+        assert resume(tmp_path, *stepped(0), RECIPE) == PROGRESS
+    else:
+        told = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
+        with pytest.raises(TrainingError, match=told):
+            resume(tmp_path, *stepped(0), RECIPE)
+
+
+def test_a_checkpoint_that_does_not_tell_its_code_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "training_code", dict)
+        keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    with pytest.raises(TrainingError, match="by other code: learned/checkpoint.py, .*learned/training.py changed"):
+        resume(tmp_path, *stepped(0), RECIPE)
 
 
 @pytest.mark.parametrize("damage", ["empty", "truncated header", "truncated", "noise", "other safetensors"])

@@ -9,7 +9,8 @@ import torch
 from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
 from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingPair
-from learned.images import checked, enlarge, gather, shrink, smooth
+from learned.images import checked, enlarge, shrink, smooth
+from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
 

@@ -1,23 +1,51 @@
-"""Table IV: the means of its rows by hand."""
+"""Table IV: which jobs make its rows, and their means by hand."""
 
 import json
 
 import pytest
-from benchmark.report.ablation import averaged
 
 from benchmark.jobs.plan import Job
 from benchmark.methods import registry
 from benchmark.protocols.tables import galleries
+from benchmark.report.ablation import averaged
 from benchmark.report.content import Row, TableContent
 from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
 from benchmark.report.page import page
 from tests import mean_folds, mean_target
 
-MODEL = {"training": "humans-fold-0", "data": "ten humans", "schedule": "one pass", "extra_data": False}
+MODEL = {"training": "humans-I", "data": "ten humans", "schedule": "one pass", "extra_data": False}
 
 
 def specs(*names):
     return registry.select(names, registry.methods([mean_target.PLUGIN_PATH, mean_folds.PLUGIN_PATH]))
+
+
+def names(gallery, *methods):
+    return [spec.name for spec in gallery.rows(specs(*methods))]
+
+
+def test_the_ablation_has_the_gallery_of_table_one_and_one_for_each_fold():
+    first, *folds = galleries(["IV"])
+    assert (first.name, first.split, first.entries) == ("humans", "table", galleries(["I"])[0].entries)
+    assert [(fold.name, fold.split, len(fold.entries)) for fold in folds] == [
+        ("humans fold 0", "strict", 100),
+        ("humans fold 1", "strict", 100),
+        ("humans fold 2", "strict", 100),
+    ]
+    assert len({entry.identifier for fold in folds for entry in fold.entries}) == 300
+    assert len({entry.subject for entry in folds[1].entries}) == 5
+
+
+def test_a_row_is_trained_with_three_seeds_and_the_first_is_the_plain_method():
+    first, fold, *_ = galleries(["IV"])
+    assert names(first, "mean-target", "mean-strict", "gps") == [
+        "mean-target",
+        "mean-target[training_seed=1]",
+        "mean-target[training_seed=2]",
+    ]
+    assert names(first, "mean-target[training_seed=1]") == ["mean-target[training_seed=1]"]
+    assert names(first, "mean-target[configuration=other]")[1] == "mean-target[configuration=other,training_seed=1]"
+    assert names(fold, "mean-target", "mean-strict") == ["mean-strict"]
 
 
 def test_a_seed_of_a_row_is_the_method_that_can_be_named():
@@ -25,6 +53,23 @@ def test_a_seed_of_a_row_is_the_method_that_can_be_named():
     (plain,) = specs("mean-target[configuration=other]")
     assert plain.with_parameter("training_seed", 1) == named
     assert named.without_parameter("training_seed") == plain
+
+
+def test_methods_of_the_ablation_are_in_other_tables_only_when_named():
+    (table_one,) = galleries(["I"])
+    known = registry.select([], registry.methods())
+    unasked = [spec.name for spec in table_one.rows(known)]
+    assert "learned" in unasked
+    assert not {"learned-strict", "learned-without-srf", "learned-without-lrf"} & set(unasked)
+    asked = registry.select(["learned-without-srf"], registry.methods())
+    assert [spec.name for spec in table_one.rows(asked)] == ["learned-without-srf"]
+    first, fold, *_ = galleries(["IV"])
+    assert [spec.base_name for spec in first.rows(known)][::3] == [
+        "learned",
+        "learned-without-srf",
+        "learned-without-lrf",
+    ]
+    assert [spec.name for spec in fold.rows(known)] == ["learned-strict"]
 
 
 def record(nn, digest, shapes=("a", "b"), **more):
@@ -79,17 +124,17 @@ def test_all_formats_print_mean_spread_and_number_of_models():
 
 
 def test_a_missing_training_is_told():
-    table = content(record(0.5, "a"), record(0.6, "b"), {"reason": "needs the model humans-fold-0"})
+    table = content(record(0.5, "a"), record(0.6, "b"), {"reason": "needs the model humans-I"})
     assert table.rows[0].label == "Our (2 models)"
-    told = "mean of 2 instead of 3 (humans fold 0 view training seed 2: needs the model humans-fold-0)"
+    told = "mean of 2 instead of 3 (humans view training seed 2: needs the model humans-I)"
     assert any(told in note for note in table.notes())
 
 
 def test_one_training_has_no_spread_and_none_has_no_scores():
-    single = content(record(0.5, "a"), {"reason": "needs the model humans-fold-0"})
+    single = content(record(0.5, "a"), {"reason": "needs the model humans-I"})
     assert single.rows[0].label == "Our (1 model)"
     assert "±" not in markdown(single).split("| Our")[1].splitlines()[0]
-    none = content({"reason": "needs the model humans-fold-0"}, {"reason": "needs the model humans-fold-0"})
+    none = content({"reason": "needs the model humans-I"}, {"reason": "needs the model humans-I"})
     assert none.rows[0].label == "Our"
     assert none.rows[0].cells["view"].scores is None
 
@@ -97,3 +142,20 @@ def test_one_training_has_no_spread_and_none_has_no_scores():
 def test_extra_training_data_is_marked():
     row = content(record(0.5, "a", models=[MODEL | {"digest": "a", "extra_data": True}])).rows[0]
     assert row.label == "Our (extra training data)"
+
+
+def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_named():
+    known = registry.methods().values()
+    one, three = (galleries([numeral])[0] for numeral in ("I", "III"))
+    beyond = {"learned-wide", "learned-wide-extra"}
+    assert beyond <= {spec.name for spec in one.rows(known)}
+    assert not beyond & {spec.name for spec in three.rows(known)}
+    assert "learned" in {spec.name for spec in three.rows(known)}
+    assert [spec.name for spec in three.rows(specs("learned-wide"))] == ["learned-wide"]
+
+
+def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
+    chosen = registry.select(["all", "learned-strict[smoothing=3]"], registry.methods())
+    one, fold = galleries(["I"])[0], galleries(["IV"])[1]
+    assert "learned-strict[smoothing=3.0]" not in {spec.name for spec in one.rows(chosen)}
+    assert [spec.name for spec in fold.rows(chosen)] == ["learned-strict", "learned-strict[smoothing=3.0]"]
