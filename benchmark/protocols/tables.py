@@ -114,7 +114,7 @@ TABLES: tuple[Table, ...] = (
 TRAINING_SEEDS = (0, 1, 2)
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
-_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+_ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ class Gallery:
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.base_name in _ABLATED:
+        if spec.base_name in _ONLY_ABLATED:
             return False
         try:
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
