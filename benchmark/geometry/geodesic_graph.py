@@ -227,8 +227,8 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     # The vertices with a finite ``best``, each once, without the source; one place more, as a vertex is written before
     # it is counted.
     seen = np.empty(count, np.int64)
-    # All windows that are kept. Either none lies beyond the first ring, which has at most one window for each triangle
-    # at the source. Or the last ring began with s < ``budget`` windows before it; the ring before it was among them, and
+    # All windows that are kept. Either none lies beyond the first ring, which has at most one for each triangle at the
+    # source. Or the last ring began with s < ``budget`` windows before it; the ring before it was among them, and
     # a window has at most two successors, so that the last ring has at most 2 s windows: 3 s in all, less than three
     # times the budget. Successors of the last ring are never followed and not kept. One place more, as a window is
     # written before it is counted.

@@ -134,7 +134,7 @@ TABLES: tuple[Table, ...] = (
 TRAINING_SEEDS = (0, 1, 2)
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
-_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+_ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
 
 @dataclass(frozen=True)
@@ -217,9 +217,11 @@ class Gallery:
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.base_name in _ABLATED or (self.table.split_size and spec.learns):
+        if spec.base_name in _ONLY_ABLATED:
             return False
         try:
+            if self.table.split_size and spec.learns:
+                return False
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
         except ConfigurationError:
             return True  # what cannot be imported says so in its row

@@ -204,7 +204,7 @@ def trainings_of(learner: Learner, table: str, data_root: Path | None) -> dict[s
     ConfigurationError
         If the training or the table is unknown.
     """
-    if always := _whatever_the_table(learner):
+    if always := _for_every_table(learner):
         return {always.name: always}
     synthetic = _present("shrec14-synthetic", "humans", data_root)
     if table not in NUMERALS:
@@ -246,7 +246,7 @@ def trainings_by_shape(
         If the training is unknown.
     """
     entries = list(entries)
-    if always := _whatever_the_table(learner):
+    if always := _for_every_table(learner):
         return dict.fromkeys((entry.identifier for entry in entries), always)
     names = _strict_names(dataset.name) if learner.split == "strict" else _fold_names(dataset.name)
     folds = [TRAININGS[name] for name in names if name in TRAININGS]
@@ -265,7 +265,7 @@ def _without_folds(dataset: str, data_root: Path | None) -> Training:
     return TRAININGS[fold_name(synthetic, 0)]
 
 
-def _whatever_the_table(learner: Learner) -> Training | None:
+def _for_every_table(learner: Learner) -> Training | None:
     if named := getattr(learner, "training", ""):
         return find_training(named)
     return TRAININGS[SAMPLED] if learner.split == "sampled" else None

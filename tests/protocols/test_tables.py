@@ -41,6 +41,22 @@ def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects
     assert list(dict.fromkeys(entry.subject for entry in chosen[0].entries)) == first
 
 
+def test_the_official_synthetic_humans_have_the_same_folds(tmp_path):
+    folder = tmp_path / "shrec14" / "synthetic"
+    folder.mkdir(parents=True)
+    for number in range(300):
+        (folder / f"{number}.off").touch()
+    folds = galleries(["I"], data_root=tmp_path)
+    assert [gallery.name for gallery in folds] == [f"shrec14-synthetic fold {k}" for k in range(3)]
+    assert [list(dict.fromkeys(entry.subject for entry in gallery.entries)) for gallery in folds] == [
+        ["0", "5", "7", "9", "14"],
+        ["1", "3", "8", "10", "12"],
+        ["2", "4", "6", "11", "13"],
+    ]
+    models = trainings_by_shape(mean_target.MeanTarget(), folds[1].dataset, folds[1].entries, tmp_path)
+    assert {training.name for training in models.values()} == {"shrec14-synthetic-fold-1"}
+
+
 @pytest.mark.data
 def test_official_data_replaces_its_stand_in_and_is_never_mixed_with_it(data_root):
     third, held_out = galleries(["III"], data_root=data_root)
