@@ -3,11 +3,11 @@
 import json
 
 import pytest
+from benchmark.report.ablation import averaged
 
 from benchmark.jobs.plan import Job
 from benchmark.methods import registry
 from benchmark.protocols.tables import galleries
-from benchmark.report.ablation import averaged
 from benchmark.report.content import Row, TableContent
 from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
 from benchmark.report.page import page
