@@ -6,6 +6,7 @@ from benchmark.protocols.tables import QUICK_POSES, TABLES, galleries
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 from tests import mean_folds, mean_target
 from tests.toy import rod, write_off, write_rods
 
@@ -28,14 +29,15 @@ def test_without_data_the_stand_ins_run_and_say_so():
 
 def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects():
     chosen = galleries()
-    assert [gallery.table.identifier for gallery in chosen] == ["I"] * 3 + ["II", "III", "III-held-out"] + ["IV"] * 3
+    between = ["I-whole", "II", "III", "III-held-out"]
+    assert [gallery.table.identifier for gallery in chosen] == ["I"] * 3 + between + ["IV"] * 3
     for folds in chosen[:3], chosen[-3:]:
         assert [(gallery.name, gallery.fold) for gallery in folds] == [(f"humans fold {k}", k) for k in range(3)]
         assert [len(gallery.entries) for gallery in folds] == [100, 100, 100]
         assert [len({entry.subject for entry in gallery.entries}) for gallery in folds] == [5, 5, 5]
         assert len({entry.identifier for gallery in folds for entry in gallery.entries}) == 300
     assert [gallery.entries for gallery in chosen[:3]] == [gallery.entries for gallery in chosen[-3:]]
-    assert [gallery.fold for gallery in chosen[3:6]] == [None, None, None]
+    assert [gallery.fold for gallery in chosen[3:7]] == [None] * 4
     # By hand: places 0, 5, 7, 9, 14 of the set.
     first = ["man-1", "child-2", "woman-3", "child-4", "woman-5"]
     assert list(dict.fromkeys(entry.subject for entry in chosen[0].entries)) == first
@@ -46,7 +48,8 @@ def test_the_official_synthetic_humans_have_the_same_folds(tmp_path):
     folder.mkdir(parents=True)
     for number in range(300):
         (folder / f"{number}.off").touch()
-    folds = galleries(["I"], data_root=tmp_path)
+    *folds, whole = galleries(["I"], data_root=tmp_path)
+    assert (whole.name, len(whole.entries)) == ("shrec14-synthetic", 300)
     assert [gallery.name for gallery in folds] == [f"shrec14-synthetic fold {k}" for k in range(3)]
     assert [list(dict.fromkeys(entry.subject for entry in gallery.entries)) for gallery in folds] == [
         ["0", "5", "7", "9", "14"],
@@ -82,7 +85,7 @@ def test_a_set_brings_all_its_tables_and_in_quick_runs_the_main_one():
 
     assert tables("animals") == ["III", "III-held-out"]
     assert tables("animals", quick=True) == ["III"]
-    assert tables("humans") == ["I"] * 3 + ["IV"] * 3
+    assert tables("humans") == ["I"] * 3 + ["I-whole"] + ["IV"] * 3
     assert tables("humans", quick=True) == ["I"]
     assert tables("humans-scanlike", quick=True) == ["II"]
 
@@ -148,7 +151,7 @@ def test_every_table_of_the_paper_has_rows_with_all_measures():
     for table in TABLES:
         rows = paper.rows(table.identifier)
         assert next(iter(rows), "") == {"III-held-out": "", "IV": "learned-strict"}.get(table.identifier, "classic-mds")
-        assert all(set(row.values[table.identifier]) == set(paper.METRICS) for row in rows.values())
+        assert all(set(row.values[table.identifier]) == set(PRINTED) for row in rows.values())
     assert paper.rows("I")["gps"].values["I"] == {"NN": 0.40, "FT": 0.20, "ST": 0.32, "DCG": 0.56}
     assert list(paper.rows("IV")) == ["learned-strict", "learned-without-srf", "learned-without-lrf", "learned"]
 
@@ -212,5 +215,11 @@ def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
     assert "learned-strict[smoothing=3]" not in {spec.name for spec in one.rows(chosen)}
     assert [spec.name for spec in four.rows(chosen) if spec.base_name == "learned-strict"] == [
         "learned-strict",
-        "learned-strict[smoothing=3]",
+        "learned-strict[smoothing=3.0]",
     ]
+
+
+def test_no_learner_has_a_row_where_all_subjects_are_in_one_gallery():
+    *_, whole = galleries(["I"])
+    assert whole.table.split_size == 5
+    assert not [spec.name for spec in whole.rows(registry.methods().values()) if spec.learns]
