@@ -53,7 +53,7 @@ def leftovers(folder: Path) -> Iterator[Path]:
     """Temporary files below a folder whose writers are no longer alive."""
     for path in folder.rglob(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
-        if writer.isdigit() and not _is_alive(int(writer)):
+        if writer.isdecimal() and not is_alive(int(writer)):
             yield path
 
 
@@ -67,10 +67,11 @@ def sweep(folder: Path) -> int:
     return count
 
 
-def _is_alive(process: int) -> bool:
+def is_alive(process: int) -> bool:
+    """Whether there is a process with this number."""
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except OSError:
         return True  # it belongs to somebody else

@@ -50,11 +50,11 @@ class Cost:
         return cls._of(json.loads(text))
 
     @classmethod
-    def _of(cls, content: dict[str, object]) -> Cost:
-        shared = content.pop("shared", {})
-        if not isinstance(shared, dict):
-            raise TypeError("costs that are shared are a mapping")
-        return cls(**content, shared={name: cls._of(part) for name, part in shared.items()})  # type: ignore[arg-type]
+    def _of(cls, content: object) -> Cost:
+        shared = content.pop("shared", {}) if isinstance(content, dict) else None
+        if not isinstance(content, dict) or not isinstance(shared, dict):
+            raise TypeError("a cost is a mapping, and so are those that it shares")
+        return cls(**content, shared={name: cls._of(part) for name, part in shared.items()})
 
 
 @dataclass

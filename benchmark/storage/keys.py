@@ -222,7 +222,8 @@ def _skeleton(node: Any) -> Any:
 def _imports(tree: ast.AST, package: str, without: frozenset[str]) -> Iterator[str]:
     """Names of modules imported anywhere, but for type checking alone and in functions that are left out."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            yield from _imports(ast.Module(node.orelse, []), package, without)
             continue
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name in without:
             continue

@@ -17,7 +17,7 @@ class Merged:
     Parameters
     ----------
     added, known
-        Records that were new, and that were there already with the same outcome.
+        Records that were new; and places where the same outcome, or what is worth more, was there already.
     conflicts
         Pairs of records with one key and two outcomes; nothing of them was taken.
     """
@@ -69,29 +69,34 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
     """Bring the newest record of each place into the folder that travels with the suite.
 
     Quick runs, folders of one's own and methods of plugin files are left out: they mean nothing to others. A record of
-    a place takes the place of all older ones, whatever their keys.
+    a place takes the place of all older ones, whatever their keys; but what has no scores, because a machine lacks a
+    package or a job was stopped there, never takes the place of what has.
 
     Parameters
     ----------
     records
-        Records of finished jobs, oldest first.
+        Records of finished jobs.
     target
         The folder.
     """
     merged = Merged()
     before = by_place(target)
     for where, found in by_place(record for record in records if _is_for_all(record)).items():
-        newest = portable(found[-1])
-        for old in before.get(where, []):
+        there = before.get(where, [])
+        newest = max([*found, *there], key=_worth)  # of two equal ones, the one that is to be published
+        if any(old["key"] == newest["key"] and outcome(old) == outcome(newest) for old in there):
+            merged.known += 1
+        else:
+            target.write(portable(newest))
+            merged.added.append(portable(newest))
+        for old in there:
             if old["key"] != newest["key"]:
                 target.remove(old["key"])
-        there = target.read(newest["key"])
-        if there is not None and outcome(there) == outcome(newest):
-            merged.known += 1
-            continue
-        target.write(newest)
-        merged.added.append(newest)
     return merged
+
+
+def _worth(record: Record) -> tuple[bool, str]:
+    return record["status"] == "ok", str(record.get("finished", ""))
 
 
 def _is_for_all(record: Record) -> bool:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from benchmark.files import leftovers
+from benchmark.files import is_alive, leftovers
 from benchmark.storage.records import by_place
 from benchmark.storage.store import Store
 
@@ -45,7 +44,4 @@ def remove(paths: list[Path]) -> int:
 def _is_watched(path: Path) -> bool:
     """Whether the harness that looks at a progress file is alive."""
     harness = path.name.partition("-")[0]
-    with suppress(OSError, ValueError):
-        os.kill(int(harness), 0)
-        return True
-    return False
+    return harness.isdecimal() and is_alive(int(harness))

@@ -6,16 +6,28 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from benchmark.contracts import Input
 from benchmark.files import write_text
 from benchmark.storage.keys import digest
+from retrieval.measures import PRINTED
 
 Record = dict[str, Any]
 
-#: What every record has; anything else among the files is not a record.
+#: What every record has, what it tells of its data, and what it has besides if the job was ok; a file that lacks any of
+#: it is not a record.
 REQUIRED: Mapping[str, type] = {
-    "key": str, "gallery": str, "input": str, "method": str, "status": str, "recipe": dict,
+    "key": str, "gallery": str, "input": str, "method": str, "title": str, "family": str, "parameters": dict,
+    "target": str, "status": str, "recipe": dict, "data": dict,
+}  # fmt: skip
+OF_DATA: Mapping[str, type] = {
+    "name": str, "title": str, "stand_in_for": str, "source": str, "module": str, "quick": bool, "n_shapes": int,
+    "n_classes": int, "chance": dict,
+}  # fmt: skip
+OF_SCORED: Mapping[str, type] = {
+    "scores": dict, "per_query": dict, "chance": dict, "shapes": list, "labels": list, "n_shapes": int,
+    "n_classes": int, "unsupported": list, "cost": dict,
 }  # fmt: skip
 
 #: Parts that say when and where a job was done, not what came out.
@@ -84,14 +96,33 @@ class Records:
 
 def is_record(content: Any) -> bool:
     """Whether something read from a file is the record of a job."""
-    if not isinstance(content, dict) or not all(isinstance(content.get(k), kind) for k, kind in REQUIRED.items()):
+    if not (_has(content, REQUIRED) and _has(content["data"], OF_DATA) and _are_scores(content["data"]["chance"])):
+        return False
+    if not isinstance(content["recipe"].get("seed", 0), int) or content["input"] not in get_args(Input):
         return False
     if content["status"] != "ok":
         return True
-    scores = content.get("scores")
-    if not isinstance(scores, dict) or not isinstance(content.get("per_query"), dict):
+    if not (_has(content, OF_SCORED) and _has(content["cost"], {"seconds_per_shape": dict})):
         return False
-    return all(isinstance(value, (int, float)) and 0 <= value <= 1 for value in scores.values())
+    n_queries = len(content["shapes"])
+    rankings = [content["per_query"].get(name) for name in PRINTED]
+    return (
+        _are_scores(content["scores"])
+        and _are_scores(content["chance"])
+        and len(content["labels"]) == n_queries
+        and all(isinstance(values, list) and len(values) == n_queries for values in rankings)
+    )
+
+
+def _has(content: Any, parts: Mapping[str, type]) -> bool:
+    return isinstance(content, dict) and all(isinstance(content.get(name), kind) for name, kind in parts.items())
+
+
+def _are_scores(values: Mapping[str, Any]) -> bool:
+    """Whether every measure that tables print is there, and each is a share."""
+    return set(PRINTED) <= values.keys() and all(
+        isinstance(value, (int, float)) and 0 <= value <= 1 for value in values.values()
+    )
 
 
 def as_text(record: Mapping[str, Any]) -> str:

@@ -12,10 +12,9 @@ from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
 from benchmark.jobs import training_pairs as pairs
-from benchmark.jobs.stages import Stages
+from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
 from tests.toy import rod
 
 
@@ -82,10 +81,9 @@ def test_images_are_those_that_methods_are_given(monkeypatch, store):
     data = made(monkeypatch, store, "humans-fold-2", trained=Part((0,), (1,)))
     (pair,) = data.pairs()
     rods = Rods()
-    stages = Stages(store, rods, "view", 0, CMBOF())
-    shape = stages.shape(rods.entries[1])
-    assert np.array_equal(pair.image, shape.depth)
-    assert stages.clock.cached == {"prepare": 1}
+    preparation = Preparation(rods, "view", store)
+    assert preparation.artefact(rods.entries[1]).was_cached
+    assert np.array_equal(pair.image, preparation.shape(rods.entries[1]).depth)
     assert pair.image.shape == (500, 500)
     assert pair.image.dtype == np.float32
     assert 0 == pair.image.min() < pair.image.max() <= 1
