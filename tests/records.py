@@ -22,7 +22,13 @@ def record(
     **more: Any,
 ) -> dict[str, Any]:
     """Record of a finished job; other ``code`` makes it one of another recipe in the same place."""
-    recipe = {"seed": 0, "input": input_, "method": method, "gallery": gallery, "code": {"method": {"code": {"m": code}}}}
+    recipe = {
+        "seed": 0,
+        "input": input_,
+        "method": method,
+        "gallery": gallery,
+        "code": {"method": {"code": {"m": code}}},
+    }
     queries = [1.0 if k < round(nn * len(SHAPES)) else 0.0 for k in range(len(SHAPES))]
     found = {
         "gallery": gallery, "input": input_, "method": method, "title": method.title(), "family": "extended",
@@ -46,5 +52,17 @@ def record(
 def failed(status: str = "timeout", reason: str = "stopped", **options: Any) -> dict[str, Any]:
     """Record of a job without scores."""
     found = record(**options)
-    kept = ("key", "gallery", "input", "method", "title", "family", "parameters", "target", "data", "recipe", "finished")
+    kept = (
+        "key",
+        "gallery",
+        "input",
+        "method",
+        "title",
+        "family",
+        "parameters",
+        "target",
+        "data",
+        "recipe",
+        "finished",
+    )
     return {name: found[name] for name in kept} | {"status": status, "reason": reason}

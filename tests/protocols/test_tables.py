@@ -148,9 +148,10 @@ def test_what_cannot_be_selected_is_named(tables, datasets, error, message):
 
 
 def test_every_table_of_the_paper_has_rows_with_all_measures():
+    first_rows = {"I-whole": "", "III-held-out": "", "IV": "learned-strict"}
     for table in TABLES:
         rows = paper.rows(table.identifier)
-        assert next(iter(rows), "") == {"III-held-out": "", "IV": "learned-strict"}.get(table.identifier, "classic-mds")
+        assert next(iter(rows), "") == first_rows.get(table.identifier, "classic-mds")
         assert all(set(row.values[table.identifier]) == set(PRINTED) for row in rows.values())
     assert paper.rows("I")["gps"].values["I"] == {"NN": 0.40, "FT": 0.20, "ST": 0.32, "DCG": 0.56}
     assert list(paper.rows("IV")) == ["learned-strict", "learned-without-srf", "learned-without-lrf", "learned"]
