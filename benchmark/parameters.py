@@ -86,7 +86,9 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         if name not in fields:
             if fields:
                 raise did_you_mean(f"parameter of {owner}", name, fields)
-            raise ConfigurationError(f"unknown parameter of {owner} '{name}'", f"leave it out: {owner} has none")
+            raise ConfigurationError(
+                f"unknown parameter of {owner} '{name}'", f"leave it out: {owner} has no parameters"
+            )
         annotation, default = fields[name]
         try:
             found[name] = _fit(annotation, value, default)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 from pathlib import Path
 
 import pytest
 
 import learned
-from benchmark.storage import keys
 from learned.fingerprint import training_code
 
 PACKAGE = Path(learned.__file__).parent
@@ -63,28 +63,31 @@ def test_words_and_what_does_not_train_do_not_count(copied: Path, module: str, b
     assert training_code(copied) == training_code()
 
 
+def reached(first: str, *, training: bool) -> set[str]:
+    """Modules of the package that one imports, directly or not; in functions called ``train`` only if asked for."""
+    found: set[str] = set()
+    pending = [first]
+    while pending:
+        name = pending.pop()
+        if name in found:
+            continue
+        found.add(name)
+        tree = ast.parse((PACKAGE / f"{name}.py").read_text())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and node.name == "train" and not training:
+                node.body = []
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "learned":
+                named = [node.module.partition(".")[2]] if "." in node.module else [alias.name for alias in node.names]
+                pending += named
+    return found
+
+
 def test_forms_need_nothing_that_only_trains() -> None:
-    """Follow every import but those inside a function called ``train``."""
-    reached = {name for name in keys.code_of("learned.fitting") if name.startswith("learned.")}
-    assert reached == {f"learned.{name}" for name in FORMS | TRAINING} - {"learned.methods", "learned.prediction"}
+    assert reached("methods", training=False) == FORMS
+    assert reached("methods", training=True) == FORMS | TRAINING
     assert {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"} == FORMS | TRAINING
-    reached = set()
-    for module in ("learned.prediction", "learned.model"):
-        reached |= {name.removeprefix("learned.") for name in keys.code_of(module) if name.startswith("learned.")}
-    assert reached == FORMS - {"methods"}
 
 
-def test_only_train_of_a_method_imports_what_trains() -> None:
-    import ast
-
-    tree = ast.parse((PACKAGE / "methods.py").read_text())
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name == "train":
-            node.body = []
-    imported = {
-        node.module.removeprefix("learned.")
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("learned.")
-    }
-    assert imported <= FORMS
-    assert imported == {"configuration", "model", "prediction"}
+def test_the_fingerprint_is_of_all_that_the_training_loop_imports_but_what_the_recipe_tells() -> None:
+    assert set(training_code()) == reached("training", training=True) - {"configuration"}

@@ -245,7 +245,7 @@ def test_a_value_outside_of_the_constraint_is_refused_before_anything_runs(name,
 def test_a_method_without_parameters_says_so(name):
     with pytest.raises(ConfigurationError) as caught:
         registry.variant(f"{name}[solver=heat]", registry.methods())
-    assert str(caught.value) == f"unknown parameter of {name} 'solver'; leave it out: {name} has none"
+    assert str(caught.value) == f"unknown parameter of {name} 'solver'; leave it out: {name} has no parameters"
 
 
 PARAMETERS = """
