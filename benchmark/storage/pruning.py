@@ -19,9 +19,8 @@ def unneeded(store: Store) -> Iterator[Path]:
     newest = (records[-1] for records in by_place(store.records).values())
     needed = {key for record in newest for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
-    yield from (path for path in store.scratch.rglob("*") if path.is_file())
-    yield from leftovers(store.artefacts)
-    yield from leftovers(store.records.folder)
+    yield from store.scratch.glob("*/*.npz")
+    yield from leftovers(store.root)
     yield from (path for path in store.progress.iterdir() if not _is_watched(path))
 
 
