@@ -21,7 +21,7 @@ from benchmark.geometry.cleaning import connected_components, edge_counts, fans_
 from benchmark.geometry.depth import back_project
 from benchmark.learning import CARD, WEIGHTS, Learner
 from benchmark.methods.registry import methods, variant
-from benchmark.parameters import parameter_values
+from benchmark.parameters.values import parameter_values
 from learned.configuration import CONFIGURATIONS
 from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
 from learned.prediction import canonical_depth
