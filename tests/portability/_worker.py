@@ -22,9 +22,9 @@ from benchmark.datasets.tosca import tosca  # noqa: E402
 from benchmark.errors import ShapeError  # noqa: E402
 from benchmark.geometry.cleaning import clean  # noqa: E402
 from benchmark.geometry.depth import depth_surface, fit_half_width  # noqa: E402
+from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
 from benchmark.methods.registry import BUILT_IN, MethodSpec  # noqa: E402
-from benchmark.geometry.mesh import Mesh  # noqa: E402
 from retrieval.cmbof import CMBOF, Features  # noqa: E402
 from retrieval.features import detect_views  # noqa: E402
 from retrieval.metrics import evaluate  # noqa: E402
@@ -32,9 +32,7 @@ from retrieval.pose import normalise  # noqa: E402
 from retrieval.views import BACKGROUND, render  # noqa: E402
 
 #: Models of TOSCA are not shipped, so methods that learn have no row.
-METHODS = {
-    name: MethodSpec(name, target) for name, target in BUILT_IN.items() if not target.startswith("learned.")
-}
+METHODS = {name: MethodSpec(name, target) for name, target in BUILT_IN.items() if not target.startswith("learned.")}
 INPUTS = ("mesh", "view")
 MEASURES = ("nn", "ft", "st", "dcg")
 CODEBOOK_SEEDS = (0, 1, 2)
@@ -116,7 +114,9 @@ def score(spec: MethodSpec, paths: list[Path], dataset: FolderDataset) -> dict[s
     found, labels, digests = [], [], {}
     for path, entry in zip(paths, dataset.entries, strict=True):
         with np.load(path) as arrays:
-            parts = {key.removeprefix(f"{spec.name}:"): arrays[key] for key in arrays if key.startswith(f"{spec.name}:")}
+            parts = {
+                key.removeprefix(f"{spec.name}:"): arrays[key] for key in arrays if key.startswith(f"{spec.name}:")
+            }
         parts.pop("form", None)
         if parts:
             found.append(parts)
