@@ -39,7 +39,7 @@ def edit(path: Path, before: str, after: str) -> None:
         ("network", "SLOPE = 0.2", "SLOPE = 0.1"),
         ("training", "optimiser.step()", "optimiser.step() or optimiser.step()"),
         ("images", "COVERED = 0.5", "COVERED = 0.4"),
-        ("pairs", "shrink(checked(pair.target), resolution)", "shrink(pair.target, resolution)"),
+        ("pairs", "shrink(checked_image(pair.target), resolution)", "shrink(pair.target, resolution)"),
     ],
 )
 def test_an_edit_of_what_trains_is_seen(copied: Path, module: str, before: str, after: str) -> None:
