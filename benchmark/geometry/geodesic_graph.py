@@ -17,6 +17,11 @@ IntArray = NDArray[np.int64]
 # Windows followed from each vertex; docs/geodesics.md has the measurements behind the number.
 WINDOWS = 800
 
+# Tangent of an angle below which a vertex lies on the ray that bounds a window, not inside. That ray runs through a
+# vertex, whose own windows find what lies behind it. Regular triangles put many vertices on such rays, and without
+# this margin rounding would decide which of them split a window and so how far the windows reach.
+GRAZING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Graph:
@@ -264,8 +269,8 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             along, beside = moves[passage, 0], moves[passage, 1]
             width_x, width_y = q_x - p_x, q_y - p_y
             a_x, a_y = p_x + along * width_x + beside * width_y, p_y + along * width_y - beside * width_x
-            beyond_low = low_x * a_y - low_y * a_x >= 0
-            before_high = a_x * high_y - a_y * high_x >= 0
+            beyond_low = low_x * a_y - low_y * a_x > GRAZING * abs(low_x * a_x + low_y * a_y)
+            before_high = a_x * high_y - a_y * high_x > GRAZING * abs(a_x * high_x + a_y * high_y)
             # Nobody can predict where the apex falls: to write first and count afterwards is faster than to branch.
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf

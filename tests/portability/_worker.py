@@ -6,30 +6,30 @@ from benchmark.threads import pin_threads
 
 pin_threads()
 
-import hashlib  # noqa: E402
-import json  # noqa: E402
-import os  # noqa: E402
-import sys  # noqa: E402
-from pathlib import Path  # noqa: E402
-from typing import Any  # noqa: E402
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from benchmark.contracts import Descriptor, Method, Shape  # noqa: E402
-from benchmark.datasets.base import Entry  # noqa: E402
-from benchmark.datasets.settings import FolderDataset  # noqa: E402
-from benchmark.datasets.tosca import tosca  # noqa: E402
-from benchmark.errors import ShapeError  # noqa: E402
-from benchmark.geometry.cleaning import clean  # noqa: E402
-from benchmark.geometry.depth import depth_surface, fit_half_width  # noqa: E402
-from benchmark.geometry.mesh import Mesh  # noqa: E402
-from benchmark.geometry.preparation import prepare  # noqa: E402
-from benchmark.methods.registry import BUILT_IN, MethodSpec  # noqa: E402
-from retrieval.cmbof import CMBOF, Features  # noqa: E402
-from retrieval.features import detect_views  # noqa: E402
-from retrieval.metrics import evaluate  # noqa: E402
-from retrieval.pose import normalise  # noqa: E402
-from retrieval.views import BACKGROUND, render  # noqa: E402
+from benchmark.contracts import Descriptor, Method, Shape
+from benchmark.datasets.base import Entry
+from benchmark.datasets.settings import FolderDataset
+from benchmark.datasets.tosca import tosca
+from benchmark.errors import ShapeError
+from benchmark.geometry.cleaning import clean
+from benchmark.geometry.depth import depth_surface, fit_half_width
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import prepare
+from benchmark.methods.registry import BUILT_IN, MethodSpec
+from retrieval.cmbof import CMBOF, Features
+from retrieval.features import detect_views
+from retrieval.metrics import evaluate
+from retrieval.pose import normalise
+from retrieval.views import BACKGROUND, render
 
 #: Models of TOSCA are not shipped, so methods that learn have no row.
 METHODS = {name: MethodSpec(name, target) for name, target in BUILT_IN.items() if not target.startswith("learned.")}

@@ -1,4 +1,4 @@
-"""The answer of a method in processes of their own: the same each time, and on another processor?"""
+"""Whether a method answers the same in processes of their own, and on another processor."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def check_fresh_process(trial: Trial) -> str:
     if found.tobytes() == again.tobytes():
         return "every fresh process answers the same to the last bit"
     raise Warned(
-        f"two processes differ by {relative_difference(found, again):.1e} of the largest number; choices that follow may "
-        "go another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
+        f"two processes differ by {relative_difference(found, again):.1e} of the largest number; choices that follow "
+        "may go another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
     )
 
 
