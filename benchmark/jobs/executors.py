@@ -129,9 +129,6 @@ class _Run:
         chosen, self.to_rank = self.to_rank[:count], self.to_rank[count:]
         return Ranking(tuple(chosen)) if chosen else None
 
-    def _recorded(self) -> set[str]:
-        return {key for key in self.pending if key in self.store.records}
-
     def _look_at(self, worker: Worker) -> None:
         """Book the time of the job that a worker is at; end what takes too long; take note of what has ended."""
         now, status = time.monotonic(), worker.status
@@ -139,9 +136,7 @@ class _Run:
             self.seconds[status.job] = self.seconds.get(status.job, 0.0) + now - worker.looked
         worker.looked = now
         if worker.exit_code is None:
-            if worker.overstays:
-                self._finish(worker)
-            elif self.timeout and self.seconds.get(status.job, 0.0) > self.timeout:
+            if self.timeout and self.seconds.get(status.job, 0.0) > self.timeout:
                 worker.end()
                 said = f"stopped after {self.timeout:g} s; pass a longer --timeout, what is done is kept"
                 self._blame(worker, status.job, failure("timeout", said))
@@ -173,7 +168,7 @@ class _Run:
         self.running.remove(worker)
         task = worker.task
         if isinstance(task, Ranking):
-            self.to_rank += [order for order in task.orders if order.key not in (without, *self._recorded())]
+            self.to_rank += [o for o in task.orders if o.key != without and o.key not in self.store.records]
             return
         behind = worker.status_at_end.steps
         left = tuple(order for order in task.orders if order.key != without)

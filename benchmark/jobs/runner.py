@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import statistics
 import time
 import traceback
@@ -156,6 +157,8 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
     except BenchmarkError as error:
         keep(order, store, failure("failed", f"{where}{error}"))
     except BaseException as error:  # also what ends a program: a method must not end the run
+        if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
+            raise  # somebody interrupts jobs that are done in this process
         reason = f"{where}{type(error).__name__}: {error}" if str(error) else f"{where}{type(error).__name__}"
         keep(order, store, failure("failed", reason, traceback.format_exc()))
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import ctypes
 import multiprocessing
 import os
+import secrets
 import signal
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any
 
 from benchmark.jobs.orders import Task
 
@@ -21,8 +22,11 @@ _DONE = "done"
 #: ``PR_SET_PDEATHSIG`` of Linux.
 _PARENT_DEATH_SIGNAL = 1
 
-#: Seconds that a process has to end once its task is done.
+#: Seconds that a process has to end once it was killed.
 GRACE = 5.0
+
+#: Environment variable by which the processes that a worker started are known as its own.
+_MARK = "CANONICAL_FORMS_WORKER"
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,18 @@ class Worker:
         self.number = number
         self.looked = time.monotonic()
         self.status_at_end = Status()
-        self._done_since: float | None = None
+        self._mark = secrets.token_hex(16)
         self._status_file = status_file = progress / f"{os.getpid()}-{number}"
         status_file.unlink(missing_ok=True)
+        resource_tracker.ensure_running()  # it serves all workers, and must not bear the mark of the first
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, status_file, memory, os.getpid()))
-        self._process.start()
+        with _without_interrupts():
+            os.environ[_MARK] = self._mark
+            try:
+                self._process.start()
+            finally:
+                del os.environ[_MARK]
 
     @property
     def sentinel(self) -> int:
@@ -93,24 +103,15 @@ class Worker:
         except (OSError, ValueError):
             return Status()
 
-    @property
-    def overstays(self) -> bool:
-        """Whether its task is done, but threads or exit handlers keep the process alive beyond its grace."""
-        if not self.status.is_done:
-            return False
-        self._done_since = self._done_since or time.monotonic()
-        return time.monotonic() - self._done_since > GRACE
-
     def end(self) -> None:
         """Kill the process, if it still runs, and everything that it started."""
         identifier = self._process.pid
         if identifier is not None:
-            descendants = _descendants(identifier)
             with suppress(OSError):
                 os.killpg(identifier, signal.SIGKILL)  # the session of the worker bears its number
-            for descendant in descendants:  # those that began sessions of their own
-                with suppress(OSError):
-                    os.kill(descendant, signal.SIGKILL)
+        for process in _marked(self._mark):  # those that began sessions of their own
+            with suppress(OSError):
+                os.kill(process, signal.SIGKILL)
         self._process.join(GRACE)
         self.status_at_end = self.status
         self._status_file.unlink(missing_ok=True)
@@ -139,6 +140,8 @@ def _main(task: Task, status_file: Path, memory: int, harness: int) -> None:
 
     work(task, tell)
     status_file.write_text(f"{latest[0]};{latest[1]};{_DONE}")
+    # All that counts is on the disk. Exit handlers and threads of a method could only hang or complain.
+    os._exit(0)
 
 
 def _die_with(harness: int) -> None:
@@ -161,11 +164,21 @@ def _limit_memory(limit: int) -> None:
         return  # not every system has this limit; the job then runs without one
 
 
-def _descendants(identifier: int) -> Sequence[int]:
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Let what is started in the body not hear of Ctrl-C, which is for the harness alone; it hears of it afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _marked(mark: str) -> Iterator[int]:
+    """Processes that a worker started, directly or not: they have inherited the mark in its environment."""
     import psutil
 
-    try:
-        children: list[Any] = psutil.Process(identifier).children(recursive=True)
-    except psutil.Error:
-        return ()
-    return [child.pid for child in children]
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, OSError):
+            if process.environ().get(_MARK) == mark:
+                yield process.pid
