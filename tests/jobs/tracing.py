@@ -251,8 +251,14 @@ class Watching:
         from benchmark.jobs.stages import features
 
         self.tracer, self.with_features = tracer, with_features
-        self._changed: list[tuple[Any, str]] = [(Store, "get_or_compute"), (runner, "features_of"), (runner, "open_dataset")]
-        self._changed += [(ranking, name) for name in ("descriptor_distances", "scores", "over_splits", "form_distances")]
+        self._changed: list[tuple[Any, str]] = [
+            (Store, "get_or_compute"),
+            (runner, "features_of"),
+            (runner, "open_dataset"),
+        ]
+        self._changed += [
+            (ranking, name) for name in ("descriptor_distances", "scores", "over_splits", "form_distances")
+        ]
         self._changed += [(features, "extract")]
         self._before = [getattr(place, name) for place, name in self._changed]
 

@@ -14,7 +14,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, U
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 from benchmark.report import contact_sheet as sheets
-from benchmark.report.contact_sheet import WIDTH, contact_sheet, select
+from benchmark.report.pictures.contact_sheet import WIDTH, contact_sheet, select
 from tests.toy import rod, write_rods
 
 
