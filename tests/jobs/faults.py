@@ -131,6 +131,6 @@ def waits_once(shape):
 @canonical_form(name="edits-itself", title="Edits itself")
 def edits_itself(shape):
     path = Path(__file__)
-    if "edited = True" not in path.read_text():
-        path.write_text(path.read_text() + "\n\nedited = True\n")
+    if not path.read_text().endswith("# edited\n"):
+        path.write_text(path.read_text() + "\n\nCONSTANT = 1  # edited\n")
     return shape.mesh.vertices
