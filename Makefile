@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow portability lint speed tables figures clean
+.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean boundscheck portability
 
 setup: $(READY)
 
@@ -23,6 +23,10 @@ test: setup
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
 
+# The compiled kernels with every index checked; two minutes, most of them to compile.
+boundscheck: setup
+	$(BIN)/python -m tests.boundscheck
+
 portability: setup
 	$(BIN)/python -m tests.portability.suite
 
@@ -34,11 +38,23 @@ lint: setup
 speed: setup
 	$(BIN)/python -m tests.speed
 
+# From the records in results/; needs neither data nor models.
 tables: setup
+	$(BIN)/python -m benchmark tables -o results/tables
+
+# Whether the committed tables are those that the records make.
+check-tables: setup
+	$(BIN)/python -m benchmark tables --check -o results/tables
+
+# Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
+publish: setup
+	$(BIN)/python -m benchmark merge --published results
 	$(BIN)/python -m benchmark tables -o results/tables
 
 figures: setup
 	$(BIN)/python -m benchmark report -o results/report
 
+# Leaves the records of finished jobs.
 clean:
-	rm -rf $(VENV) results/runs
+	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf results/runs/artefacts results/runs/scratch results/runs/progress

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import canonical_signs, vertex_areas
 from baselines.least_squares_mds import start_positions
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    GeodesicSolver,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class AcceleratedMDS:
+class AcceleratedMDS(CheckedParameters):
     r"""Two ways to the MDS form in less time.
 
     ``"interpolated"`` and ``"samples"`` are classic scaling without all pairs of distances. The squared distances
@@ -63,12 +71,12 @@ class AcceleratedMDS:
     )
 
     variant: Literal["interpolated", "samples", "rre"] = "interpolated"
-    samples: int = 25
+    samples: Annotated[int, Interval(4)] = 25
     start: Literal["mesh", "classic"] = "mesh"
-    cycle: int = 6
-    max_iterations: int = 100
-    rtol: float = 1e-3
-    solver: str = "default"
+    cycle: Annotated[int, Interval(2)] = 6
+    max_iterations: Annotated[int, Interval(1)] = 100
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the form of the chosen variant, centred at the origin.
@@ -77,17 +85,11 @@ class AcceleratedMDS:
         ------
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
-        ConfigurationError
-            If there is no variant of that name.
         """
-        from benchmark.errors import did_you_mean
-
         require_vertices(shape)
         if self.variant == "rre":
             return self._extrapolated(shape)
-        if self.variant in ("interpolated", "samples"):
-            return self._interpolated(shape)
-        raise did_you_mean("variant", self.variant, ("interpolated", "samples", "rre"))
+        return self._interpolated(shape)
 
     def _interpolated(self, shape: Shape) -> CanonicalForm:
         from baselines._kernels.interpolation import biharmonic_interpolation

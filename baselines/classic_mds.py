@@ -9,11 +9,11 @@ import numpy as np
 
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, Mesh, MethodInfo, Shape
+from benchmark.contracts import CanonicalForm, CheckedParameters, FloatArray, GeodesicSolver, Mesh, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClassicMDS:
+class ClassicMDS(CheckedParameters):
     r"""Classic (Torgerson) scaling of the geodesic distances.
 
     With the matrix D of geodesic distances and :math:`J = I - 11^\top / n`,
@@ -38,7 +38,7 @@ class ClassicMDS:
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
     )
 
-    solver: str = "default"
+    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the geodesic distances.

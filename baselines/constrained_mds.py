@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConstrainedMDS:
+class ConstrainedMDS(CheckedParameters):
     r"""Deformation towards the MDS pose under a sparse shape regulariser (Sahillioğlu 2015).
 
     Multidimensional scaling finds the pose but crumples the surface. Here the input itself, with rest positions
@@ -55,10 +55,10 @@ class ConstrainedMDS:
         summary="the surface deformed towards its least-squares MDS pose, details kept",
     )
 
-    first_pull: float = 1.0
-    last_pull: float = 10.0
-    cascades: int = 5
-    iterations: int = 20
+    first_pull: Annotated[float, Interval(0, closed="neither")] = 1.0
+    last_pull: Annotated[float, Interval(0, closed="neither")] = 10.0
+    cascades: Annotated[int, Interval(1)] = 5
+    iterations: Annotated[int, Interval(1)] = 20
     start: Literal["mesh", "classic"] = "mesh"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.orientation import canonical_signs, vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    GeodesicSolver,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FastMDS:
+class FastMDS(CheckedParameters):
     r"""FastMap of the geodesic distances.
 
     Each of three axes runs through two pivots a and b that are far apart. Vertex i lands on it, by the law of
@@ -45,8 +53,8 @@ class FastMDS:
         summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
     )
 
-    sweeps: int = 5
-    solver: str = "default"
+    sweeps: Annotated[int, Interval(1)] = 5
+    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the FastMap embedding, centred at the origin.

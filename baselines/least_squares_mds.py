@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    GeodesicSolver,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeastSquaresMDS:
+class LeastSquaresMDS(CheckedParameters):
     r"""Least-squares scaling of the geodesic distances (SMACOF).
 
     Lowers the stress :math:`\sum_{i<j} w_{ij} (\|x_i - x_j\| - \delta_{ij})^2` between the form and the geodesic
@@ -48,9 +56,9 @@ class LeastSquaresMDS:
 
     start: Literal["mesh", "classic"] = "mesh"
     weights: Literal["uniform", "area"] = "uniform"
-    max_iterations: int = 100
-    rtol: float = 1e-3
-    solver: str = "default"
+    max_iterations: Annotated[int, Interval(1)] = 100
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the least-squares scaling of the geodesic distances, centred at the origin.
@@ -59,8 +67,6 @@ class LeastSquaresMDS:
         ------
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
-        ConfigurationError
-            If there is no start or no kind of weights of that name.
         """
         from baselines._kernels.smacof import smacof
 
@@ -82,29 +88,14 @@ class LeastSquaresMDS:
 
 
 def start_positions(shape: Shape, distances: FloatArray, start: Literal["mesh", "classic"]) -> FloatArray:
-    """Positions from which an iterative scaling sets out, shape (n, 3).
-
-    Raises
-    ------
-    ConfigurationError
-        If the start is neither ``"mesh"`` nor ``"classic"``.
-    """
+    """Positions from which an iterative scaling sets out, shape (n, 3)."""
     from baselines.classic_mds import oriented_classic_scaling
-    from benchmark.errors import did_you_mean
 
-    if start == "mesh":
-        return shape.mesh.vertices
-    if start == "classic":
-        return oriented_classic_scaling(shape.mesh, distances)[0]
-    raise did_you_mean("start", start, ("mesh", "classic"))
+    return shape.mesh.vertices if start == "mesh" else oriented_classic_scaling(shape.mesh, distances)[0]
 
 
 def _pair_weights(shape: Shape, kind: Literal["uniform", "area"]) -> FloatArray | None:
-    from benchmark.errors import did_you_mean
-
     if kind == "uniform":
         return None
-    if kind == "area":
-        areas = vertex_areas(shape.mesh)
-        return np.outer(areas, areas)
-    raise did_you_mean("weights", kind, ("uniform", "area"))
+    areas = vertex_areas(shape.mesh)
+    return np.outer(areas, areas)

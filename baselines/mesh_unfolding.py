@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshUnfolding:
+class MeshUnfolding(CheckedParameters):
     r"""Detail-preserving mesh unfolding (Sahillioğlu & Kavan 2016).
 
     All vertices push each other apart while an elastic energy keeps the surface whole:
@@ -52,11 +52,11 @@ class MeshUnfolding:
         summary="vertices pushed apart under elastic regularisation, no geodesics",
     )
 
-    first_stiffness: float = 0.25
-    iterations: int = 60
-    later_iterations: int = 5
-    strain_bound: float = 0.05
-    max_cascades: int = 16
+    first_stiffness: Annotated[float, Interval(0, closed="neither")] = 0.25
+    iterations: Annotated[int, Interval(1)] = 60
+    later_iterations: Annotated[int, Interval(1)] = 5
+    strain_bound: Annotated[float, Interval(0)] = 0.05
+    max_cascades: Annotated[int, Interval(1)] = 16
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the unfolded surface.

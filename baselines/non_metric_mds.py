@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    GeodesicSolver,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class NonMetricMDS:
+class NonMetricMDS(CheckedParameters):
     r"""Non-metric scaling of the geodesic distances.
 
     Alternates two steps, neither of which raises the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2`: the
@@ -40,9 +48,9 @@ class NonMetricMDS:
         summary="scaling of the rank order of the geodesic distances",
     )
 
-    max_iterations: int = 100
-    rtol: float = 1e-3
-    solver: str = "default"
+    max_iterations: Annotated[int, Interval(1)] = 100
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the non-metric scaling of the geodesic distances.

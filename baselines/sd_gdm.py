@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from benchmark.contracts import FloatArray, MethodInfo, Shape
+from benchmark.contracts import CheckedParameters, FloatArray, GeodesicSolver, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class SDGDM:
+class SDGDM(CheckedParameters):
     r"""The largest singular values of the geodesic distance matrix.
 
     The values :math:`s_1 \ge s_2 \ge \dots` do not depend on how the vertices are numbered, and hardly on the pose;
@@ -39,8 +39,8 @@ class SDGDM:
         scale="invariant",
     )
 
-    count: int = 20
-    solver: str = "default"
+    count: Annotated[int, Interval(1)] = 20
+    solver: GeodesicSolver = "default"
 
     def describe(self, shape: Shape) -> FloatArray:
         """Return the singular values over their sum, largest first, shape (count,).

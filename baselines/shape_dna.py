@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from benchmark.contracts import FloatArray, MethodInfo, Shape
+from benchmark.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShapeDNA:
+class ShapeDNA(CheckedParameters):
     r"""The first non-zero eigenvalues of the Laplacian, times the surface area.
 
     With :math:`L \phi_k = \lambda_k M \phi_k` the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`: bending
@@ -35,7 +35,7 @@ class ShapeDNA:
         scale="invariant",
     )
 
-    count: int = 12
+    count: Annotated[int, Interval(1)] = 12
 
     def describe(self, shape: Shape) -> FloatArray:
         """Return the eigenvalues times the area, ascending, shape (count,).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,16 @@ from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.frame import on_grid, principal_frame
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.ties import TIE, largest, order_by_coordinates
-from benchmark.contracts import CanonicalForm, FloatArray, MethodInfo, Shape, UnsupportedShape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+    UnsupportedShape,
+)
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -20,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Skeleton:
+class Skeleton(CheckedParameters):
     r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
 
     1. A curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
@@ -55,10 +64,10 @@ class Skeleton:
         summary="curve skeleton scaled by its path lengths, surface transferred",
     )
 
-    max_iterations: int = 100
-    rtol: float = 1e-3
-    bands: int = 24
-    open_border: float = 1.0
+    max_iterations: Annotated[int, Interval(1)] = 100
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    bands: Annotated[int, Interval(2)] = 24
+    open_border: Annotated[float, Interval(0)] = 1.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface in the pose of its scaled skeleton.
@@ -140,9 +149,7 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
 
 def border_length(mesh: Mesh) -> float:
     """Return the total length of the edges that belong to one triangle only, in units of the mesh."""
-    directed = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    edges, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    border = edges[counts == 1]
+    border = edges_of(mesh.faces).boundary
     return float(np.linalg.norm(mesh.vertices[border[:, 0]] - mesh.vertices[border[:, 1]], axis=1).sum())
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from benchmark.contracts import FloatArray, MethodInfo, Shape
+from benchmark.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeanWKS:
+class MeanWKS(CheckedParameters):
     r"""Quadratic mean of the wave kernel signature over the surface.
 
     With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)`, the signature of vertex x at log-energy e is
@@ -46,9 +46,9 @@ class MeanWKS:
         scale="invariant",
     )
 
-    eigenpairs: int = 100
-    energies: int = 100
-    width: float = 7.0
+    eigenpairs: Annotated[int, Interval(2)] = 100
+    energies: Annotated[int, Interval(2)] = 100
+    width: Annotated[float, Interval(0, closed="neither")] = 7.0
 
     def describe(self, shape: Shape) -> FloatArray:
         """Return the quadratic mean at each energy, times the area, shape (energies,).

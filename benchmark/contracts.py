@@ -1,21 +1,24 @@
 """All that the author of a method imports: a shape comes in, a canonical form goes out.
 
 A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters. A *descriptor* has no canonical form: it describes each shape by a vector and compares the
-vectors itself. A plain function becomes a method through :func:`canonical_form`.
+fields are its parameters, which may declare what they take (see :mod:`benchmark.parameters.values`). A *descriptor* has
+no canonical form: it describes each shape by a vector and compares the vectors itself. A plain function becomes a
+method through :func:`canonical_form`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+from benchmark.parameters.constraints import Interval, Matches, OneOf
+from benchmark.parameters.values import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -23,11 +26,16 @@ if TYPE_CHECKING:
 __all__ = [
     "ArtefactCache",
     "CanonicalForm",
+    "CheckedParameters",
     "Descriptor",
+    "GeodesicSolver",
     "Input",
+    "Interval",
+    "Matches",
     "Mesh",
     "Method",
     "MethodInfo",
+    "OneOf",
     "Shape",
     "UnsupportedShape",
     "canonical_form",
@@ -35,6 +43,16 @@ __all__ = [
 
 Input = Literal["mesh", "view"]
 FloatArray = NDArray[np.float64]
+
+
+def _geodesic_solvers() -> dict[str, str]:
+    from benchmark.geometry.geodesics import DEFAULT_SOLVER, SOLVERS
+
+    return {"default": DEFAULT_SOLVER} | {name: name for name in SOLVERS}
+
+
+GeodesicSolver = Annotated[str, OneOf(_geodesic_solvers)]
+"""Type of a parameter that names a solver for :meth:`Shape.geodesics`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +79,6 @@ class MethodInfo:
         ``"equivariant"`` if scaling the shape scales the form, ``"invariant"`` if the form does not change.
     deterministic
         False if the form depends on the seed.
-    trained_on
-        Subjects that a learned method has seen, as ``"data set: ids"``; empty for methods that do not learn.
     """
 
     name: str
@@ -74,7 +90,6 @@ class MethodInfo:
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"
     deterministic: bool = True
-    trained_on: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +117,12 @@ class CanonicalForm:
 
 
 class ArtefactCache(Protocol):
-    """Where a shape keeps what is expensive; the harness passes its store, tests pass nothing."""
+    """Where a shape keeps what is expensive while several methods treat it; tests pass nothing."""
 
     def get_or_compute(
         self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
     ) -> Mapping[str, NDArray[Any]]:
-        """Return the arrays of this stage of this shape, computing and storing them when missing."""
+        """Return the arrays of this stage of this shape, computing them when missing."""
         ...
 
 
@@ -128,7 +143,7 @@ class Shape:
     seed
         Seed of every random choice made for this shape.
     cache
-        Where geodesics and the Laplacian are kept; None computes them once per object.
+        Where geodesics are kept; None computes them once per object.
     """
 
     def __init__(
@@ -174,16 +189,18 @@ class Shape:
         from benchmark.geometry import geodesics
 
         name = geodesics.resolve_solver(solver)
+        if self._cache is not None:
+            return self._cache.get_or_compute("geodesics", {"solver": name}, lambda: self._all_pairs(name))["distances"]
         if name not in self._geodesics:
-
-            def compute() -> dict[str, NDArray[Any]]:
-                return {"condensed": geodesics.condense(geodesics.all_pairs(self.mesh, name))}
-
-            arrays = self._cache.get_or_compute("geodesics", {"solver": name}, compute) if self._cache else compute()
-            matrix = geodesics.expand(arrays["condensed"])
-            matrix.flags.writeable = False
-            self._geodesics[name] = matrix
+            self._geodesics[name] = self._all_pairs(name)["distances"]
         return self._geodesics[name]
+
+    def _all_pairs(self, solver: str) -> dict[str, FloatArray]:
+        from benchmark.geometry import geodesics
+
+        matrix = geodesics.rounded(geodesics.all_pairs(self.mesh, solver))
+        matrix.flags.writeable = False
+        return {"distances": matrix}
 
     def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
         """Geodesic distances from a few vertices to all, without computing all pairs.

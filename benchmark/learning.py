@@ -73,7 +73,7 @@ class TrainingData:
     Parameters
     ----------
     name
-        Name of the protocol and folder of its models, e.g. ``"humans-I"``.
+        Name of the protocol and folder of its models, e.g. ``"humans-fold-0"``.
     title
         The same in words, naming a stand-in as such.
     digest

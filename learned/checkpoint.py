@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +14,18 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.errors import TrainingError
+from benchmark.system.files import write_atomically
+from benchmark.system.fingerprints import fingerprint
 
 CHECKPOINT = "checkpoint.safetensors"
+
+VERSION = str(torch.__version__)
+"""Release of torch, whose arithmetic differs from that of others."""
+
+_TRAINING = "learned.training"
+
+#: Modules whose part in a training every recipe tells already.
+_TOLD_BY_THE_RECIPE = frozenset({"learned.configuration"})
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -43,17 +52,17 @@ class Progress:
     history: tuple[Mapping[str, float], ...]
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that it is whole or not there, whatever happens meanwhile."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+def training_code() -> dict[str, str]:
+    """Digests of the modules that determine the weights: the training loop and all that it imports."""
+    code = fingerprint(_TRAINING).code
+    return {name: digest for name, digest in code.items() if name not in _TOLD_BY_THE_RECIPE}
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file so that it is whole or not there; raises ``TrainingError`` if it cannot be written."""
     try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        write_atomically(path, lambda file: file.write(content), durable=True)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise TrainingError(
             f"cannot write {path}: {error.strerror}",
             "free some space and start again: it goes on from the last checkpoint",
@@ -87,12 +96,14 @@ def keep(
             tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
     told = {
         "recipe": json.dumps(recipe, sort_keys=True),
+        "code": json.dumps(training_code()),
+        "torch": VERSION,
         "epoch": str(progress.epoch),
         "batch": str(progress.batch),
         "seconds": str(progress.seconds),
         "history": json.dumps(list(progress.history)),
     }
-    write_atomically(folder / CHECKPOINT, save(tensors, told))
+    write(folder / CHECKPOINT, save(tensors, told))
 
 
 def resume(
@@ -103,7 +114,7 @@ def resume(
     Raises
     ------
     TrainingError
-        If the checkpoint is damaged, or was made with other options, data or code.
+        If the checkpoint is damaged, or was made with other options or data, by other code or another torch.
     """
     path = folder / CHECKPOINT
     if not path.is_file():
@@ -114,13 +125,23 @@ def resume(
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
         history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
+        code, version = json.loads(told.get("code", "{}")), told.get("torch", "")
     except (SafetensorError, OSError, KeyError, ValueError) as error:
         raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
-    if before != recipe:
-        changed = sorted(name for name in before.keys() | recipe.keys() if before.get(name) != recipe.get(name))
+    if changed := _differences(before, recipe):
         raise TrainingError(
             f"checkpoint {path} was made with another {', '.join(changed)}",
             "train with the same options, or delete the folder to begin anew",
+        )
+    if changed := _differences(code, training_code()):
+        raise TrainingError(
+            f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
+            "delete it to begin anew, or go on with the code that made it",
+        )
+    if _release(version) != _release(VERSION):
+        raise TrainingError(
+            f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {VERSION}",
+            "install that version, or delete the checkpoint to begin anew",
         )
     with torch.no_grad():
         for name, parameter in network.named_parameters():
@@ -132,3 +153,13 @@ def resume(
                 }
                 optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
     return Progress(epoch, batch, seconds, history)
+
+
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the entries that are not the same."""
+    return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+
+
+def _release(version: str) -> str:
+    """Version without the kind of build: a training may go on on another device."""
+    return version.partition("+")[0]

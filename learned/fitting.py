@@ -4,24 +4,44 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
 
+from benchmark.contracts import Interval
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, TrainingData, read_card
+from benchmark.parameters.values import checked
 from learned import pictures
 from learned.checkpoint import CHECKPOINT
 from learned.configuration import configuration as configuration_named
-from learned.images import gather
-from learned.model import as_stored, load_model, predict, save_model
+from learned.model import load_model, predict
+from learned.pairs import gather
+from learned.saving import as_stored, save_model
 from learned.schedule import Schedule, schedule
 from learned.training import device_named, measures, train
 
 SAMPLES = 60
 """Pairs that are predicted for the pictures and the measures of seen shapes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """What a training runs on, which is no part of what determines the model.
+
+    Parameters
+    ----------
+    device
+        ``"auto"`` takes a GPU where there is one.
+    threads
+        Threads on the CPU; None takes all cores of this process.
+    """
+
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    threads: Annotated[int, Interval(1)] | None = None
 
 
 def fit(
@@ -45,7 +65,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.schedule.Schedule`, and ``device`` (auto, cpu, cuda) and ``threads``.
+        Fields of :class:`learned.schedule.Schedule` and of :class:`Machine`.
     say
         Told about progress.
 
@@ -57,8 +77,10 @@ def fit(
         If training cannot go on.
     """
     chosen = configuration_named(name)
-    own = {key: value for key, value in options.items() if key not in ("device", "threads")}
-    plan = schedule(chosen.schedule, own)
+    of_machine = {field.name for field in fields(Machine)}
+    own = {name: value for name, value in options.items() if name in of_machine}
+    machine = Machine(**checked(Machine, own, "the training"))
+    plan = schedule(chosen.schedule, {name: value for name, value in options.items() if name not in of_machine})
     recipe = {
         "configuration": chosen.described(),
         "schedule": {field: getattr(plan, field) for field in Schedule.__dataclass_fields__},
@@ -69,9 +91,8 @@ def fit(
         _check_finished(folder, recipe, plan)
         say(f"{folder} holds this model already")
         return
-    device = device_named(str(options.get("device", "auto")))
-    torch.set_num_threads(_threads(options))
-    torch.set_flush_denormal(True)
+    device = device_named(machine.device)
+    torch.set_num_threads(machine.threads or len(os.sched_getaffinity(0)))
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
     pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)
@@ -107,14 +128,3 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any], plan: Schedule) -> 
             f"not of {plan.in_words()}",
             "delete the folder to train anew, or name other --results",
         )
-
-
-def _threads(options: Mapping[str, Any]) -> int:
-    """Threads that were asked for, or all cores of this process."""
-    try:
-        threads = int(options.get("threads") or len(os.sched_getaffinity(0)))
-    except ValueError as error:
-        raise ConfigurationError(f"'{options['threads']}' is no number of threads", "pass --threads 2") from error
-    if threads < 1:
-        raise ConfigurationError("no thread, no training", "pass --threads 1 or more")
-    return threads

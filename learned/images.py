@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -12,9 +10,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
+from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.depth import SIZE, DepthImage
-from benchmark.learning import TrainingPair
 
 Floats = NDArray[np.float32]
 
@@ -26,37 +23,7 @@ LEAST_DEPTH = 1e-3
 """Smallest predicted depth, for 0 is the background."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """All pairs of a training at its resolution.
-
-    Parameters
-    ----------
-    identifiers
-        Names of the inputs, one per pair.
-    images
-        Depth, shape (n, 1, r, r).
-    targets
-        Depth and mask of the distinct targets, shape (t, 2, r, r).
-    target_of
-        Row of ``targets`` for each pair, shape (n,).
-    """
-
-    identifiers: tuple[str, ...]
-    images: Tensor
-    targets: Tensor
-    target_of: Tensor
-
-    def __len__(self) -> int:
-        return len(self.identifiers)
-
-    def to(self, device: torch.device) -> Pairs:
-        """Copy to a device."""
-        moved = (tensor.to(device) for tensor in (self.images, self.targets, self.target_of))
-        return Pairs(self.identifiers, *moved)
-
-
-def checked(image: DepthImage) -> Floats:
+def checked_image(image: DepthImage) -> Floats:
     """The image, if a network can read it.
 
     Raises
@@ -105,12 +72,6 @@ def shrink(image: Floats, resolution: int) -> Floats:
     return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
 
 
-def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
-    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
-    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
-
-
 def smooth(prediction: Tensor, deviation: float) -> Tensor:
     """Average the depth over neighbours inside the mask, with the weights of a Gaussian; the mask stays as it is.
 
@@ -132,10 +93,10 @@ def smooth(prediction: Tensor, deviation: float) -> Tensor:
     inside = (mask > COVERED).float()
     reach = math.ceil(3 * deviation)
     bell = torch.exp(-torch.arange(-reach, reach + 1, dtype=torch.float32).square() / (2 * deviation**2))
-    spread = torch.stack([depth * inside, inside])[:, None]
+    blurred = torch.stack([depth * inside, inside])[:, None]
     for kernel, padding in ((bell[None, None, :, None], (reach, 0)), (bell[None, None, None, :], (0, reach))):
-        spread = functional.conv2d(spread, kernel, padding=padding)
-    weighted, weight = spread[:, 0]
+        blurred = functional.conv2d(blurred, kernel, padding=padding)
+    weighted, weight = blurred[:, 0]
     # Inside the mask the weight is at least that of the pixel itself.
     return torch.stack([torch.where(inside > 0, weighted / weight.clamp(min=1.0), depth), mask])
 
@@ -163,33 +124,3 @@ def enlarge(prediction: Tensor) -> Floats:
     seen = (mask > COVERED) & (weight > 0)
     result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), torch.zeros(()))
     return np.asarray(result.numpy(), dtype=np.float32)
-
-
-def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
-    """Shrink all pairs into memory; each distinct target is kept once.
-
-    Raises
-    ------
-    TrainingError
-        If there is no pair.
-    """
-    identifiers: list[str] = []
-    images: list[Floats] = []
-    targets: list[Floats] = []
-    row: dict[str, int] = {}
-    target_of: list[int] = []
-    for pair in pairs:
-        identifiers.append(pair.identifier)
-        images.append(shrink(checked(pair.image), resolution)[:1])
-        if pair.target_identifier not in row:
-            row[pair.target_identifier] = len(targets)
-            targets.append(shrink(checked(pair.target), resolution))
-        target_of.append(row[pair.target_identifier])
-    if not identifiers:
-        raise TrainingError("there is no pair to train on", "check the data set with `benchmark data check`")
-    return Pairs(
-        tuple(identifiers),
-        torch.from_numpy(np.stack(images)),
-        torch.from_numpy(np.stack(targets)),
-        torch.tensor(target_of),
-    )

@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    Interval,
+    Matches,
+    MethodInfo,
+    OneOf,
+    Shape,
+    UnsupportedShape,
+)
 from benchmark.errors import ConfigurationError
 from benchmark.learning import Split, TrainingData
+from learned.configuration import CONFIGURATIONS
+
+ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
 
 MOST_SMOOTHING = 50.0
 """Beyond this a body of the size of the frame would lose all relief."""
 
+LARGEST_SEED = 2**63 - 1
+"""Largest seed that torch takes."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Learned:
+class Learned(CheckedParameters):
     """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
 
     "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
@@ -33,8 +49,11 @@ class Learned:
     smoothing
         Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
         The paper has none; a schedule shorter than the paper's leaves noise that this takes away.
+
+    Attributes
+    ----------
     model
-        Folder of the model; "" takes the shipped one.
+        Folder of the model that was loaded; no parameter, for the harness loads the one that fits each shape.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -46,24 +65,17 @@ class Learned:
         requires=("torch", "safetensors"),
         inputs=("view",),
         scale="invariant",
-        trained_on=("the training subjects of each table; see the card of the model",),
     )
     split: ClassVar[Split] = "table"
     shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
-    default_training: ClassVar[str] = "humans-I"
+    default_training: ClassVar[str] = "humans-fold-0"
     """Training data of the model that is used where no table chooses one."""
 
-    configuration: str = "literal"
-    training_seed: int = 0
-    training: str = ""
-    smoothing: float = 0.0
-    model: str = ""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.smoothing <= MOST_SMOOTHING:
-            raise ConfigurationError(
-                f"smoothing cannot be {self.smoothing}", f"choose between 0 and {MOST_SMOOTHING:g} pixels"
-            )
+    configuration: ConfigurationName = "literal"
+    training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
+    training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
+    smoothing: Annotated[float, Interval(0, MOST_SMOOTHING)] = 0.0
+    model: Path | None = field(default=None, init=False)
 
     @property
     def model_name(self) -> str:
@@ -72,10 +84,8 @@ class Learned:
 
     @property
     def model_folder(self) -> Path:
-        """Folder of the model: the one that was named or loaded, else the shipped one."""
-        if self.model:
-            return Path(self.model)
-        return self.shipped_models / (self.training or self.default_training) / self.model_name
+        """Folder of the model: the one that was loaded, else the shipped one."""
+        return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.schedule.Schedule`."""
@@ -99,7 +109,9 @@ class Learned:
             raise ConfigurationError(
                 f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
             )
-        return replace(self, model=str(folder))
+        loaded = copy(self)
+        object.__setattr__(loaded, "model", folder)
+        return loaded
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical depth image and return the surface behind it, of unit area.
@@ -128,7 +140,7 @@ class WithoutSRF(Learned):
     info: ClassVar[MethodInfo] = replace(
         Learned.info, name="learned-without-srf", title="w/o SRF", family="extended", summary="ablation: no SRF"
     )
-    configuration: str = "without_srf"
+    configuration: ConfigurationName = "without_srf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +150,7 @@ class WithoutLRF(Learned):
     info: ClassVar[MethodInfo] = replace(
         Learned.info, name="learned-without-lrf", title="w/o LRF", family="extended", summary="ablation: no LRF"
     )
-    configuration: str = "without_lrf"
+    configuration: ConfigurationName = "without_lrf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +178,7 @@ class Wide(Learned):
         family="extended",
         summary="two convolutions a block and global context",
     )
-    configuration: str = "wide"
+    configuration: ConfigurationName = "wide"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,8 +191,7 @@ class WideExtra(Learned):
         title="Our, wide, extra training data",
         family="extended",
         summary="one global code, trained on sampled bodies",
-        trained_on=("sampled bodies, none of the data set",),
     )
     split: ClassVar[Split] = "sampled"
     default_training: ClassVar[str] = "humans-sampled"
-    configuration: str = "wide-extra"
+    configuration: ConfigurationName = "wide-extra"

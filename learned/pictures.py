@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from learned.images import COVERED, overlaps
+from learned.images import COVERED
+from learned.pairs import overlaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Literal, get_args
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Literal
 
 from torch import Tensor
 
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.contracts import Interval
+from benchmark.parameters.values import checked
 
 DepthLoss = Literal["all", "masked"]
 Precision = Literal["auto", "float32", "bfloat16"]
@@ -49,18 +50,18 @@ class Schedule:
         Whether torch compiles the network.
     """
 
-    resolution: int = 500
-    epochs: int = 500
-    early_epochs: int | None = None
-    early_alpha: float = 0.01
-    alpha: float = 1.0
-    beta: float = 1.0
-    learning_rate: float = 1e-3
-    batch: int = 8
+    resolution: Annotated[int, Interval(1)] = 500
+    epochs: Annotated[int, Interval(1)] = 500
+    early_epochs: Annotated[int, Interval(0)] | None = None
+    early_alpha: Annotated[float, Interval(0)] = 0.01
+    alpha: Annotated[float, Interval(0)] = 1.0
+    beta: Annotated[float, Interval(0)] = 1.0
+    learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
+    batch: Annotated[int, Interval(1)] = 8
     depth_loss: DepthLoss = "all"
-    gradient_clip: float = 0.0
+    gradient_clip: Annotated[float, Interval(0)] = 0.0
     cosine: bool = False
-    jitter: int = 0
+    jitter: Annotated[int, Interval(0)] = 0
     precision: Precision = "auto"
     compile: bool = False
 
@@ -107,18 +108,7 @@ def schedule(defaults: Mapping[str, Any], options: Mapping[str, Any]) -> Schedul
     ConfigurationError
         If a field is unknown or a value does not fit.
     """
-    read = {name: _read(name, value) for name, value in options.items()}
-    result = replace(Schedule(), **{**defaults, **read})
-    positive = ("resolution", "epochs", "batch", "learning_rate")
-    wrong = [name for name in positive if not getattr(result, name) > 0]
-    wrong += [
-        name
-        for name in ("early_alpha", "alpha", "beta", "gradient_clip", "jitter", "n_early")
-        if not getattr(result, name) >= 0
-    ]
-    if wrong:
-        raise ConfigurationError(f"{wrong[0]} cannot be {getattr(result, wrong[0])}", "give a positive number")
-    return result
+    return Schedule(**checked(Schedule, {**defaults, **options}, "the schedule"))
 
 
 def losses(prediction: Tensor, target: Tensor, depth_loss: DepthLoss) -> tuple[Tensor, Tensor]:
@@ -142,28 +132,6 @@ def losses(prediction: Tensor, target: Tensor, depth_loss: DepthLoss) -> tuple[T
         inside = target[:, 1]
         return (depth * inside).sum() / inside.sum().clamp(min=1), mask.mean()
     return depth.mean(), mask.mean()
-
-
-def _read(name: str, value: Any) -> Any:
-    """Value of a field from the text of the command line."""
-    kinds = {entry.name: entry.type for entry in fields(Schedule)}
-    if name not in kinds:
-        raise did_you_mean("option of the schedule", name, kinds)
-    choices = {"depth_loss": get_args(DepthLoss), "precision": get_args(Precision)}.get(name)
-    text = str(value)
-    try:
-        if choices:
-            return {choice: choice for choice in choices}[text]
-        if kinds[name] == "bool":
-            return {"true": True, "false": False}[text.lower()]
-        return float(text) if kinds[name] == "float" else int(text)
-    except (KeyError, ValueError) as error:
-        fits = (
-            " or ".join(choices)
-            if choices
-            else {"bool": "true or false", "float": "a number"}.get(str(kinds[name]), "a whole number")
-        )
-        raise ConfigurationError(f"'{value}' does not fit {name}", f"write {fits}") from error
 
 
 def step_size(plan: Schedule, epoch: int) -> float:

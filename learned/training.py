@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -17,8 +17,9 @@ from benchmark.geometry.depth import SIZE
 from learned import checkpoint
 from learned.checkpoint import Progress
 from learned.configuration import Configuration
-from learned.images import COVERED, Pairs, overlaps
+from learned.images import COVERED
 from learned.network import RESOLUTIONS, build
+from learned.pairs import Pairs, overlaps
 from learned.schedule import Schedule, losses, step_size
 
 CHECKPOINT_SECONDS = 60.0
@@ -38,16 +39,14 @@ class Result:
     precision: str
 
 
-def device_named(name: str) -> torch.device:
-    """Device for ``"auto"``, ``"cpu"`` or ``"cuda"``.
+def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
+    """Device of this name; ``"auto"`` takes a GPU where there is one.
 
     Raises
     ------
     ConfigurationError
         If there is no such device here.
     """
-    if name not in ("auto", "cpu", "cuda"):
-        raise ConfigurationError(f"unknown device '{name}'", "choose auto, cpu or cuda")
     if name == "cuda" and not torch.cuda.is_available():
         raise ConfigurationError("no GPU is here, or this torch cannot use it", "pass --device cpu or auto")
     return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
@@ -105,6 +104,7 @@ def train(
     loop = _Loop(
         configuration, plan, pairs.to(device), unseen.to(device) if unseen else None, folder, recipe, seed, device, say
     )
+    torch.set_flush_denormal(True)
     try:
         return loop.run()
     except _OutOfMemory:

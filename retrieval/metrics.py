@@ -101,7 +101,7 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", 
     ConfigurationError
         If the matrix is not square, finite and symmetric, does not fit the labels, or ``ties`` is unknown.
     """
-    matrix, classes = _checked(distances, labels)
+    matrix, classes = check_distances(distances, labels)
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
     rows = [_score_query(matrix[query], classes, query, ties) for query in range(len(classes))]
@@ -129,7 +129,14 @@ def discounts(count: int) -> FloatArray:
     return 1.0 / np.log2(np.maximum(np.arange(1, count + 1), 2))
 
 
-def _checked(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray, NDArray[np.intp]]:
+def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray, NDArray[np.intp]]:
+    """The matrix of shape (N, N) and the number of the class of each shape, shape (N,).
+
+    Raises
+    ------
+    ConfigurationError
+        If the matrix is not square, finite and symmetric, or does not fit the labels.
+    """
     matrix = np.asarray(distances, dtype=np.float64)
     names = np.asarray(labels)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:

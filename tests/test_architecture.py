@@ -10,12 +10,13 @@ ROOT = Path(__file__).parents[1]
 #: Floors, lowest first: a room may import from itself and from any floor below, never from its neighbours on the same
 #: floor. A module belongs to the longest name that fits.
 FLOORS = (
-    ("benchmark.errors", "benchmark.threads", "benchmark.reference"),
+    ("benchmark.errors", "benchmark.threads"),
+    ("benchmark.system", "benchmark.parameters"),
     ("benchmark.geometry",),
     ("benchmark.contracts",),
     ("benchmark.learning",),
     ("baselines", "learned", "retrieval"),
-    ("benchmark.datasets", "benchmark.storage"),
+    ("benchmark.datasets", "benchmark.reference", "benchmark.storage"),
     ("benchmark.methods",),
     ("benchmark.protocols",),
     ("benchmark.jobs",),

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from benchmark.contracts import CanonicalForm, Mesh, Method, Shape
+from benchmark.contracts import CanonicalForm, Method
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.stages import N_VERTICES
 from benchmark.methods.registry import methods, select
 
 
@@ -37,7 +36,11 @@ def canonicalise_file(
     ShapeError
         If the mesh cannot be read or treated.
     """
+    from benchmark.geometry.camera import FRONT
     from benchmark.geometry.io import read_mesh, write_mesh
+    from benchmark.jobs.preparation import shape_of
+    from benchmark.jobs.stages.complete import complete
+    from benchmark.jobs.stages.view import half_width_of, seen
 
     (spec,) = select([method], methods(plugins))
     maker = spec.create()
@@ -45,25 +48,8 @@ def canonicalise_file(
         raise ConfigurationError(
             f"method '{method}' describes shapes without a canonical form", "choose another method"
         )
-    prepare = _complete if "mesh" in spec.info.inputs else _seen
-    form = maker.canonicalise(prepare(read_mesh(source), source.stem, seed))
+    mesh = read_mesh(source)
+    arrays = complete(mesh) if "mesh" in spec.info.inputs else seen(mesh, FRONT, half_width_of(mesh, FRONT))
+    form = maker.canonicalise(shape_of(arrays, source.stem, seed))
     write_mesh(target, form.mesh)
     return form
-
-
-def _complete(mesh: Mesh, name: str, seed: int) -> Shape:
-    from benchmark.geometry.preparation import prepare
-
-    prepared = prepare(mesh, N_VERTICES)
-    return Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
-
-
-def _seen(mesh: Mesh, name: str, seed: int) -> Shape:
-    from benchmark.geometry.cleaning import clean
-    from benchmark.geometry.depth import FRONT, depth_surface, fit_half_width
-
-    surface = clean(mesh)[0]
-    view = depth_surface(surface, FRONT, fit_half_width([surface], FRONT))
-    area = view.surface.area
-    unit = view.surface.with_vertices(view.surface.vertices / area**0.5)
-    return Shape(identifier=name, mesh=unit, depth=view.depth, source_area=area, seed=seed)

@@ -7,15 +7,7 @@ from pathlib import Path
 
 import click
 
-DATA_VARIABLE = "CANONICAL_FORMS_DATA"
-
-data_root_option = click.option(
-    "--data-root",
-    type=click.Path(path_type=Path),
-    envvar=DATA_VARIABLE,
-    metavar="DIR",
-    help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
-)
+from benchmark.cli.options import data_root_option
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
@@ -51,9 +43,11 @@ def list_(as_json: bool, data_root: Path | None) -> None:
 @data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
+    from benchmark.cli.counting import counting
     from benchmark.datasets.checking import check_source
 
-    report = check_source(name, data_root)
+    with counting(f"checking {name}") as watched:
+        report = check_source(name, data_root, watched)
     for line in report.lines():
         click.echo(line)
     sys.exit(0 if report.usable else 1)
@@ -79,10 +73,12 @@ def check(name: str, data_root: Path | None) -> None:
 @data_root_option
 def export(name: str, output: Path, layout: str, force: bool, data_root: Path | None) -> None:
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
+    from benchmark.cli.counting import counting
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.export import export as write
 
-    files = write(open_dataset(name, data_root), output, layout, force=force)
+    with counting(f"writing {name}") as watched:
+        files = write(open_dataset(name, data_root), output, layout, force=force, watched=watched)
     click.echo(f"wrote {len(files)} files to {output}; use them with -d {output}")
 
 
@@ -101,7 +97,7 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data_root: Path | None) -> None:
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
     from benchmark.datasets.catalogue import open_dataset
-    from benchmark.report.contact_sheet import contact_sheet
+    from benchmark.report.pictures.contact_sheet import contact_sheet
 
     dataset = open_dataset(name, data_root)
     drawn = contact_sheet(dataset, subjects, poses)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.data import data_root_option
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.cli.options import data_root_option
+from benchmark.errors import ConfigurationError
+from benchmark.parameters.values import assignments
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec
@@ -64,7 +64,7 @@ def train(
     if not isinstance(learner, Learner):
         raise _no_learner(method, plugins)
     trainings = [find_training(only)] if only else trainings_of(learner, table, data_root).values()
-    schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | _assignments(options)
+    schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
     store = Store.open(results)
     for training in trainings:
         folder = store.models / training.name / learner.model_name
@@ -82,11 +82,7 @@ def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed
     if not spec.learns:
         raise _no_learner(name, plugins)
     chosen = {"configuration": configuration, "training_seed": seed}
-    parameters = {name: value for name, value in chosen.items() if value is not None}
-    for parameter in parameters:
-        if parameter not in (known := spec.resolved_parameters()):
-            raise did_you_mean(f"parameter of {spec.name}", parameter, known)
-    return replace(spec, parameters={**spec.parameters, **parameters})
+    return spec.with_parameters({name: value for name, value in chosen.items() if value is not None})
 
 
 def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:
@@ -99,13 +95,3 @@ def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:
         except ConfigurationError:
             continue  # one that cannot be imported is no help here
     return ConfigurationError(f"method '{name}' does not learn", f"choose from {', '.join(learners) or 'a plugin'}")
-
-
-def _assignments(texts: Iterable[str]) -> dict[str, str]:
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not (name.strip() and equals):
-            raise ConfigurationError(f"option '{text}' has no value", "write -o NAME=VALUE")
-        found[name.strip()] = value.strip()
-    return found

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
-from benchmark.geometry.mesh import Mesh
+from benchmark.errors import DatasetError
 
 if TYPE_CHECKING:
-    from benchmark.geometry.depth import Camera
+    from benchmark.geometry.camera import Camera
+    from benchmark.geometry.mesh import Mesh
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,10 @@ class Dataset(Protocol):
         ...
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh: a digest of the file, or of the generator and its parameters."""
+        """Name what determines the mesh: a digest of the file, or the parameters of the generator.
+
+        The code behind it and the versions of the packages that it uses are no part of it.
+        """
         ...
 
     def camera(self, entry: Entry) -> Camera:
@@ -77,66 +79,32 @@ class Dataset(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class FileDataset:
-    """Meshes on disk.
+Watched = Callable[[Sequence[Entry]], Iterable[Entry]]
+"""Hands on shapes one at a time, each when the one before it is done with, so that a caller can tell how far it is."""
+
+
+def check_retrievable(dataset: Dataset, entries: Iterable[Entry] | None = None) -> None:
+    """Raise ``DatasetError`` unless there are at least two classes and a class with two shapes.
 
     Parameters
     ----------
-    name, title, stand_in_for, half_width, entries
-        See :class:`Dataset`; every entry has a path.
-    camera_for
-        Chooses the depth camera of an entry; None looks at the front.
+    dataset
+        The data set.
+    entries
+        The part of it that is ranked; None for all of it.
     """
-
-    name: str
-    title: str
-    entries: tuple[Entry, ...]
-    stand_in_for: str = ""
-    half_width: float | None = None
-    camera_for: Callable[[Entry], Camera] | None = None
-
-    def load(self, entry: Entry) -> Mesh:
-        """Read the mesh from its file."""
-        from benchmark.geometry.io import read_mesh
-
-        return read_mesh(_path(entry))
-
-    def recipe(self, entry: Entry) -> str:
-        """Digest of the file, and of the companion that holds the triangles where there is one."""
-        digest = hashlib.sha256()
-        path = _path(entry)
-        for part in (path, path.with_suffix(".tri")) if path.suffix.lower() == ".vert" else (path,):
-            try:
-                digest.update(part.read_bytes())
-            except OSError as error:
-                raise UnreadableMesh(
-                    f"cannot read {part}: {error.strerror}", "check the file and its rights"
-                ) from error
-        return f"sha256:{digest.hexdigest()}"
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the depth camera for this shape."""
-        from benchmark.geometry.depth import FRONT
-
-        return self.camera_for(entry) if self.camera_for else FRONT
-
-
-def check_retrievable(dataset: Dataset) -> None:
-    """Raise ``DatasetError`` unless the set has at least two classes and a class with two shapes."""
-    subjects = [entry.subject for entry in dataset.entries]
+    subjects = [entry.subject for entry in (dataset.entries if entries is None else entries)]
+    what = f"data set '{dataset.name}'" if entries is None else f"what this table ranks of data set '{dataset.name}'"
     if not subjects:
-        raise DatasetError(
-            f"data set '{dataset.name}' has no meshes", "point to a folder with .off, .obj, .ply or .stl files"
-        )
+        raise DatasetError(f"{what} has no meshes", "point to a folder with .off, .obj, .ply or .stl files")
     if len(set(subjects)) < 2:
         raise DatasetError(
-            f"data set '{dataset.name}' has one class ('{subjects[0]}'), so every ranking is perfect",
+            f"{what} has one class ('{subjects[0]}'), so every ranking is perfect",
             "sort the meshes into one sub-folder per class, add a .cla file, or name them CLASS + number",
         )
     if len(set(subjects)) == len(subjects):
         raise DatasetError(
-            f"each class of data set '{dataset.name}' has one shape, so nothing can be retrieved",
+            f"each class of {what} has one shape, so nothing can be retrieved",
             "add a second shape to at least one class",
         )
 
@@ -145,9 +113,3 @@ def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     return tuple((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts)
-
-
-def _path(entry: Entry) -> Path:
-    if entry.path is None:
-        raise BenchmarkError(f"shape '{entry.identifier}' has no file", "generated shapes have their own loader")
-    return entry.path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.settings import FolderDataset
+from benchmark.datasets.files import FolderDataset
 from benchmark.errors import did_you_mean
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ Loader = Callable[[Path], Dataset]
 
 
 @dataclass(frozen=True)
-class Known:
+class DatasetSource:
     """A data set that has a name on the command line.
 
     Parameters
@@ -64,24 +65,24 @@ def _animals(_: Path) -> Dataset:
     return Animals()
 
 
-CATALOGUE: dict[str, Known] = {
-    "shrec14-synthetic": Known(
+CATALOGUE: dict[str, DatasetSource] = {
+    "shrec14-synthetic": DatasetSource(
         "SHREC'14 synthetic humans, 15 subjects x 20 poses", _shrec14("synthetic"), "shrec14/synthetic"
     ),
-    "shrec14-real": Known("SHREC'14 real humans, 40 subjects x 10 poses", _shrec14("real"), "shrec14/real"),
-    "tosca": Known("TOSCA high resolution, 80 shapes in 9 classes", _tosca, "tosca"),
-    "humans": Known("generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans),
-    "humans-scanlike": Known(
+    "shrec14-real": DatasetSource("SHREC'14 real humans, 40 subjects x 10 poses", _shrec14("real"), "shrec14/real"),
+    "tosca": DatasetSource("TOSCA high resolution, 80 shapes in 9 classes", _tosca, "tosca"),
+    "humans": DatasetSource("generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans),
+    "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike
     ),
-    "animals": Known("generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals),
+    "animals": DatasetSource("generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals),
 }
 
 
 def is_present(name: str, data_root: Path | None) -> bool:
     """Whether a data set can be used: generated ones always, official ones when their folder is there."""
-    known = _known(name)
-    return not known.folder or (data_root is not None and (data_root / known.folder).is_dir())
+    source = _source(name)
+    return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
 
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
@@ -90,7 +91,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, or the path of a folder of meshes.
+        A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called.
     data_root
         The folder that holds the official sets; None if there is none.
 
@@ -107,14 +108,20 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
             raise ConfigurationError(f"{folder} is not a folder", "name a data set or the folder that holds the meshes")
         from benchmark.datasets.folder import folder_dataset
 
-        return folder_dataset(folder)
-    known = _known(name)
+        return dataclasses.replace(folder_dataset(folder), name=folder_name(folder))
+    source = _source(name)
     if not is_present(name, data_root):
-        where = data_root / known.folder if data_root else f"DATA_ROOT/{known.folder}"
+        where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
         raise DatasetError(
             f"data set '{name}' is not at {where}", "put it there and pass --data-root, or use its stand-in"
         )
-    return known.load(data_root or Path())
+    return source.load(data_root or Path())
+
+
+def folder_name(folder: Path) -> str:
+    """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
+    name = folder.resolve().name
+    return f"{name}-folder" if name in CATALOGUE else name
 
 
 def is_path(name: str) -> bool:
@@ -122,7 +129,7 @@ def is_path(name: str) -> bool:
     return "/" in name or name.startswith((".", "~")) or Path(name).is_dir()
 
 
-def _known(name: str) -> Known:
+def _source(name: str) -> DatasetSource:
     if name not in CATALOGUE:
         raise did_you_mean("data set", name, CATALOGUE)
     return CATALOGUE[name]

@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from benchmark.datasets.base import Dataset, Entry, check_retrievable
+from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import all_mesh_files, sub_folders
 from benchmark.datasets.inspection import Inspection, flaws, inspect
-from benchmark.datasets.manifest import MANIFEST_FILE, Listed, read_manifest, sha256
-from benchmark.datasets.settings import SETTINGS_FILE, FolderDataset
+from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, read_manifest
+from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.datasets.shrec14 import SIZES
 from benchmark.datasets.tosca import CLASS_SIZES
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
@@ -96,17 +97,24 @@ class Report:
         return [
             f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in self.class_sizes.items()) or 'unknown'}",
-            f"vertices    {_spread([report.vertices_before for report in found])}",
-            f"faces       {_spread([report.faces_before for report in found])}",
-            f"components  {_spread([report.components for report in found])}",
-            f"holes       {_spread([inspection.holes for inspection in self.inspections.values()])}",
+            f"vertices    {_range_and_median([report.vertices_before for report in found])}",
+            f"faces       {_range_and_median([report.faces_before for report in found])}",
+            f"components  {_range_and_median([report.components for report in found])}",
+            f"holes       {_range_and_median([inspection.holes for inspection in self.inspections.values()])}",
             *map(str, self.anomalies),
             f"{errors} errors, {len(self.anomalies) - errors} warnings",
         ]
 
 
-def check_source(name: str, data_root: Path | None) -> Report:
+def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
     """Check a data set by name, or a folder; one that cannot be opened is a finding, and its meshes are still read.
+
+    Parameters
+    ----------
+    name, data_root
+        See :func:`~benchmark.datasets.catalogue.open_dataset`.
+    watched
+        See :func:`check`.
 
     Raises
     ------
@@ -116,27 +124,29 @@ def check_source(name: str, data_root: Path | None) -> Report:
         If the set is absent.
     """
     try:
-        return check(open_dataset(name, data_root))
+        return check(open_dataset(name, data_root), watched)
     except BenchmarkError as error:
         folder = _folder_of(name, data_root)
         if folder is None or not folder.is_dir():
             raise
-        return _check_unopened(name if name in CATALOGUE else folder.resolve().name, folder, error)
+        return _check_unopened(name if name in CATALOGUE else folder.resolve().name, folder, error, watched)
 
 
-def check(dataset: Dataset) -> Report:
+def check(dataset: Dataset, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh.
 
     Parameters
     ----------
     dataset
         Opened; what keeps a folder from being opened is found by :func:`check_source`.
+    watched
+        Hands on the shapes; see :data:`~benchmark.datasets.base.Watched`.
     """
     anomalies = list(_of_classes(dataset))
     folder = dataset.folder if isinstance(dataset, FolderDataset) else None
     if folder is not None:
         anomalies += _of_files(folder, dataset.entries)
-    inspections, of_shapes = _inspect_all(dataset, folder)
+    inspections, of_shapes = _inspect_all(dataset, folder, watched)
     if folder is not None:
         anomalies += _of_manifest(folder, dataset.entries, inspections)
     sizes = dict(Counter(entry.subject for entry in dataset.entries))
@@ -151,13 +161,13 @@ def _folder_of(name: str, data_root: Path | None) -> Path | None:
     return data_root / part if data_root is not None and part else None
 
 
-def _check_unopened(name: str, folder: Path, error: BenchmarkError) -> Report:
+def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Watched) -> Report:
     """Report why a folder is no data set, and look at the meshes that lie there all the same."""
     anomalies = [Anomaly("error", folder.name, error.problem, error.mend)]
     paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
     entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
     anomalies += _of_files(folder, entries)
-    inspections, of_shapes = _inspect_all(FolderDataset(name, name, entries, folder=folder), folder)
+    inspections, of_shapes = _inspect_all(FolderDataset(name, name, entries, folder=folder), folder, watched)
     return Report(name, "", len(entries), {}, inspections, (*anomalies, *of_shapes))
 
 
@@ -167,14 +177,16 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.mend)
     sizes = Counter(entry.subject for entry in dataset.entries)
-    official = OFFICIAL_SIZES.get(dataset.name, {}) if isinstance(dataset, FolderDataset) else {}
-    for subject in dict.fromkeys([*official, *sizes]) if official else ():
+    official = OFFICIAL_SIZES.get(dataset.name, {})
+    if not official or not isinstance(dataset, FolderDataset):
+        return
+    for subject in dict.fromkeys([*official, *sizes]):
         if sizes[subject] != official.get(subject, 0):
             yield Anomaly(
                 "error",
                 dataset.name,
                 f"class '{subject}' has {sizes[subject]} shapes, officially {official.get(subject, 0)}",
-                "unpack the official archive, or use the folder by its path",
+                f"unpack the official archive there, or name the folder, -d {dataset.folder}, where no more is meant",
             )
 
 
@@ -218,12 +230,14 @@ def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Ano
         yield Anomaly("warning", where, what, "fetch the missing meshes or renumber the others")
 
 
-def _inspect_all(dataset: Dataset, folder: Path | None) -> tuple[dict[str, Inspection], list[Anomaly]]:
+def _inspect_all(
+    dataset: Dataset, folder: Path | None, watched: Watched
+) -> tuple[dict[str, Inspection], list[Anomaly]]:
     inspections: dict[str, Inspection] = {}
     anomalies: list[Anomaly] = []
     first_with: dict[str, str] = {}
     widest, widest_file = 0.0, ""
-    for entry in dataset.entries:
+    for entry in watched(dataset.entries):
         file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
         try:
             found = inspect(dataset.load(entry), dataset.camera(entry))
@@ -258,7 +272,7 @@ def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, 
         if entry is None:
             what = "is named in the manifest but is no shape of the data set"
             yield Anomaly("error", row.file, what, f"add the mesh or remove the line of {MANIFEST_FILE}")
-        elif row.sha256 is not None and row.sha256 != sha256(folder / row.file):
+        elif row.sha256 is not None and row.sha256 != _digest(folder / row.file):
             yield Anomaly("error", row.file, "is not the file of the manifest", "fetch it again, or correct the line")
         else:
             yield from _of_counts(row, inspections.get(entry.identifier))
@@ -267,7 +281,14 @@ def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, 
             yield Anomaly("warning", file, "is not in the manifest", f"add a line to {MANIFEST_FILE}")
 
 
-def _of_counts(row: Listed, found: Inspection | None) -> Iterator[Anomaly]:
+def _digest(path: Path) -> str | None:
+    try:
+        return file_digest(path)
+    except ShapeError:
+        return None
+
+
+def _of_counts(row: ManifestRow, found: Inspection | None) -> Iterator[Anomaly]:
     if found is None:
         return
     pairs = (
@@ -284,7 +305,7 @@ def _of_counts(row: Listed, found: Inspection | None) -> Iterator[Anomaly]:
             )
 
 
-def _spread(values: Sequence[int]) -> str:
+def _range_and_median(values: Sequence[int]) -> str:
     if not values:
         return "none could be read"
     return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"

@@ -9,13 +9,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.base import Dataset, Entry, Watched
 from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import subject_of_stem
-from benchmark.datasets.manifest import MANIFEST_FILE, Listed, sha256, write_manifest
-from benchmark.datasets.settings import SETTINGS_FILE, VIEWS, FolderDataset
+from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, write_manifest
+from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.geometry.depth import Camera
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 LAYOUTS = ("shrec14", "tosca")
@@ -23,7 +24,9 @@ LAYOUTS = ("shrec14", "tosca")
 CLA_FILE = "classes.cla"
 
 
-def export(dataset: Dataset, folder: Path, layout: str, *, force: bool = False) -> tuple[str, ...]:
+def export(
+    dataset: Dataset, folder: Path, layout: str, *, force: bool = False, watched: Watched = iter
+) -> tuple[str, ...]:
     """Write every shape of a data set, its classes, cameras and canonical poses into a folder.
 
     Coordinates survive to the last bit, and the order of the shapes is kept. Everything is made beside the folder and
@@ -41,6 +44,8 @@ def export(dataset: Dataset, folder: Path, layout: str, *, force: bool = False) 
         numbers, else the place in the class.
     force
         Write into a folder that is not empty. Files of the same name are replaced, others stay.
+    watched
+        Hands on the shapes; see :data:`~benchmark.datasets.base.Watched`.
 
     Returns
     -------
@@ -67,10 +72,11 @@ def export(dataset: Dataset, folder: Path, layout: str, *, force: bool = False) 
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
             made = Path(name)
-            listed = [_write(dataset, entry, made / file) for entry, file in zip(dataset.entries, names, strict=True)]
+            shapes = zip(watched(dataset.entries), names, strict=True)
+            rows = [_write(dataset, entry, made / file) for entry, file in shapes]
             for file, text in texts.items():
                 (made / file).write_bytes(text.encode())
-            write_manifest(made, listed)
+            write_manifest(made, rows)
             folder.mkdir(exist_ok=True)
             written = (*names, *texts, MANIFEST_FILE)
             for file in written:
@@ -99,10 +105,10 @@ def _check_target(dataset: Dataset, folder: Path, files: set[str], force: bool) 
         )
 
 
-def _write(dataset: Dataset, entry: Entry, path: Path) -> Listed:
+def _write(dataset: Dataset, entry: Entry, path: Path) -> ManifestRow:
     mesh = dataset.load(entry)
     write_mesh(path, mesh)
-    return Listed(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, sha256(path))
+    return ManifestRow(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, file_digest(path))
 
 
 def _numbered_names(entries: Sequence[Entry]) -> list[str]:

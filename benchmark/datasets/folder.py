@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmark.datasets.base import Entry, natural_key
-from benchmark.datasets.manifest import MANIFEST_FILE, Listed, inside, read_manifest
-from benchmark.datasets.settings import FolderDataset, with_settings
+from benchmark.datasets.files import FolderDataset
+from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, inside, read_manifest
+from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 
 #: Extensions in order of preference when one shape is there in several formats.
@@ -167,7 +168,7 @@ def _pose_of_stem(stem: str) -> str:
     return stem[len(subject_of_stem(stem)) :].lstrip("-_ ")
 
 
-def _from_manifest(folder: Path, manifest: Iterable[Listed]) -> list[Entry]:
+def _from_manifest(folder: Path, manifest: Iterable[ManifestRow]) -> list[Entry]:
     entries: dict[str, Entry] = {}
     for row in manifest:
         path = inside(folder, row.file, folder / MANIFEST_FILE)

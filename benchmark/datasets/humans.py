@@ -8,15 +8,11 @@ depends on how many shapes are made at a time.
 
 from __future__ import annotations
 
-import ast
 import functools
-import hashlib
-import importlib.metadata
 import itertools
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,8 +22,8 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
 from benchmark.errors import DatasetError
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import connected_components
-from benchmark.geometry.depth import FRONT, Camera
 from benchmark.geometry.mesh import Faces, Mesh
 
 CANONICAL_POSE = next(iter(POSES))
@@ -76,7 +72,7 @@ class Humans:
         return human_mesh(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
-        """Name the version of the body model, this generator, the body and the rotations of the bones."""
+        """Name the values of the body and the angles of its joints."""
         return recipe(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def camera(self, entry: Entry) -> Camera:
@@ -137,18 +133,9 @@ def reference_mesh() -> Mesh:
 
 
 def recipe(subject: Subject, pose: Pose) -> str:
-    """Name what determines a mesh, without making it."""
-    digest = hashlib.sha256(repr(astuple(subject)).encode())
-    for bone, rotation in sorted(bone_rotations(pose).items()):
-        digest.update(bone.encode() + np.round(rotation, 9).tobytes())
-    return f"anny {_anny_version()} {code_digest('humans')} {digest.hexdigest()}"
-
-
-@functools.cache
-def code_digest(*modules: str) -> str:
-    """Digest of modules of this folder without comments and layout: an edited generator makes new meshes."""
-    sources = (Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8") for module in modules)
-    return hashlib.sha256("".join(ast.unparse(ast.parse(source)) for source in sources).encode()).hexdigest()[:16]
+    """Name what determines a mesh, without making it: the values of the body and the angles of its joints."""
+    body, angles = (np.round(values, 9).tolist() for values in (astuple(subject), pose.angles()))
+    return f"body {body} with joints {angles}"
 
 
 def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subject, Sequence[Pose]]]:
@@ -176,13 +163,6 @@ def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subjec
         of_subject, of_poses = (np.random.default_rng([seed, index, part]) for part in range(2))
         sample.append((new_subject(of_subject), [perturbed_pose(of_poses) for _ in range(n_poses)]))
     return sample
-
-
-def _anny_version() -> str:
-    try:
-        return importlib.metadata.version("anny")
-    except importlib.metadata.PackageNotFoundError as error:
-        raise _missing("anny") from error
 
 
 def _missing(package: str) -> DatasetError:

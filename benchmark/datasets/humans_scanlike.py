@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,7 +21,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, jittered
 from benchmark.datasets.human_subjects import Subject
 from benchmark.datasets.scanning import membrane, scan, sheltered_vertices, vertex_normals
-from benchmark.geometry.depth import FRONT, Camera
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 
 N_SUBJECTS = 40
@@ -93,11 +92,8 @@ class HumansScanlike:
         return scan(body, fused, N_VERTICES, _random(entry.identifier, "scan"))
 
     def recipe(self, entry: Entry) -> str:
-        """Name the scanner, the libraries that it uses, and the body in its pose."""
-        libraries = " ".join(f"{name} {importlib.metadata.version(name)}" for name in ("libigl", "pymeshlab"))
-        scanner = humans.code_digest("humans_scanlike", "scanning")
-        body = humans.recipe(adults()[entry.subject], _pose(entry))
-        return f"scan of {entry.identifier} by {scanner}, {libraries}, {body}"
+        """Name the scan, whose name seeds what is random in it, and the body in its pose."""
+        return f"scan of {entry.identifier}: {humans.recipe(adults()[entry.subject], _pose(entry))}"
 
     def camera(self, entry: Entry) -> Camera:
         """Look at the front."""

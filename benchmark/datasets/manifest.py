@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ _COLUMNS = ("file", "class", "pose", "vertices", "faces", "sha256")
 
 
 @dataclass(frozen=True)
-class Listed:
+class ManifestRow:
     """One line of a manifest; a column that the manifest does not have is None.
 
     Parameters
@@ -39,7 +38,7 @@ class Listed:
     sha256: str | None = None
 
 
-def read_manifest(folder: Path) -> tuple[Listed, ...]:
+def read_manifest(folder: Path) -> tuple[ManifestRow, ...]:
     """Read the manifest of a folder; a folder without one has no lines.
 
     Parameters
@@ -68,25 +67,25 @@ def read_manifest(folder: Path) -> tuple[Listed, ...]:
     for column in columns:
         if column not in _COLUMNS:
             raise did_you_mean(f"column of {path}", column, _COLUMNS)
-    listed: dict[str, Listed] = {}
+    rows: dict[str, ManifestRow] = {}
     for number, line in enumerate(lines[1:], start=2):
         cells = line.split("\t")
         if len(cells) != len(columns):
             raise DatasetError(
                 f"{path}: line {number} has {len(cells)} cells, not {len(columns)}", "separate the columns by one tab"
             )
-        row = _listed(dict(zip(columns, cells, strict=True)), f"{path}: line {number}")
+        row = _row(dict(zip(columns, cells, strict=True)), f"{path}: line {number}")
         inside(folder, row.file, path)
-        if row.file in listed:
+        if row.file in rows:
             raise DatasetError(f"{path} names {row.file} twice", "keep one of the lines")
-        listed[row.file] = row
-    return tuple(listed.values())
+        rows[row.file] = row
+    return tuple(rows.values())
 
 
-def write_manifest(folder: Path, listed: Sequence[Listed]) -> None:
+def write_manifest(folder: Path, rows: Sequence[ManifestRow]) -> None:
     """Write the manifest of a folder, with all columns."""
-    rows = [_COLUMNS] + [(r.file, r.subject, r.pose, r.n_vertices, r.n_faces, r.sha256) for r in listed]
-    text = "".join("\t".join(map(str, row)) + "\n" for row in rows)
+    lines = [_COLUMNS] + [(r.file, r.subject, r.pose, r.n_vertices, r.n_faces, r.sha256) for r in rows]
+    text = "".join("\t".join(map(str, line)) + "\n" for line in lines)
     (folder / MANIFEST_FILE).write_bytes(text.encode())
 
 
@@ -115,12 +114,7 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     return path
 
 
-def sha256(path: Path) -> str:
-    """Digest of a file, in hexadecimal."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _listed(cells: dict[str, str], where: str) -> Listed:
+def _row(cells: dict[str, str], where: str) -> ManifestRow:
     counts = {}
     for column in ("vertices", "faces"):
         if column in cells and not re.fullmatch("[0-9]+", cells[column]):
@@ -130,6 +124,6 @@ def _listed(cells: dict[str, str], where: str) -> Listed:
         raise DatasetError(f"{where} names no file", "complete or remove the line")
     if cells.get("class") == "":
         raise DatasetError(f"{where} names no class", "complete the line or drop the column")
-    return Listed(
+    return ManifestRow(
         cells["file"], cells.get("class"), cells.get("pose"), counts["vertices"], counts["faces"], cells.get("sha256")
     )

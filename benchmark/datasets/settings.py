@@ -6,13 +6,12 @@ import dataclasses
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmark.datasets.base import FileDataset
+from benchmark.datasets.files import FolderDataset
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -25,22 +24,6 @@ VIEWS: Mapping[str, Camera] = {
 }
 
 _KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
-
-
-@dataclass(frozen=True)
-class FolderDataset(FileDataset):
-    """Meshes on disk, with the settings of their folder.
-
-    Parameters
-    ----------
-    folder
-        The folder that the data set was read from.
-    canonical_poses
-        Canonical pose of each subject; a subject that is not named has its first pose.
-    """
-
-    folder: Path = Path()
-    canonical_poses: Mapping[str, str] = field(default_factory=dict)
 
 
 def with_settings(dataset: FolderDataset) -> FolderDataset:

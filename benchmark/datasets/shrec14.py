@@ -6,8 +6,9 @@ from collections.abc import Set
 from pathlib import Path
 
 from benchmark.datasets.base import Entry
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import mesh_files, read_cla
-from benchmark.datasets.settings import FolderDataset, with_settings
+from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 
 #: Poses per subject, and shapes in all.

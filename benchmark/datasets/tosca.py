@@ -6,10 +6,11 @@ import re
 from pathlib import Path
 
 from benchmark.datasets.base import Entry, natural_key
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import mesh_files
-from benchmark.datasets.settings import FolderDataset, with_settings
+from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 #: Classes whose long axis is y: the depth camera looks at their side.
 QUADRUPEDS = frozenset({"cat", "centaur", "dog", "horse", "wolf"})

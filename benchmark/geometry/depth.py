@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
@@ -38,59 +39,6 @@ FILL = 0.9
 
 SPECK = 8
 """Pieces of fewer vertices than this are dropped: they are slivers at grazing silhouettes, not limbs."""
-
-
-@dataclass(frozen=True)
-class Camera:
-    """Viewing direction of an orthographic camera.
-
-    Parameters
-    ----------
-    direction
-        Where the camera looks, in coordinates of the shape; normalised on construction.
-    up
-        What is up in the image; made orthogonal to ``direction`` and normalised on construction.
-
-    Raises
-    ------
-    ConfigurationError
-        If a vector vanishes, is not finite, or both are parallel.
-    """
-
-    direction: tuple[float, float, float]
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        direction = np.asarray(self.direction, dtype=np.float64)
-        up = np.asarray(self.up, dtype=np.float64)
-        length = np.linalg.norm(direction)
-        if np.isfinite(length) and length > 0:
-            if abs(length - 1) > 1e-12:  # what is normalised already keeps its bits
-                direction = direction / length
-            up = up - (up @ direction) * direction
-        height = np.linalg.norm(up)
-        if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
-            raise ConfigurationError(
-                f"no camera looks along {self.direction} with {self.up} as up",
-                "pass two finite vectors that are neither zero nor parallel",
-            )
-        object.__setattr__(self, "direction", tuple(direction.tolist()))
-        if abs(height - 1) > 1e-12:
-            up = up / height
-        object.__setattr__(self, "up", tuple(up.tolist()))
-
-    @property
-    def rotation(self) -> Points:
-        """Rows are the axes right, up and towards the camera, in coordinates of the shape; shape (3, 3)."""
-        direction, up = np.asarray(self.direction), np.asarray(self.up)
-        return np.stack([np.cross(direction, up), up, -direction])
-
-
-FRONT = Camera((0.0, 1.0, 0.0))
-"""Looks along +y with z up, so it faces a body whose face looks along -y."""
-
-SIDE = Camera((1.0, 0.0, 0.0))
-"""Looks along +x with z up, so it sees the flank of an animal that walks along y."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from benchmark.geometry.edges import edges_of, sides_of
 from benchmark.geometry.mesh import Mesh
 
 FloatArray = NDArray[np.float64]
@@ -152,8 +153,8 @@ class _Sides:
 
     @classmethod
     def of(cls, mesh: Mesh) -> _Sides:
-        faces = mesh.faces.astype(np.int64)
-        starts, ends, apexes = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
+        starts, ends = sides_of(mesh.faces)
+        apexes = _turn(starts, 2)
         along = mesh.vertices[ends] - mesh.vertices[starts]
         towards_apex = mesh.vertices[apexes] - mesh.vertices[starts]
         lengths = np.linalg.norm(along, axis=1)
@@ -161,14 +162,11 @@ class _Sides:
         apex_x = (towards_apex * along).sum(axis=1)
         apex_y = np.linalg.norm(towards_apex - apex_x[:, None] * along, axis=1)
 
-        key = np.minimum(starts, ends) * mesh.n_vertices + np.maximum(starts, ends)
-        order = np.argsort(key, kind="stable")
-        same = np.diff(key[order]) == 0
-        # An edge with exactly two triangles is a run of exactly two equal keys.
-        pair = np.flatnonzero(same & ~np.append(same[1:], False) & ~np.append(False, same[:-1]))
-        first, second = order[pair], order[pair + 1]
+        found = edges_of(mesh.faces)
+        pair = found.first[found.counts == 2]
+        first, second = found.grouped_sides[pair], found.grouped_sides[pair + 1]
         proper = lengths[first] > 0
-        twins = np.full(len(key), -1, dtype=np.int64)
+        twins = np.full(len(starts), -1, dtype=np.int64)
         twins[first[proper]], twins[second[proper]] = second[proper], first[proper]
         return cls(starts, ends, apexes, twins, lengths, apex_x, apex_y)
 
@@ -180,7 +178,7 @@ def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArra
 
 @njit(cache=True, nogil=True)
 def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    # Counting sort of the arcs and their reverses by tail.
+    # Counting sort of the arcs and their reverses by tail: each arc has two places, and merging only takes away.
     place = np.zeros(count + 1, np.int64)
     for arc in range(tails.size):
         place[tails[arc] + 1] += 1
@@ -229,9 +227,14 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     squares = np.empty(64 * count, np.float64)
     arcs = 0
     best = np.full(count, np.inf)
-    seen = np.empty(count + 1, np.int64)
-    # A ring of windows is begun below the budget and has at most two successors for each of its windows.
-    room = 3 * max(budget, np.diff(first).max()) + 2
+    # The vertices with a finite ``best``, each once, without the source; one place more, as a vertex is written before
+    # it is counted.
+    seen = np.empty(count, np.int64)
+    # All windows that are kept. Successors of the last ring are never followed and not kept. If that is the first ring,
+    # it has at most one window for each triangle at the source. If not, s < ``budget`` windows lie before it; the ring
+    # before it is among them, and a window has at most two successors, so that the last ring has at most 2 s windows:
+    # 3 s in all, less than three times the budget. One place more, as a window is written before it is counted.
+    room = max(3 * budget, np.diff(first).max()) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):
@@ -244,18 +247,20 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
                 (first_names[at, 1], q_x * q_x + q_y * q_y),
             ):
                 seen[n_seen] = vertex
-                n_seen += best[vertex] == np.inf
+                n_seen += (square < np.inf) & (best[vertex] == np.inf)
                 best[vertex] = min(best[vertex], square)
             if first_names[at, 2] >= 0:
                 queue[queued] = first_names[at, 2]
                 _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
                 queued += 1
         window = ring_end = 0
+        last_ring = False
         while window < queued:
             if window == ring_end:
                 if window >= budget:
                     break
                 ring_end = queued
+                last_ring = ring_end >= budget
             passage = queue[window]
             p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
             low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
@@ -270,8 +275,10 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf
             seen[n_seen] = apex
-            n_seen += visible & (best[apex] == np.inf)
+            n_seen += (square < np.inf) & (best[apex] == np.inf)
             best[apex] = min(best[apex], square)
+            if last_ring:
+                continue
             queue[queued] = past_p
             _place(
                 plane[queued], p_x, p_y, a_x, a_y, low_x, low_y, a_x if visible else high_x, a_y if visible else high_y
@@ -282,6 +289,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
                 plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
             )
             queued += before_high & (past_q >= 0)
+        # Room for all arcs of this source, whatever their number.
         if arcs + n_seen > tails.size:
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 from benchmark.contracts import Input
-from benchmark.jobs import stages
+from benchmark.errors import ConfigurationError
+from benchmark.jobs import recipes
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.tables import Gallery
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
+from benchmark.storage.records import Record, by_place
 from benchmark.storage.store import Store
+from retrieval.chance import chance_levels
+from retrieval.cmbof import CMBOF
 
-State = Literal["cached", "failed", "stale", "missing", "unavailable", "unsupported"]
+State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
 
 #: Recipe parts in the order in which a change is worth telling.
 PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
+
+#: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
+CHANGED = "changed"
 
 
 @dataclass(frozen=True)
@@ -40,8 +45,10 @@ class Job:
     recipe
         Everything that determines the scores.
     state
-        ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``stale``: there is a
-        record of another recipe. ``missing``: there is none. ``unavailable``: a package or a trained model is missing.
+        ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``published``: a record
+        came with the suite, none was made here. ``stale``: there is a record of another recipe. ``missing``: there is
+        none. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
+        input.
     reason
         Why it is in this state.
     models
@@ -65,7 +72,32 @@ class Job:
     @property
     def to_run(self) -> bool:
         """Whether a run would compute it."""
-        return self.state in ("missing", "stale")
+        return self.state in ("missing", "stale", "published")
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What a record tells of gallery and method, so that tables need neither the data nor the plugin."""
+        dataset, info = self.gallery.dataset, self.method.info
+        return {
+            "gallery": self.gallery.name,
+            "input": self.input,
+            "method": self.method.name,
+            "title": self.method.title,
+            "family": info.family,
+            "parameters": dict(self.method.parameters),
+            "data": {
+                "name": dataset.name,
+                "title": dataset.title,
+                "stand_in_for": dataset.stand_in_for,
+                "source": self.gallery.source,
+                "module": recipes.dataset_module(dataset),
+                "quick": self.gallery.quick,
+                "n_shapes": len(self.gallery.entries),
+                "n_classes": len({entry.subject for entry in self.gallery.entries}),
+                "chance": chance_levels([entry.subject for entry in self.gallery.entries]),
+            },
+            "target": self.method.target if not self.method.module.endswith(".py") else "",
+        }
 
 
 def make_plan(
@@ -87,17 +119,17 @@ def make_plan(
     seed
         Base seed.
     retry
-        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``memory``, or ``all``.
+        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
     """
-    latest = {_place(record): record for record in store.records()}
+    before = by_place(store.records)
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     for gallery in galleries:
-        rows = gallery.rows(specs)
+        rows = gallery.rows(specs, store.models)
         for input_ in wanted_inputs:
             if rows and input_ in gallery.table.inputs:
-                data = _data_recipe(gallery, input_)
-                jobs += [_job(gallery, input_, spec, data, latest, store, seed, retry) for spec in rows]
+                data = data_recipe(gallery, input_)
+                jobs += [_job(gallery, input_, spec, data, before, store, seed, retry) for spec in rows]
     return jobs
 
 
@@ -106,7 +138,7 @@ def _job(
     input_: Input,
     spec: MethodSpec,
     data: Mapping[str, Any],
-    latest: Mapping[tuple[Any, ...], Mapping[str, Any]],
+    before: Mapping[tuple[str, str, str, int], list[Record]],
     store: Store,
     seed: int,
     retry: frozenset[str],
@@ -127,32 +159,71 @@ def _job(
         return job("unavailable", str(error))
     except NoFolds as error:
         return job("unsupported", str(error))
-    recipe = {
-        **data,
-        "method": spec.name,
-        "input": input_,
-        "parameters": spec.resolved_parameters(),
-        "seed": seed,
-        "scorer": {**dataclasses.asdict(stages.CMBOF()), "codebooks": stages.CODEBOOK_SEEDS},
-        "code": {
-            "method": _portable(keys.code_of(spec.module), spec.module),
-            "preparation": keys.code_of(stages.PREPARATION if input_ == "mesh" else stages.VIEW),
-            "scorer": keys.code_of(stages.SCORER) | keys.code_of("retrieval.metrics"),
-        },
-    }
-    if models:
-        recipe["models"] = {model.training: model.digest for model in models.values()}
+    recipe = job_recipe(gallery, input_, spec, data, models, seed)
     key = keys.digest(recipe)
-    record = store.read_record(key)
-    if record is not None:
+    record = store.records.read(key)
+    if record is not None and record["status"] != CHANGED:
         status = record["status"]
         if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
             return job("cached" if status == "ok" else "failed", _told(record), recipe)
         return job("stale", f"{status} before, asked to retry", recipe)
-    before = latest.get((gallery.name, input_, spec.name, seed))
-    if before is None:
+    if key in store.published:
+        return job("published", "finished elsewhere; a run makes it anew here", recipe)
+    older = before.get((gallery.name, input_, spec.name, seed))
+    if not older:
         return job("missing", "never run", recipe)
-    return job("stale", difference(before["recipe"], recipe), recipe)
+    return job("stale", difference(older[-1]["recipe"], recipe), recipe)
+
+
+def job_recipe(
+    gallery: Gallery,
+    input_: Input,
+    spec: MethodSpec,
+    data: Mapping[str, Any],
+    models: Mapping[str, Model],
+    seed: int,
+) -> dict[str, Any]:
+    """Everything that determines the scores of a job.
+
+    Parameters
+    ----------
+    gallery, input_, spec, seed
+        The job.
+    data
+        :func:`data_recipe` of gallery and input.
+    models
+        Trained model of each shape; empty for a method that does not learn.
+    """
+    recipe = {
+        **data,
+        "method": spec.base_name,
+        "input": input_,
+        "parameters": spec.resolved_parameters(),
+        "seed": seed,
+        "scorer": recipes.scorer_recipe(CMBOF()),
+        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), input_, spec),
+    }
+    if gallery.table.split_size:
+        recipe["split_size"] = gallery.table.split_size
+    if models:
+        recipe["models"] = {model.training: model.digest for model in models.values()}
+    return recipe
+
+
+def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
+    """Digest of the shapes and their labels, and of the camera's frame for the view input."""
+    dataset = gallery.dataset
+
+    def data(entry: Any) -> str:
+        return str(recipes.source_recipe(dataset, entry)["data"])
+
+    recipe: dict[str, Any] = {
+        "gallery": keys.digest([(entry.identifier, entry.subject, data(entry)) for entry in gallery.entries])
+    }
+    if input_ == "view":
+        frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]
+        recipe["view"] = keys.digest([frame, [repr(dataset.camera(entry)) for entry in gallery.entries]])
+    return recipe
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
@@ -164,18 +235,13 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         Recipes of two jobs with the same place in the plan.
     """
     plain = keys.plain(now)
-    changes = []
+    changes: list[str] = []
     for part in PARTS:
         old, new = before.get(part), plain.get(part)
         if old == new:
             continue
         if part == "code":
-            old_modules = {name: print_ for group in (old or {}).values() for name, print_ in group.items()}
-            new_modules = {name: print_ for group in new.values() for name, print_ in group.items()}
-            changed = sorted(
-                n for n in old_modules.keys() | new_modules.keys() if old_modules.get(n) != new_modules.get(n)
-            )
-            changes.append(f"code of {', '.join(changed[:3])}{' and others' if len(changed) > 3 else ''} changed")
+            changes += _changed_code(old or {}, new or {})
         elif isinstance(old, dict) and isinstance(new, dict):
             changed = sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))
             changes.append(f"{part} changed: {', '.join(f'{n} {old.get(n)} -> {new.get(n)}' for n in changed[:3])}")
@@ -186,32 +252,37 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "; ".join(changes) or "the recipe changed"
 
 
-def _data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Digest of the shapes and their labels, and of the camera's frame for the view input."""
-    dataset = gallery.dataset
-    shapes = [(entry.identifier, entry.subject, stages.source_recipe(dataset, entry)) for entry in gallery.entries]
-    recipe: dict[str, Any] = {"gallery": keys.digest(shapes)}
-    if input_ == "view":
-        whole = [
-            (entry.identifier, stages.source_recipe(dataset, entry), repr(dataset.camera(entry)))
-            for entry in dataset.entries
-        ]
-        recipe["view"] = keys.digest([dataset.half_width, whole])
-    return recipe
+def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Modules and packages that changed, over all stages."""
+
+    def together(stages: Mapping[str, Any], part: str) -> dict[str, str]:
+        found = (stage.get(part, {}) for stage in stages.values() if isinstance(stage, Mapping))
+        return {name: value for each in found for name, value in each.items()}
+
+    changes = []
+    old, new = together(before, "code"), together(now, "code")
+    modules = sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))
+    if modules:
+        changes.append(f"code of {', '.join(modules[:3])}{' and others' if len(modules) > 3 else ''} changed")
+    old, new = together(before, "packages"), together(now, "packages")
+    moved = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
+    return changes + [f"{name} {old.get(name, 'absent')} -> {new.get(name, 'absent')}" for name in moved]
 
 
-def _portable(code: dict[str, str], module: str) -> dict[str, str]:
-    """Name a plugin by its file name: where it lies does not change what it does."""
-    return {
-        Path(name).name if name == module and name.endswith(".py") else name: print_ for name, print_ in code.items()
-    }
-
-
-def _place(record: Mapping[str, Any]) -> tuple[Any, ...]:
-    return record["gallery"], record["input"], record["method"], record["recipe"].get("seed")
+def unavailable_record(job: Job) -> Record:
+    """What tables know of a job that cannot be done here: a package or a model is missing."""
+    recipe = {"unavailable": job.reason, "gallery": job.gallery.name, "input": job.input, "method": job.method.name}
+    return {**job.facts, "key": keys.digest(recipe), "recipe": recipe, "status": job.state, "reason": job.reason}
 
 
 def _told(record: Mapping[str, Any]) -> str:
     if record["status"] == "ok":
         return "finished"
     return f"{record['status']}: {record.get('reason', '')}"
+
+
+def require_jobs(jobs: list[Job]) -> list[Job]:
+    """Return the jobs; raises ``ConfigurationError`` if there are none."""
+    if not jobs:
+        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
+    return jobs

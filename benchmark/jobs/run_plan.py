@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
-from threading import Event, Thread
-from typing import Any, Protocol
+from typing import Protocol
 
 import click
 from rich.console import Console
@@ -21,12 +21,19 @@ from rich.progress import (
 )
 
 from benchmark.jobs.executors import make_executor
-from benchmark.jobs.plan import Job
-from benchmark.jobs.runner import Order
+from benchmark.jobs.orders import Order
+from benchmark.jobs.plan import Job, unavailable_record
+from benchmark.storage.environment import environment
+from benchmark.storage.pruning import sweep_leftovers
+from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from retrieval.measures import PRINTED
 
-#: Seconds between two looks at how far the jobs are.
-INTERVAL = 0.5
+#: Seconds between two lines about progress where there is no terminal.
+_SILENCE = 15.0
+
+#: States of jobs that need nothing and are no failure.
+_FINE = ("cached", "unsupported")
 
 
 class _Selection(Protocol):
@@ -41,7 +48,7 @@ class _Selection(Protocol):
 def run_plan(
     jobs: Sequence[Job], store: Store, selection: _Selection, executor: str, workers: int, timeout: float | None
 ) -> bool:
-    """Run the jobs of a plan that need it.
+    """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
 
     Returns
     -------
@@ -56,66 +63,61 @@ def run_plan(
     )
     for job in jobs:
         if job.state in ("failed", "unavailable"):
-            click.echo(
-                f"{job.state:<11}  {job.name}  {job.reason}"
-                + ("; --retry runs it again" if job.state == "failed" else "")
-            )
-    statuses = [job.state for job in jobs if not job.to_run]
+            again = "; --retry runs it again" if job.state == "failed" else ""
+            click.echo(f"{job.state:<11}  {job.name}  {job.reason}{again}")
+        if job.state == "unavailable":
+            store.write_record({**unavailable_record(job), "environments": [environment()]})
+    sweep_leftovers(store)
+    fine = all(job.state in _FINE for job in jobs if not job.to_run)
+    for job in to_run:
+        store.records.remove(job.key)  # asked to retry: the failure of before must not stop the workers
     orders = [Order.of(job, selection.results, selection.data_root, selection.seed) for job in to_run]
-    with _Watch(store, orders) as watch:
-        for order, record in make_executor(executor, workers, timeout).execute(orders, watch.started):
-            watch.ended(order, record)
-            statuses.append("cached" if record["status"] == "ok" else "failed")
-    return all(status in ("cached", "unsupported") for status in statuses)
+    with _Display(orders) as display:
+        for order, record in make_executor(executor, workers, timeout).execute(orders, display.watch):
+            display.ended(order, record)
+            fine &= record["status"] == "ok"
+    store.drop_scratch()
+    return fine
 
 
-class _Watch:
-    """A progress bar over shapes, fed by what the running jobs report; plain lines when there is no terminal."""
+class _Display:
+    """A progress bar over shapes; plain lines when there is no terminal."""
 
-    def __init__(self, store: Store, orders: Sequence[Order]) -> None:
-        self._store = store
-        self._running: dict[str, Order] = {}
-        self._done = 0
-        self._stop = Event()
+    def __init__(self, orders: Sequence[Order]) -> None:
         self._bar = Progress(
             TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
-        self._task: TaskID = self._bar.add_task("starting", total=sum(len(order.identifiers) for order in orders))
-        self._thread = Thread(target=self._poll, daemon=True)
+        self._total = len({(o.dataset, o.input, o.room, shape) for o in orders for shape in o.identifiers})
+        self._task: TaskID = self._bar.add_task("starting", total=self._total)
+        self._begun = self._said = time.monotonic()
 
-    def __enter__(self) -> _Watch:
+    def __enter__(self) -> _Display:
         self._bar.start()
-        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
         self._bar.stop()
 
-    def started(self, order: Order) -> None:
-        """Note that a job is on its way."""
-        self._running[order.key] = order
+    def watch(self, names: Sequence[str], done: int) -> None:
+        """Show which jobs are at work, and how many shapes are done."""
+        self._bar.update(self._task, completed=done, description=", ".join(names) or "waiting")
+        now = time.monotonic()
+        if self._bar.disable and now - self._said >= _SILENCE:
+            self._said = now
+            left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
+            click.echo(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
 
-    def ended(self, order: Order, record: dict[str, Any]) -> None:
-        """Note that a job has ended, and print its line."""
-        self._running.pop(order.key, None)
-        self._done += len(order.identifiers)
+    def ended(self, order: Order, record: Record) -> None:
+        """Print the line of a job that has ended."""
         if record["status"] == "ok":
-            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in ("NN", "FT", "ST", "DCG"))
-            said = f"{'ok':<11}  {order.name}  {scores}  ({record['wall_seconds']:.0f} s, {record['peak_mib']} MiB)"
+            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
+            seconds = sum(record["cost"]["seconds_per_shape"].values())
+            said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
             said = f"{record['status']:<11}  {order.name}  {record['reason']}"
         if self._bar.disable:
             click.echo(said, err=True)
         else:
             self._bar.console.print(said, highlight=False, markup=False, soft_wrap=True)
-
-    def _poll(self) -> None:
-        while not self._stop.wait(INTERVAL):
-            running = list(self._running.values())
-            shapes = sum(self._store.progress(order.key)[0] for order in running)
-            names = ", ".join(f"{order.input} {order.method.name}" for order in running)
-            self._bar.update(self._task, completed=self._done + shapes, description=names or "waiting")

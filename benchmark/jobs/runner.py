@@ -1,133 +1,69 @@
-"""One job: a method on a gallery, from shapes to a record."""
+"""What a worker does: treat the shapes of a share, or rank a gallery and write its record."""
 
 from __future__ import annotations
 
-import datetime
-import platform
-import resource
-import sys
+import multiprocessing
+import statistics
 import time
 import traceback
-import zlib
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmark.contracts import Descriptor, Input
-from benchmark.datasets.base import Entry
+from benchmark.contracts import Method
+from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
-from benchmark.jobs.plan import Job
-from benchmark.jobs.stages import CODEBOOK_SEEDS, SCORER, Stages
-from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.models import Maker, Model
+from benchmark.jobs import recipes
+from benchmark.jobs.orders import Order, Ranking, Share, Task
+from benchmark.jobs.plan import CHANGED, difference
+from benchmark.jobs.preparation import Preparation
+from benchmark.jobs.stages import ranking
+from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.storage import keys
+from benchmark.storage.costs import Cost
+from benchmark.storage.records import Record
 from benchmark.storage.store import Store
-from retrieval.chance import chance_levels
-from retrieval.cmbof import CMBOF
-from retrieval.metrics import evaluate
+from benchmark.system import fingerprints
 
-#: Packages whose versions can move a result.
-ENVIRONMENT = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
+__all__ = ["failure", "keep", "work"]
 
-#: Measures by the name they have in tables, and the attributes of ``Scores`` and of its ``per_query``.
-MEANS = {"NN": "nn", "FT": "ft", "ST": "st", "DCG": "dcg", "E": "e", "nDCG": "ndcg", "mAP": "mean_ap"}
-PER_QUERY = MEANS | {"mAP": "ap"}
-
-Matrix = NDArray[np.float64]
-Treat = Callable[[Entry], tuple[Any, Mapping[str, float | str]]]
-Match = Callable[[list[Entry], list[Any]], list[Matrix]]
+#: Told which job a worker is at, and how many steps of its task are behind it.
+Tell = Callable[[str, int], None]
 
 
-@dataclass(frozen=True)
-class Order:
-    """Everything that a worker needs to do a job, in plain data that travels between processes."""
-
-    key: str
-    gallery: str
-    dataset: str
-    data_root: Path | None
-    identifiers: tuple[str, ...]
-    input: Input
-    method: MethodSpec
-    seed: int
-    results: Path
-    recipe: Mapping[str, Any]
-    models: Mapping[str, Model]
-    all_unseen: bool
-
-    @classmethod
-    def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
-        """Write the order for a job of the plan."""
-        return cls(
-            key=job.key,
-            gallery=job.gallery.name,
-            dataset=job.gallery.source,
-            data_root=data_root,
-            identifiers=tuple(entry.identifier for entry in job.gallery.entries),
-            input=job.input,
-            method=job.method,
-            seed=seed,
-            results=results,
-            recipe=job.recipe,
-            models=job.models,
-            all_unseen=job.gallery.table.all_unseen,
-        )
-
-    @property
-    def name(self) -> str:
-        """Data set, input and method, as people name a job."""
-        return f"{self.gallery} {self.input} {self.method.name}"
-
-
-def run(order: Order) -> dict[str, Any]:
-    """Do a job and keep its record, whatever happens.
+def work(task: Task, tell: Tell) -> None:
+    """Do a task; whatever goes wrong becomes the record of the job in which it went wrong.
 
     Parameters
     ----------
-    order
-        The job.
-
-    Returns
-    -------
-    dict
-        The record. Its ``status`` is ``ok``; ``unsupported`` when too few shapes could be treated; ``memory`` or
-        ``failed`` with the traceback when the method broke.
+    task
+        Shapes to treat, or a gallery to rank.
+    tell
+        Told before each step.
     """
-    store = Store.open(order.results)
-    start = time.perf_counter()
-    try:
-        content = _run(order, store)
-    except MemoryError:
-        content = failure("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
-    except BenchmarkError as error:
-        content = failure("failed", str(error))
-    except Exception as error:
-        content = failure("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
-    return keep(order, store, content, time.perf_counter() - start)
+    if isinstance(task, Ranking):
+        for done, order in enumerate(task.orders):
+            tell(order.key, done)
+            _rank(order)
+    else:
+        _treat(task, tell)
 
 
-def keep(order: Order, store: Store, content: Mapping[str, Any], wall_seconds: float) -> dict[str, Any]:
+def keep(order: Order, store: Store, content: Mapping[str, Any]) -> Record:
     """Complete a record with what every record tells, and write it."""
     record = {
+        **order.facts,
         "key": order.key,
-        "gallery": order.gallery,
-        "input": order.input,
-        "method": order.method.name,
         "recipe": keys.plain(order.recipe),
-        "environment": environment(),
-        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "wall_seconds": round(wall_seconds, 3),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         **content,
     }
-    store.write_record(order.key, record)
-    store.forget_progress(order.key)
+    store.write_record(record)
     return record
 
 
@@ -136,137 +72,214 @@ def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
     return {"status": status, "reason": reason, "traceback": trace}
 
 
-@cache
-def environment() -> dict[str, str]:
-    """Versions that can move a result."""
-    found = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
-    for name in ENVIRONMENT:
-        try:
-            found[name] = version(name)
-        except ImportError:
+# Shapes --------------------------------------------------------------------------------------------------------------
+
+
+def _treat(share: Share, tell: Tell) -> None:
+    """Treat each shape by all methods in turn; a job that has failed, here or in another share, is left alone."""
+    first = share.orders[0]
+    store = Store.open(first.results)
+    treatments: dict[str, Treatment] = {}
+    made: dict[str, list[str]] = {order.key: [] for order in share.orders}
+    dataset, by_identifier = _dataset(first)
+    preparation = Preparation(dataset, first.input, store)
+    wanted = {order.key: frozenset(order.identifiers) for order in share.orders}
+    for order in share.orders:
+        tell(order.key, 0)
+        with _guarded(order, store):
+            _require_same_code(order, dataset)
+            treatments[order.key] = _treatment(order, preparation, store)
+    for done, identifier in enumerate(share.identifiers):
+        for order in share.orders:
+            if identifier not in wanted[order.key] or order.key not in treatments or order.key in store.records:
+                continue
+            tell(order.key, done)
+            with _guarded(order, store, identifier):
+                try:
+                    found = treatments[order.key].treat(by_identifier[identifier])
+                except ShapeError:
+                    continue  # ranking finds the reason in the store
+                made[order.key] += [
+                    a.key for a in (found.prepared, found.answer, found.features) if a and not a.was_cached
+                ]
+    fingerprints.forget()
+    for order in share.orders:
+        if order.key in store.records:
             continue
-    return found
+        tell(order.key, len(share.identifiers))
+        with _guarded(order, store):
+            try:
+                _require_same_code(order, dataset)
+            except _CodeChanged:
+                for key in made[order.key]:
+                    store.discard(key)  # nobody knows which of the two codes made it
+                raise
 
 
-def _run(order: Order, store: Store) -> dict[str, Any]:
-    dataset = open_dataset(order.dataset, order.data_root)
-    by_identifier = {entry.identifier: entry for entry in dataset.entries}
-    entries = [by_identifier[identifier] for identifier in order.identifiers]
-    stages = Stages(store, dataset, order.input, order.seed, CMBOF())
-    method = order.method.create()
-
-    learning: dict[str, Any] = {}
-    if isinstance(method, Descriptor):
-        treat, match = _describing(method, stages)
-    else:
-        maker = Maker(order.method, method, order.models)
-        learning = _learning(order, maker, entries, dataset.name)
-        treat, match = _extracting(order, store, maker, stages)
-    results, unsupported, notes = _treat_all(order, store, entries, treat)
-    kept = [entry for entry in entries if entry.identifier in results]
-    labels = [entry.subject for entry in kept]
-    if len(set(labels)) < 2 or len(set(labels)) == len(labels):
-        reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {unsupported[0][1]}"
-        return failure("unsupported", reason) | {"unsupported": unsupported}
-
-    matrices = match(kept, [results[entry.identifier] for entry in kept])
-    evaluations = [evaluate(matrix, labels) for matrix in matrices]
-    return {
-        "status": "ok",
-        "scores": {
-            name: float(np.mean([getattr(e, attribute) for e in evaluations])) for name, attribute in MEANS.items()
-        },
-        "spread": {
-            name: float(np.std([getattr(e, attribute) for e in evaluations])) for name, attribute in MEANS.items()
-        },
-        "per_query": {
-            name: [None if np.isnan(value) else round(float(value), 6) for value in np.mean(values, axis=0)]
-            for name, attribute in PER_QUERY.items()
-            for values in [[getattr(e.per_query, attribute) for e in evaluations]]
-        },
-        "tied_queries": max(e.tied_queries for e in evaluations),
-        "lone_queries": evaluations[0].lone_queries,
-        "chance": chance_levels(labels),
-        "shapes": [entry.identifier for entry in kept],
-        "labels": labels,
-        "n_shapes": len(kept),
-        "n_classes": len(set(labels)),
-        "unsupported": unsupported,
-        "notes": notes,
-        "phase_seconds": {phase: round(seconds, 4) for phase, seconds in stages.clock.seconds.items()},
-        "from_cache": stages.clock.cached,
-        "peak_mib": _peak_mib(),
-        **learning,
-    }
-
-
-def _learning(order: Order, maker: Maker, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
-    """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
-    if not order.models:
-        return {}
-    seen = maker.seen(entries, dataset)
+def _treatment(order: Order, preparation: Preparation, store: Store) -> Treatment:
+    treatment = Treatment(preparation, store, order.method, order.seed, order.models)
+    if not isinstance(treatment.method, Method):
+        return treatment
+    seen = treatment.seen(_entries(order, preparation.dataset), preparation.dataset.name)
     if seen and order.all_unseen:
         raise ConfigurationError(
             f"{len(seen)} shapes were seen in training: {', '.join(seen[:3])}{' ...' if len(seen) > 3 else ''}",
             "test on shapes that the model has not been trained on, or take another training",
         )
-    models = {model.training: model.summary() for model in order.models.values()}
-    return {"models": list(models.values()), "seen": seen}
+    return treatment
 
 
-def _extracting(order: Order, store: Store, maker: Maker, stages: Stages) -> tuple[Treat, Match]:
-    """How a method's forms become features, and features distances."""
-
-    def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
-        form, notes = stages.form(entry, maker)
-        return stages.features(entry, maker, form), {**stages.preparation_notes(entry), **notes}
-
-    def match(entries: list[Entry], features: list[Any]) -> list[Matrix]:
-        return [_score(order, store, stages, maker, entries, features, seed) for seed in CODEBOOK_SEEDS]
-
-    return treat, match
+class _CodeChanged(BenchmarkError):
+    """Somebody edited the code while a run was under way."""
 
 
-def _describing(method: Descriptor, stages: Stages) -> tuple[Treat, Match]:
-    """How a descriptor treats a shape, and compares."""
-
-    def treat(entry: Entry) -> tuple[Any, Mapping[str, float | str]]:
-        descriptor = np.asarray(method.describe(stages.shape(entry)), dtype=np.float64)
-        return descriptor, stages.preparation_notes(entry)
-
-    def match(_: list[Entry], descriptors: list[Any]) -> list[Matrix]:
-        return [np.asarray(method.distances(descriptors), dtype=np.float64)]
-
-    return treat, match
+def _require_same_code(order: Order, dataset: Dataset) -> None:
+    """Raise unless this process reads the code that the plan was made for."""
+    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), order.input, order.method))
+    planned = keys.plain(order.recipe["code"])
+    if found != planned:
+        changed = difference({"code": planned}, {"code": found})
+        raise _CodeChanged(f"the code changed during the run ({changed})", "run again")
 
 
-def _treat_all(
-    order: Order, store: Store, entries: list[Entry], treat: Treat
-) -> tuple[dict[str, Any], list[tuple[str, str]], dict[str, dict[str, float]]]:
-    """Treat every shape; those that cannot be treated are listed with the reason.
+@contextmanager
+def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]:
+    """Turn whatever the body raises into the record of the job."""
+    where = f"{identifier}: " if identifier else ""
+    try:
+        yield
+    except MemoryError:
+        keep(
+            order, store, failure("memory", f"{where}out of memory; run with fewer jobs (-j 1) or on a larger machine")
+        )
+    except _CodeChanged as error:
+        keep(order, store, failure(CHANGED, str(error)))
+    except BenchmarkError as error:
+        keep(order, store, failure("failed", f"{where}{error}"))
+    except BaseException as error:  # also what ends a program: a method must not end the run
+        if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
+            raise  # somebody interrupts jobs that are done in this process
+        reason = f"{where}{type(error).__name__}: {error}" if str(error) else f"{where}{type(error).__name__}"
+        keep(order, store, failure("failed", reason, traceback.format_exc()))
 
-    Jobs start at different shapes, so that two jobs side by side share the stages that both need instead of doing them
-    twice. The order changes no result.
-    """
-    results: dict[str, Any] = {}
-    unsupported: list[tuple[str, str]] = []
-    notes: dict[str, Mapping[str, float | str]] = {}
-    offset = zlib.crc32(order.method.name.encode()) % len(entries)
-    for done, entry in enumerate(entries[offset:] + entries[:offset]):
-        store.report_progress(order.key, done, len(entries))
+
+# Galleries -----------------------------------------------------------------------------------------------------------
+
+
+def _rank(order: Order) -> None:
+    store = Store.open(order.results)
+    with _guarded(order, store):
+        keep(order, store, _ranked(order, store))
+
+
+def _ranked(order: Order, store: Store) -> dict[str, Any]:
+    start = time.perf_counter()
+    dataset, _ = _dataset(order)
+    _require_same_code(order, dataset)
+    entries = _entries(order, dataset)
+    treatment = _treatment(order, Preparation(dataset, order.input, store), store)
+    found: dict[str, Treated] = {}
+    refused: list[tuple[str, str]] = []
+    for entry in entries:
         try:
-            results[entry.identifier], notes[entry.identifier] = treat(entry)
+            found[entry.identifier] = treatment.found(entry)
         except ShapeError as error:
-            unsupported.append((entry.identifier, str(error)))
-    place = {entry.identifier: i for i, entry in enumerate(entries)}
-    unsupported.sort(key=lambda pair: place[pair[0]])
-    return results, unsupported, _summary(notes[entry.identifier] for entry in entries if entry.identifier in notes)
+            refused.append((entry.identifier, str(error)))
+    kept = [entry for entry in entries if entry.identifier in found]
+    labels = [entry.subject for entry in kept]
+    if len(set(labels)) < 2 or len(set(labels)) == len(labels):
+        reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {refused[0][1]}"
+        return failure("unsupported", reason) | {"unsupported": refused}
+    matrices, distances = _matrices(order, store, treatment, kept, found)
+    treated = [found[entry.identifier] for entry in kept]
+    return {
+        "status": "ok",
+        **ranking.scores(matrices, labels),
+        **(ranking.over_splits(matrices, labels, order.split_size) if order.split_size else {}),
+        "shapes": [entry.identifier for entry in kept],
+        "labels": labels,
+        "n_shapes": len(kept),
+        "n_classes": len(set(labels)),
+        "unsupported": refused,
+        "notes": _summary(each.notes for each in treated),
+        **_costs(treated),
+        "wall_seconds": round(time.perf_counter() - start, 3),
+        "environments": _environments(treated),
+        "artefacts": sorted(
+            {a.key for t in treated for a in (t.prepared, t.answer)} | {*distances, treatment.preparation.frame_key}
+        ),
+        **_learning(order, treatment, entries, dataset.name),
+    }
 
 
-def _summary(notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
+def _matrices(
+    order: Order, store: Store, treatment: Treatment, entries: Sequence[Entry], found: Mapping[str, Treated]
+) -> tuple[list[Any], list[str]]:
+    """Distance matrices of the gallery, one per codebook, and the keys that they are kept under."""
+    forms = [treatment.recipe(entry) for entry in entries]
+
+    def kept(codebook: int | None, compute: Callable[[], Any]) -> tuple[Any, str]:
+        recipe = recipes.distances_recipe(forms, treatment.scorer, codebook)
+        artefact = store.get_or_compute(recipe, lambda: {"distances": compute()}, work="rank")
+        return artefact.arrays["distances"], artefact.key
+
+    method = treatment.method
+    if not isinstance(method, Method):
+        descriptors = [found[entry.identifier].answer.arrays["descriptor"] for entry in entries]
+        results = [kept(None, lambda: ranking.descriptor_distances(method, descriptors))]
+    else:
+        features = [features_of(found[entry.identifier]) for entry in entries]
+        results = [
+            kept(seed, lambda seed=seed: ranking.form_distances(treatment.scorer, features, seed))  # type: ignore[misc]
+            for seed in ranking.CODEBOOK_SEEDS
+        ]
+    return [matrix for matrix, _ in results], [key for _, key in results]
+
+
+def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
+    """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
+    if not order.models:
+        return {}
+    models = {model.training: model.summary() for model in order.models.values()}
+    return {"models": list(models.values()), "seen": treatment.seen(entries, dataset)}
+
+
+def _costs(treated: Sequence[Treated]) -> dict[str, Any]:
+    """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
+    phases: dict[str, list[Cost]] = {}
+    for each in treated:
+        phases.setdefault("prepare", []).append(each.prepared.cost)
+        for stage, cost in each.answer.cost.shared.items():
+            phases.setdefault(stage, []).append(cost)
+        phases.setdefault("canonicalise", []).append(each.answer.cost)
+        if each.features is not None:
+            phases.setdefault("features", []).append(each.features.cost)
+    seconds = {
+        phase: round(statistics.median(c.seconds for c in _settled(costs)), 4) for phase, costs in phases.items()
+    }
+    peaks = [cost.peak_mib for cost in _settled(phases["canonicalise"]) if cost.peak_mib is not None]
+    return {
+        "cost": {"seconds_per_shape": seconds, "shapes_timed": len(_settled(phases["canonicalise"]))},
+        "peak_mib": round(max(peaks), 1) if peaks else None,
+        "from_cache": sum(each.answer.was_cached for each in treated),
+    }
+
+
+def _settled(costs: Sequence[Cost]) -> list[Cost]:
+    """Costs without those of first uses, which compile and load; all of them where there are no others."""
+    return [cost for cost in costs if not cost.first_use] or list(costs)
+
+
+def _environments(treated: Sequence[Treated]) -> list[dict[str, Any]]:
+    """Where the artefacts were made: each environment with the number of artefacts."""
+    counts = Counter(a.environment for t in treated for a in (t.prepared, t.answer, t.features) if a is not None)
+    return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
+
+
+def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
     """Mean and largest value of each numeric note, and counts of each text."""
     collected: dict[str, list[float | str]] = {}
-    for note in notes:
+    for note in all_notes:
         for name, value in note.items():
             collected.setdefault(name, []).append(value)
     summary: dict[str, Any] = {}
@@ -281,27 +294,11 @@ def _summary(notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
     return summary
 
 
-def _score(
-    order: Order, store: Store, stages: Stages, maker: Maker, entries: list[Entry], features: list[Any], seed: int
-) -> Matrix:
-    """Distance matrix of the gallery under the codebook of one seed."""
-    recipe = {
-        "stage": "distances",
-        "job": {part: value for part, value in order.recipe.items() if part != "code"},
-        "forms": [stages.form_recipe(entry, maker) for entry in entries],
-        "codebook": seed,
-        "code": keys.code_digest(SCORER),
-    }
-
-    def compute() -> dict[str, NDArray[Any]]:
-        codebook = stages.scorer.train_codebook(features, seed)
-        signatures = [stages.scorer.quantise(feature, codebook) for feature in features]
-        return {"distances": stages.scorer.distances(signatures)}
-
-    return stages.clock.add("match", store.get_or_compute(recipe, compute))["distances"]
+def _dataset(order: Order) -> tuple[Dataset, dict[str, Entry]]:
+    dataset = open_dataset(order.dataset, order.data_root)
+    return dataset, {entry.identifier: entry for entry in dataset.entries}
 
 
-def _peak_mib() -> int:
-    """Largest resident memory of this process so far; the job's own where each job has a fresh process."""
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit)
+def _entries(order: Order, dataset: Dataset) -> list[Entry]:
+    by_identifier = {entry.identifier: entry for entry in dataset.entries}
+    return [by_identifier[identifier] for identifier in order.identifiers]

@@ -17,13 +17,14 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.geometry.depth import FRONT, render_depth
-from benchmark.jobs.stages import VIEW, Stages
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import render_depth
+from benchmark.jobs.preparation import Preparation
+from benchmark.jobs.recipes import dataset_module, preparation_code, source_code
 from benchmark.learning import TrainingData, TrainingPair
 from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, SAMPLED_POSES, Training
 from benchmark.storage import keys
 from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
 
 __all__ = ["training_data"]
 
@@ -56,33 +57,33 @@ def training_data(
         If the training data would hold a subject that its models are tested on, or nothing at all.
     """
     dataset = open_dataset(training.dataset, data_root)
-    stages = Stages(store, dataset, "view", 0, CMBOF())
+    preparation = Preparation(dataset, "view", store)
     tested = training.tested.of(dataset)
     if training.name == SAMPLED:
-        return _sampled(training, stages, tested, say, n_sampled)
-    pairs = _renderable(training.trained.of(dataset), stages, say)
+        return _sampled(training, preparation, tested, say, n_sampled)
+    pairs = _renderable(training.trained.of(dataset), preparation, say)
     shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
     data = TrainingData(
         name=training.name,
         title=f"{dataset.title}, {training.words}",
-        digest=keys.digest([[stages.shape_recipe(entry) for entry in pair] for pair in pairs]),
+        digest=keys.digest([[preparation.recipe(entry) for entry in pair] for pair in pairs]),
         subjects=tuple(dict.fromkeys(entry.subject for entry in shown)),
         identifiers=tuple(entry.identifier for entry in shown),
         n_pairs=len(pairs),
-        pairs=lambda: _pairs(pairs, stages),
-        unseen=lambda: _pairs(_renderable(tested, stages, say), stages),
+        pairs=lambda: _pairs(pairs, preparation),
+        unseen=lambda: _pairs(_renderable(tested, preparation, say), preparation),
     )
     _check_apart(data, tested)
     return data
 
 
-def _renderable(entries: Iterable[Entry], stages: Stages, say: Say) -> list[tuple[Entry, Entry]]:
+def _renderable(entries: Iterable[Entry], preparation: Preparation, say: Say) -> list[tuple[Entry, Entry]]:
     """Shapes beside those of the same subject in the canonical pose, without those that cannot be rendered."""
     told: set[str] = set()
 
     def can_be_rendered(entry: Entry) -> bool:
         try:
-            stages.shape(entry)
+            preparation.shape(entry)
         except ShapeError as error:
             if entry.identifier not in told:
                 say(f"skipped {entry.identifier}: {error}")
@@ -90,27 +91,27 @@ def _renderable(entries: Iterable[Entry], stages: Stages, say: Say) -> list[tupl
             return False
         return True
 
-    beside = [(entry, canonical_entry(stages.dataset, entry.subject)) for entry in entries]
+    beside = [(entry, canonical_entry(preparation.dataset, entry.subject)) for entry in entries]
     return [pair for pair in beside if all(can_be_rendered(entry) for entry in pair)]
 
 
-def _pairs(pairs: Iterable[tuple[Entry, Entry]], stages: Stages) -> Iterator[TrainingPair]:
+def _pairs(pairs: Iterable[tuple[Entry, Entry]], preparation: Preparation) -> Iterator[TrainingPair]:
     targets: dict[str, NDArray[np.float32]] = {}
     for entry, target in pairs:
         if target.identifier not in targets:
-            targets[target.identifier] = _image(stages, target)
+            targets[target.identifier] = _image(preparation, target)
         yield TrainingPair(
             identifier=entry.identifier,
             subject=entry.subject,
             target_identifier=target.identifier,
-            image=_image(stages, entry),
+            image=_image(preparation, entry),
             target=targets[target.identifier],
         )
 
 
-def _image(stages: Stages, entry: Entry) -> NDArray[np.float32]:
+def _image(preparation: Preparation, entry: Entry) -> NDArray[np.float32]:
     """The image that methods are given, from the store."""
-    image = stages.shape(entry).depth
+    image = preparation.shape(entry).depth
     if image is None:
         raise ConfigurationError(f"{entry.identifier} has no depth image", "train on the view input")
     return image
@@ -130,23 +131,25 @@ def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
         )
 
 
-def _sampled(training: Training, stages: Stages, tested: Iterable[Entry], say: Say, n_bodies: int) -> TrainingData:
+def _sampled(
+    training: Training, preparation: Preparation, tested: Iterable[Entry], say: Say, n_bodies: int
+) -> TrainingData:
     """Pairs of bodies beyond the data set; they are made as they are read, for they are too many to be kept."""
     bodies = [
         (f"sample-{number}", body, (POSES[humans.CANONICAL_POSE], *poses))
         for number, (body, poses) in enumerate(humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0))
     ]
     recipes = [humans.recipe(body, pose) for _, body, poses in bodies for pose in poses]
-    frame = [repr(FRONT), stages.half_width, keys.code_digest(VIEW)]
+    frame = [repr(FRONT), preparation.half_width, preparation_code("view").digest]
     data = TrainingData(
         name=training.name,
-        title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {stages.dataset.title}",
-        digest=keys.digest([recipes, frame]),
+        title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {preparation.dataset.title}",
+        digest=keys.digest([recipes, frame, source_code(dataset_module(preparation.dataset)).digest]),
         subjects=tuple(name for name, _, _ in bodies),
         identifiers=tuple(f"{name}_{number}" for name, _, poses in bodies for number in range(len(poses))),
         n_pairs=len(recipes),
-        pairs=lambda: _sampled_pairs(bodies, stages.half_width),
-        unseen=lambda: _pairs(_renderable(tested, stages, say), stages),
+        pairs=lambda: _sampled_pairs(bodies, preparation.half_width),
+        unseen=lambda: _pairs(_renderable(tested, preparation, say), preparation),
     )
     _check_apart(data, tested)
     return data

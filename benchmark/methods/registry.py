@@ -11,15 +11,15 @@ import importlib
 import importlib.metadata
 import importlib.util
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any, cast
 
 from benchmark.contracts import Descriptor, Method, MethodInfo
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
+from benchmark.methods.plugins import import_plugin
+from benchmark.parameters.values import assignments, departures, parameter_values, spelt
 
 ENTRY_POINTS = "canonical_forms.methods"
 
@@ -58,20 +58,38 @@ class MethodSpec:
 
     Parameters
     ----------
-    name
-        Name on the command line.
+    base_name
+        Name without parameters.
     target
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
-        Fields that differ from their defaults.
+        Parameters as text or as they are; those that differ from their defaults are kept, normalised and in the order
+        of the fields, so that two ways to write one method make equal objects.
     named
         Whether somebody asked for this method, by its name or by passing its file.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such parameter, or a value does not fit.
     """
 
-    name: str
+    base_name: str
     target: str
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     named: bool = False
+
+    def __post_init__(self) -> None:
+        if self.parameters:
+            object.__setattr__(self, "parameters", departures(self.load(), self.parameters, self.base_name))
+
+    @property
+    def name(self) -> str:
+        """Name on the command line, in its one spelling."""
+        return f"{self.base_name}[{self._chosen(',')}]" if self.parameters else self.base_name
+
+    def _chosen(self, separator: str) -> str:
+        return separator.join(f"{key}={spelt(value)}" for key, value in self.parameters.items())
 
     @property
     def module(self) -> str:
@@ -94,7 +112,7 @@ class MethodSpec:
             )
         except ImportError as error:
             raise ConfigurationError(
-                f"method '{self.name}' cannot be imported: {error}", f"install what {self.module} needs"
+                f"method '{self.base_name}' cannot be imported: {error}", f"install what {self.module} needs"
             ) from error
         except AttributeError as error:
             raise ConfigurationError(f"{self.module} has no '{attribute}'", "correct the entry point") from error
@@ -105,8 +123,23 @@ class MethodSpec:
         return cast(type[Any], found)
 
     def create(self) -> Method | Descriptor:
-        """Make the method with its parameters."""
-        created = self.load()(**self.parameters)
+        """Make the method with its parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            If the class refuses them, or what it makes is no method.
+        """
+        found = self.load()
+        try:
+            created = found(**self.parameters)
+        except BenchmarkError:
+            raise
+        except Exception as error:
+            raise ConfigurationError(
+                f"{self.name} cannot be made: {type(error).__name__}: {error}",
+                "choose other parameters" if self.parameters else "give every parameter a default that fits",
+            ) from error
         if not isinstance(created, (Method, Descriptor)):
             raise ConfigurationError(
                 f"{self.target} has neither 'canonicalise' nor 'describe' and 'distances'",
@@ -115,24 +148,18 @@ class MethodSpec:
         return created
 
     @property
-    def title(self) -> str:
-        """Name in the tables, with the parameters that were chosen."""
-        chosen = ", ".join(f"{name}={value}" for name, value in self.parameters.items())
-        return self.info.title + (f" ({chosen})" if chosen else "")
-
-    @property
     def info(self) -> MethodInfo:
         """What the method says about itself."""
         return cast(MethodInfo, self.load().info)
 
+    @property
+    def title(self) -> str:
+        """Name in the tables, with the parameters that differ from their defaults."""
+        return f"{self.info.title} ({self._chosen(', ')})" if self.parameters else self.info.title
+
     def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included."""
-        created = self.create()
-        return (
-            {field.name: getattr(created, field.name) for field in dataclasses.fields(created)}
-            if dataclasses.is_dataclass(created)
-            else {}
-        )
+        """All parameters, defaults included, normalised."""
+        return parameter_values(self.create())
 
     @property
     def learns(self) -> bool:
@@ -140,23 +167,18 @@ class MethodSpec:
         found = self.load()
         return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
 
+    def with_parameters(self, parameters: Mapping[str, Any]) -> MethodSpec:
+        """Return the method with further parameters, as text or as they are."""
+        return dataclasses.replace(self, parameters={**self.parameters, **parameters})
+
     def with_parameter(self, name: str, value: Any) -> MethodSpec:
-        """Return the method with one more parameter, called as it would be on the command line."""
-        parameters = {**self.parameters, name: value}
-        chosen = ",".join(f"{key}={text}" for key, text in parameters.items())
-        return dataclasses.replace(self, name=f"{self.base_name}[{chosen}]", parameters=parameters)
+        """Return the method with one more parameter."""
+        return self.with_parameters({name: value})
 
     def without_parameter(self, name: str) -> MethodSpec:
         """Return the method with the default of one parameter."""
-        plain = dataclasses.replace(self, name=self.base_name, parameters={})
-        for key, value in self.parameters.items():
-            plain = plain if key == name else plain.with_parameter(key, value)
-        return plain
-
-    @property
-    def base_name(self) -> str:
-        """Name without parameters."""
-        return self.name.partition("[")[0]
+        others = {key: value for key, value in self.parameters.items() if key != name}
+        return dataclasses.replace(self, parameters=others)
 
     def missing_packages(self) -> tuple[str, ...]:
         """Packages that the method declares and that are not installed."""
@@ -205,13 +227,14 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     ConfigurationError
         If a name or a parameter is unknown, or a value does not fit.
     """
-    asked = list(dict.fromkeys(names))
+    asked = [name.strip() for name in names]
     every = not asked or EVERY in asked
-    wanted = [variant(name, known) for name in asked if name != EVERY]
+    specs = [variant(name, known) for name in asked if name != EVERY]
+    wanted = {spec.name: spec for spec in specs}.values()
     files = {str(path.resolve()) for path in plugins}
     chosen = []
     for spec in known.values():
-        variants = [variant for variant in wanted if variant.target == spec.target]
+        variants = [variant for variant in wanted if variant.base_name == spec.base_name]
         if (every and all(variant.parameters for variant in variants)) or (spec.module in files and not variants):
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
         # Beside all methods, a further one goes where its kind goes; alone, it goes wherever it is asked for.
@@ -227,30 +250,17 @@ def variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
     ConfigurationError
         If the name or a parameter is unknown, or a value does not fit.
     """
-    match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name)
-    if not match or match[1] not in known:
-        raise did_you_mean("method", match[1] if match else name, known)
-    spec = known[match[1]]
-    if match[2] is None:
-        return spec
-    fields = spec.resolved_parameters()
-    parameters: dict[str, Any] = {}
-    for assignment in match[2].split(","):
-        key, _, text = (part.strip() for part in assignment.partition("="))
-        if key not in fields:
-            raise did_you_mean(f"parameter of {spec.name}", key, fields)
-        parameters[key] = _value(text, fields[key], f"{spec.name}[{key}]")
-    return MethodSpec(name, spec.target, parameters)
-
-
-def _value(text: str, default: Any, what: str) -> Any:
-    """Read a value of the type that the default has."""
-    try:
-        if isinstance(default, bool):
-            return {"true": True, "false": False}[text.lower()]
-        return text if default is None or isinstance(default, str) else type(default)(text)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigurationError(f"'{text}' does not fit {what}", f"write a {type(default).__name__}") from error
+    match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name.strip())
+    base = match[1].strip() if match else name
+    if not match or base not in known:
+        raise did_you_mean("method", base, known)
+    given = assignments(match[2] or "")
+    if not given:
+        return known[base]
+    spec = known[base].with_parameters(given)
+    if not spec.missing_packages():
+        spec.create()  # a class may refuse parameters by a rule of its own, and had better do so now
+    return spec
 
 
 def plugin_methods(path: Path) -> list[MethodSpec]:
@@ -267,27 +277,6 @@ def plugin_methods(path: Path) -> list[MethodSpec]:
             f"plugin {path} defines no method", "give a class an 'info: ClassVar[MethodInfo]' or use @canonical_form"
         )
     return specs
-
-
-def import_plugin(path: str) -> ModuleType:
-    """Import a Python file under a name derived from its path."""
-    name = "plugin_" + Path(path).stem
-    loaded = sys.modules.get(name)
-    if loaded is not None and getattr(loaded, "__file__", None) == path:
-        return loaded
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not Path(path).is_file():
-        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        del sys.modules[name]
-        raise ConfigurationError(
-            f"plugin {path} cannot be imported: {type(error).__name__}: {error}", "mend the file"
-        ) from error
-    return module
 
 
 def _add(found: dict[str, MethodSpec], spec: MethodSpec) -> None:

@@ -15,7 +15,7 @@ from benchmark.methods.registry import methods
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 #: Names that the written module imports: a class of that name would hide them.
-_IMPORTED = frozenset({"CanonicalForm", "ClassVar", "MethodInfo", "Shape"})
+_IMPORTED = frozenset({"Annotated", "CanonicalForm", "ClassVar", "Interval", "MethodInfo", "Shape"})
 
 _METHOD = Template('''\
 """$title: every vertex as far from the middle of the surface as the way along the surface is long."""
@@ -23,11 +23,11 @@ _METHOD = Template('''\
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.contracts import CanonicalForm, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class $class_name:
     Parameters
     ----------
     strength
-        0 leaves the shape as it is; 1 puts each vertex at its geodesic distance from the centre.
+        Not negative. 0 leaves the shape as it is; 1 puts each vertex at its geodesic distance from the centre.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -46,7 +46,7 @@ class $class_name:
         summary="vertices at their geodesic distance from the centre",
     )
 
-    strength: float = 1.0
+    strength: Annotated[float, Interval(0)] = 1.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the pushed vertices; the centre is the vertex nearest to all others along the surface."""

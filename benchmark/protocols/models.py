@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
 from benchmark.learning import Learner, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.tables import Gallery
-from benchmark.protocols.trainings import (
-    NUMERALS,
-    TRAININGS,
-    Training,
-    trainings_by_shape,
-    trainings_of,
-)
+from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 
-__all__ = ["Maker", "MissingModel", "Model", "find_models"]
+__all__ = ["MissingModel", "Model", "find_models"]
 
 
 class MissingModel(ConfigurationError):
@@ -106,7 +99,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     if missing:
         raise MissingModel(
             f"needs the model{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
-            f"run `{_command(spec, method, gallery, needed[missing[0]])}`",
+            f"run `{_command(spec, missing)}`",
         )
     try:
         models = {name: Model(name, folder, read_card(folder)) for name, folder in found.items() if folder is not None}
@@ -115,55 +108,11 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
-def _command(spec: MethodSpec, method: Learner, gallery: Gallery, training: Training) -> str:
-    """The command that trains what is missing."""
+def _command(spec: MethodSpec, missing: Sequence[str]) -> str:
+    """The command that trains what is missing: that one alone, or all that a strict learner needs."""
     words = ["python", "-m", "benchmark", "train", spec.name]
-    if method.split == "table":
-        numeral = gallery.table.part_of or gallery.table.identifier
-        known = numeral in NUMERALS and training.name in trainings_of(method, numeral, gallery.data_root)
-        words += ["--table", numeral] if known else ["--only", training.name]
+    if len(missing) == 1:
+        words += ["--only", missing[0]]
     if spec.module.endswith(".py"):
         words += ["--plugin", spec.module]
     return shlex.join(words)
-
-
-@dataclass(frozen=True)
-class Maker:
-    """A method at work: where it learns, with the model that fits each shape.
-
-    Parameters
-    ----------
-    spec
-        The method by name.
-    method
-        The method.
-    models
-        Model for each shape by identifier; empty for a method that does not learn.
-    """
-
-    spec: MethodSpec
-    method: Method
-    models: Mapping[str, Model] = field(default_factory=dict)
-    _loaded: dict[Path, Method] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    def method_for(self, entry: Entry) -> Method:
-        """Return the method that makes the form of a shape; each model is loaded once."""
-        model = self.models.get(entry.identifier)
-        if model is None or not isinstance(self.method, Learner):
-            return self.method
-        if model.folder not in self._loaded:
-            self._loaded[model.folder] = self.method.load(model.folder)
-        return self._loaded[model.folder]
-
-    def recipe_for(self, entry: Entry) -> dict[str, str]:
-        """What the model adds to the recipe of a form: nothing where the method does not learn."""
-        model = self.models.get(entry.identifier)
-        return {} if model is None else {"model": model.digest}
-
-    def seen(self, entries: Iterable[Entry], dataset: str) -> list[str]:
-        """Shapes that their model was trained on, or whose subject was."""
-        return [
-            entry.identifier
-            for entry in entries
-            if (model := self.models.get(entry.identifier)) and model.has_seen(entry, dataset)
-        ]

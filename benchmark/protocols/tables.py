@@ -8,12 +8,12 @@ from pathlib import Path
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, is_path, is_present, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, folder_name, is_path, is_present, open_dataset
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.learning import Split
+from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TEST_SUBJECTS, fold
+from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
 from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
@@ -38,6 +38,9 @@ class Table:
         Generated set that takes its place when it is absent; "" if there is none.
     subjects
         Subjects in the gallery, by name or by their place in the data set; empty for all.
+    folds
+        Subjects of each fold by their place in the data set, where each fold is a gallery of its own and a row is the
+        mean over the galleries; empty for a single gallery of ``subjects``.
     in_quick_runs
         Whether ``--quick`` makes it without being asked for it by name.
     part_of
@@ -45,7 +48,10 @@ class Table:
     all_unseen
         Whether it is an error that a model was trained on one of its shapes or subjects.
     ablation
-        Whether its rows are learners, each the mean over several trainings or folds.
+        Whether its rows are learners, each with several seeds of its training.
+    split_size
+        Test subjects in each of all the ways to choose some, where the table tells how much depends on the choice; no
+        learner has a row there. 0 for a table without.
     extended_learners
         Whether learners beyond the paper's have rows without being asked for by name; a model of each must exist.
     """
@@ -55,26 +61,44 @@ class Table:
     dataset: str
     stand_in: str = ""
     subjects: tuple[int | str, ...] = ()
+    folds: tuple[tuple[int, ...], ...] = ()
     in_quick_runs: bool = True
     part_of: str = ""
     all_unseen: bool = True
     ablation: bool = False
     extended_learners: bool = False
+    split_size: int = 0
 
     @property
     def inputs(self) -> tuple[Input, ...]:
         """Inputs under which it is made: learners read depth images alone."""
         return ("view",) if self.ablation else INPUTS
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its galleries inside the data set; "" for the whole set."""
+        if self.folds:
+            return tuple(f"fold {number}" for number in range(len(self.folds)))
+        return ("held out",) if self.subjects else ("",)
+
 
 TABLES: tuple[Table, ...] = (
     Table(
         "I",
-        "Retrieval of synthetic humans, test subjects only",
+        "Retrieval of synthetic humans, mean over three folds of five subjects",
         "shrec14-synthetic",
         "humans",
-        TEST_SUBJECTS,
+        folds=SUBJECT_FOLDS,
         extended_learners=True,
+    ),
+    Table(
+        "I-whole",
+        "Retrieval of synthetic humans, all subjects in one gallery (without figures of the paper, which tests five)",
+        "shrec14-synthetic",
+        "humans",
+        in_quick_runs=False,
+        part_of="I",
+        split_size=len(SUBJECT_FOLDS[0]),
     ),
     Table(
         "II",
@@ -97,20 +121,20 @@ TABLES: tuple[Table, ...] = (
     ),
     Table(
         "IV",
-        "Ablation of the learned method",
+        "Ablation of the learned method, mean over three folds of five subjects",
         "shrec14-synthetic",
         "humans",
-        TEST_SUBJECTS,
+        folds=SUBJECT_FOLDS,
         in_quick_runs=False,
         ablation=True,
     ),
 )
 
-#: Seeds of the trainings that a row of an ablation is the mean of.
+#: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
 TRAINING_SEEDS = (0, 1, 2)
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
-_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+_ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
 
 @dataclass(frozen=True)
@@ -130,9 +154,9 @@ class Gallery:
     quick
         Whether poses were left out to save time.
     part
-        Which part of the set it is, where a set has several galleries.
-    split
-        Learners of which split are tested on it; None for all methods.
+        Which part of the set it is in words, e.g. ``"fold 0"``; "" for the whole set.
+    fold
+        Number of the fold of the table that it is; None if the table has no folds.
     data_root
         The folder that holds the official sets.
     """
@@ -143,7 +167,7 @@ class Gallery:
     entries: tuple[Entry, ...]
     quick: bool = False
     part: str = ""
-    split: Split | None = None
+    fold: int | None = None
     data_root: Path | None = None
 
     @property
@@ -151,37 +175,56 @@ class Gallery:
         """Name of the gallery in plans and records."""
         return f"{self.dataset.name}{self.part and ' ' + self.part}{' (quick)' if self.quick else ''}"
 
-    def rows(self, methods: Iterable[MethodSpec]) -> list[MethodSpec]:
-        """Methods that are tested on it, a learner of an ablation once for each seed of its training."""
+    def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
+        """Methods that are tested on it, a learner of an ablation once for each seed of which there is a model.
+
+        Parameters
+        ----------
+        methods
+            The methods that were chosen.
+        trained_here
+            Folder of the models that were trained here, looked at beside the shipped ones.
+        """
         if not self.table.ablation:
             return [spec for spec in methods if spec.named or self._has_row(spec)]
         printed = {row.method for row in paper.ABLATION}
         return [
             variant
             for spec in methods
-            if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split == self.split
-            for variant in _trainings(spec)
+            if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split != "sampled"
+            for variant in self._seeds(spec, trained_here)
         ]
+
+    def _seeds(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
+        """The method, and its variants with further seeds of its training that have models for these shapes."""
+        parameters = spec.resolved_parameters()
+        if spec.load().split == "strict" or "training_seed" not in parameters or "training_seed" in spec.parameters:
+            return [spec]
+        further = (spec.with_parameter("training_seed", n) for n in TRAINING_SEEDS if n != parameters["training_seed"])
+        return [spec, *(variant for variant in further if self._has_models(variant, trained_here))]
+
+    def _has_models(self, spec: MethodSpec, trained_here: Path | None) -> bool:
+        learner = spec.create()
+        if not isinstance(learner, Learner):
+            return False
+        try:
+            trainings = trainings_by_shape(learner, self.dataset, self.entries, self.data_root).values()
+        except ConfigurationError:
+            return False  # the row of the plain method says why
+        folders = [folder for folder in (trained_here, learner.shipped_models) if folder is not None]
+        names = {training.name for training in trainings}
+        return all(find_model(folders, name, learner.model_name) is not None for name in names)
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.base_name in _ABLATED:
+        if spec.base_name in _ONLY_ABLATED:
             return False
         try:
+            if self.table.split_size and spec.learns:
+                return False
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
         except ConfigurationError:
             return True  # what cannot be imported says so in its row
-
-
-def _trainings(spec: MethodSpec) -> list[MethodSpec]:
-    """The method with each seed of its training; the first one is the default and has the plain name."""
-    parameters = spec.resolved_parameters()
-    if spec.load().split == "strict" or "training_seed" not in parameters or "training_seed" in spec.parameters:
-        return [spec]
-    return [
-        spec if seed == parameters["training_seed"] else spec.with_parameter("training_seed", seed)
-        for seed in TRAINING_SEEDS
-    ]
 
 
 def galleries(
@@ -192,7 +235,8 @@ def galleries(
 ) -> list[Gallery]:
     """Choose the galleries that a selection on the command line stands for.
 
-    The paper's set is used when it is present and its stand-in otherwise, never both in one table.
+    The paper's set is used when it is present and its stand-in otherwise, never both in one table. A table that goes
+    with another one is left out where the set lacks its classes, unless it was asked for by its name.
 
     Parameters
     ----------
@@ -204,20 +248,22 @@ def galleries(
     data_root
         The folder that holds the official sets.
     quick
-        Keep at most :data:`QUICK_POSES` poses of each subject.
+        Keep at most :data:`QUICK_POSES` poses of each subject, and of a table with folds the first one.
 
     Raises
     ------
     ConfigurationError
-        If a name is unknown or the selection is empty.
+        If a name is unknown, the selection is empty, or an ablation is to be quick.
     DatasetError
-        If a named set is absent or not fit for retrieval.
+        If a set is absent or unreadable, or what a table ranks of it is not fit for retrieval.
     """
     known = {table.identifier: table for table in TABLES}
     wanted_tables, wanted_sets = list(table_names), list(dataset_names)
     for name in wanted_tables:
         if name not in known:
             raise did_you_mean("table", name, known)
+        if quick and known[name].ablation:
+            raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
     made = [table for table in known.values() if _is_made(table, wanted_tables, wanted_sets, quick)]
     chosen = [(table, _source(table, data_root)) for table in made]
     if wanted_sets:
@@ -226,7 +272,14 @@ def galleries(
             raise ConfigurationError(
                 f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
             )
-    return [gallery for table, name in chosen for gallery in _galleries(table, name, data_root, quick)]
+    found: list[Gallery] = []
+    for table, name in chosen:
+        try:
+            found += _galleries(table, name, data_root, quick)
+        except DatasetError:
+            if not table.part_of or table.identifier in wanted_tables:
+                raise
+    return found
 
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
@@ -247,7 +300,9 @@ def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in (table.dataset, table.stand_in) for table in TABLES) or not own:
         return [table for table in made if name in (table.dataset, table.stand_in)]
-    own_name = Path(name).resolve().name if name not in CATALOGUE else name
+    own_name = name if name in CATALOGUE else folder_name(Path(name))
+    if any(own_name == table.identifier for table in TABLES):
+        own_name += "-folder"
     return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
 
 
@@ -255,14 +310,15 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
     dataset = open_dataset(name, data_root)
     check_retrievable(dataset)
 
-    def gallery(subjects: tuple[int | str, ...], part: str = "", split: Split | None = None) -> Gallery:
+    def gallery(subjects: tuple[int | str, ...], part: str = "", fold: int | None = None) -> Gallery:
         entries = Part(subjects).of(dataset)
-        return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, split, data_root)
+        check_retrievable(dataset, entries if part else None)
+        return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, fold, data_root)
 
-    if not table.ablation:
-        return [gallery(table.subjects, "held out" if table.part_of else "")]
-    folds = [gallery(fold(number), f"fold {number}", "strict") for number in range(SUBJECT_FOLDS)]
-    return [gallery(table.subjects, split="table"), *folds]
+    if not table.folds:
+        return [gallery(table.subjects, table.parts[0])]
+    folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
+    return folds[:1] if quick else folds
 
 
 def _thin_out(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

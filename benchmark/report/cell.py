@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-Scores = Mapping[str, float]
+from benchmark.report.results import Result
+from benchmark.storage.keys import digest
+
+Figures = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -16,27 +20,94 @@ class Cell:
     Parameters
     ----------
     status
-        Status of the record, state of the job when there is no record, or ``"pending"`` for a method not built yet.
+        Status of the record, or ``"missing"`` without one.
     record
         The record of the job; empty without one. For the mean of several jobs, what they tell together.
-    spread
-        Standard deviation of several jobs by metric; None for a single one.
+    deviation
+        Standard deviation (n - 1) of several jobs by measure; None for a single one.
     n_averaged, n_wanted
         Jobs that the scores are the mean of, and jobs that there should be.
+    outdated
+        What has changed since the job was done; "" if nothing has.
     """
 
-    status: str
-    record: Mapping[str, Any]
-    spread: Scores | None = None
-    n_averaged: int = 1
+    status: str = "missing"
+    record: Mapping[str, Any] = field(default_factory=dict)
+    deviation: Figures | None = None
+    n_averaged: int = 0
     n_wanted: int = 1
+    outdated: str = ""
 
     @property
-    def scores(self) -> Scores | None:
-        """Scores by metric, or None when there are none."""
+    def scores(self) -> Figures | None:
+        """Scores by measure, or None when there are none."""
         return self.record.get("scores")
 
     @property
     def models(self) -> list[Mapping[str, Any]]:
         """Trained models behind the scores, each once; empty for a method that does not learn."""
         return list({model["digest"]: model for model in self.record.get("models", ())}.values())
+
+
+def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
+    """What one or several jobs reached: galleries of a table with folds, seeds of a training.
+
+    Parameters
+    ----------
+    results
+        One for each job that has a record.
+    n_wanted
+        Jobs that there should be.
+    """
+    done = [result for result in results if result.record.get("scores")]
+    outdated = "; ".join(dict.fromkeys(result.outdated for result in done if result.outdated))
+    if not done:
+        record = results[0].record
+        return Cell(record["status"], {"reason": record.get("reason", "")}, n_wanted=n_wanted)
+    if n_wanted == 1 and len(done) == 1:
+        return Cell("ok", done[0].record, n_averaged=1, outdated=outdated)
+    records = [result.record for result in done]
+    columns = {name: [record["scores"][name] for record in records] for name in records[0]["scores"]}
+    peaks = [record["peak_mib"] for record in records if record.get("peak_mib") is not None]
+    told = [
+        f"{result.record['gallery']}: {result.record.get('reason', result.record['status'])}"
+        for result in results
+        if result not in done
+    ]
+    merged = {
+        "key": digest([record["key"] for record in records]),
+        "reason": "; ".join(told) or "not run",
+        "scores": {name: statistics.fmean(values) for name, values in columns.items()},
+        "chance": {name: statistics.fmean(r["chance"][name] for r in records) for name in records[0]["chance"]},
+        "n_shapes": len({shape for record in records for shape in record["shapes"]}),
+        "n_classes": len({label for record in records for label in record["labels"]}),
+        "unsupported": _each_once(shape for record in records for shape in record["unsupported"]),
+        "cost": {"seconds_per_shape": _medians(records)},
+        "peak_mib": max(peaks, default=None),
+        "models": [model for record in records for model in record.get("models", ())],
+        "seen": _each_once(shape for record in records for shape in record.get("seen", ())),
+        "notes": records[0].get("notes", {}),
+    }
+    deviation = {name: statistics.stdev(values) for name, values in columns.items()} if len(done) > 1 else None
+    return Cell("ok", merged, deviation, len(done), max(n_wanted, len(done)), outdated)
+
+
+def _medians(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Seconds a shape by phase: the median over the jobs."""
+    phases = dict.fromkeys(phase for record in records for phase in record["cost"]["seconds_per_shape"])
+    return {
+        phase: statistics.median(
+            record["cost"]["seconds_per_shape"][phase]
+            for record in records
+            if phase in record["cost"]["seconds_per_shape"]
+        )
+        for phase in phases
+    }
+
+
+def _each_once(items: Any) -> list[Any]:
+    found = []
+    for item in items:
+        if item not in found:
+            found.append(item)
+    return found

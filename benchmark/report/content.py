@@ -1,19 +1,27 @@
-"""What a table says, before it is LaTeX, Markdown, CSV or JSON."""
+"""What a table says, before it is LaTeX, Markdown, CSV or JSON: a pure function of records."""
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 from benchmark.contracts import Input
-from benchmark.jobs.plan import Job
-from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.tables import Gallery
+from benchmark.methods.registry import BUILT_IN
+from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper
-from benchmark.report.ablation import averaged, row_of
-from benchmark.report.cell import Cell, Scores
-from benchmark.storage.store import Store
+from benchmark.report.cell import Cell, Figures, cell_of
+from benchmark.report.results import Result, tables_of
+
+#: Parameter of learners that tells trainings of one row apart.
+TRAINING_SEED = "training_seed"
+
+OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
+
+#: Marks rows that this code would not make again without running.
+OUTDATED = "†"
 
 
 @dataclass(frozen=True)
@@ -23,7 +31,7 @@ class Row:
     method: str
     title: str
     family: str
-    paper: Scores | None
+    paper: Figures | None
     cells: Mapping[Input, Cell]
 
     @property
@@ -33,46 +41,56 @@ class Row:
 
     @property
     def label(self) -> str:
-        """Title as printed: a row with training data beyond the paper's says so, a mean tells of how many models."""
+        """Title as printed, with training data beyond the paper's, the number of models, the mark of old records."""
         extra = "extra training data"
         told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
             told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
-        return self.title + (f" ({', '.join(told)})" if told else "")
+        mark = f" {OUTDATED}" if any(cell.outdated for cell in self.cells.values()) else ""
+        return self.title + (f" ({', '.join(told)})" if told else "") + mark
 
 
 @dataclass(frozen=True)
 class TableContent:
-    """One table on one gallery.
+    """One table on one data set.
 
     Parameters
     ----------
-    gallery
-        The shapes, and whether they are a stand-in.
+    table
+        What the paper's table, or one's own, shows.
+    data
+        Name, title and size of the data, as the records tell.
     inputs
-        The inputs that were asked for.
+        The inputs that are shown.
     rows
         The paper's methods in the paper's order, then all others.
     chance
-        Expected scores of a random ranking of the gallery.
+        Expected scores of a random ranking; the mean over the galleries where there are several.
+    n_galleries
+        Galleries that a row is the mean over.
     """
 
-    gallery: Gallery
+    table: Table
+    data: Mapping[str, Any]
     inputs: tuple[Input, ...]
     rows: tuple[Row, ...]
-    chance: Scores
+    chance: Figures
+    n_galleries: int
 
     @property
     def identifier(self) -> str:
         """The paper's numeral, or the name of the data set."""
-        return self.gallery.table.identifier
+        return self.table.identifier
+
+    @property
+    def quick(self) -> bool:
+        """Whether poses were left out to save time."""
+        return bool(self.data["quick"])
 
     @property
     def file_stem(self) -> str:
         """Name of the files of this table."""
-        dataset = self.gallery.dataset.name
-        parts = ["table", self.identifier] + ([dataset] if dataset != self.identifier else [])
-        return "-".join(parts + (["quick"] if self.gallery.quick else []))
+        return file_stem(self.identifier, self.data["name"], quick=self.quick)
 
     @property
     def has_paper(self) -> bool:
@@ -82,49 +100,60 @@ class TableContent:
     @property
     def data_title(self) -> str:
         """The data in words, never without saying that it is a stand-in."""
-        dataset = self.gallery.dataset
-        if dataset.stand_in_for:
-            official = OFFICIAL_TITLES.get(dataset.stand_in_for, dataset.stand_in_for)
-            return f"generated stand-in '{dataset.name}', not {official}"
-        return dataset.title
+        if official := self.data["stand_in_for"]:
+            return f"generated stand-in '{self.data['name']}', not {OFFICIAL_TITLES.get(official, official)}"
+        return str(self.data["title"])
 
     @property
     def size(self) -> str:
         """Number of shapes and classes in words."""
-        subjects = {entry.subject for entry in self.gallery.entries}
-        return f"{len(self.gallery.entries)} shapes, {len(subjects)} classes"
+        each = f"{self.data['n_shapes']} shapes, {self.data['n_classes']} classes"
+        return f"{self.n_galleries} x {each}" if self.n_galleries > 1 else each
 
     def notes(self) -> list[str]:
         """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores."""
         lines = []
-        if self.gallery.quick:
+        if self.quick:
             lines.append("Quick run: some poses of each subject were left out.")
-        if self.gallery.table.ablation:
-            lines.append(_OF_ABLATIONS)
-        without_scores: dict[str, list[str]] = {}
-        for row in self.rows:
-            for input_, cell in row.cells.items():
-                left_out = cell.record.get("unsupported", [])
-                if left_out:
-                    names = ", ".join(name for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-                    lines.append(f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {left_out[0][1]}")
-                if cell.status not in ("ok", "pending", *NOT_RUN) and not (left_out and cell.scores):
-                    reason = cell.record.get("reason", "")
-                    without_scores.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(
-                        row.title
-                    )
-        trained = self._trainings()
-        if trained:
+        if self.n_galleries > 1:
+            lines.append(_OF_MEANS)
+        lines += self._left_out()
+        if trained := self._trainings():
             lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
-        lines += [line for row in self.rows for line in self._of_models(row)]
-        lines += [f"{', '.join(titles)}, {what}" for what, titles in without_scores.items()]
-        not_run = [row.title for row in self.rows if any(cell.status in NOT_RUN for cell in row.cells.values())]
+        lines += [line for row in self.rows for line in _of_jobs(row)]
+        lines += [f"{', '.join(titles)}, {what}" for what, titles in self._without_scores().items()]
+        lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in self._outdated().items()]
+        not_run = [row.title for row in self.rows if all(cell.status == "missing" for cell in row.cells.values())]
         if not_run:
-            lines.append(f"Not run yet: {', '.join(not_run)}.")
-        bridges = self._bridges()
-        if bridges:
+            lines.append(f"Not run: {', '.join(not_run)}.")
+        if bridges := self._bridges():
             lines.append(bridges)
         return lines
+
+    def _left_out(self) -> Iterable[str]:
+        for row in self.rows:
+            for input_, cell in row.cells.items():
+                if left_out := cell.record.get("unsupported", []):
+                    names = ", ".join(name for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
+                    yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {left_out[0][1]}"
+
+    def _without_scores(self) -> dict[str, list[str]]:
+        found: dict[str, list[str]] = {}
+        for row in self.rows:
+            for input_, cell in row.cells.items():
+                if cell.status not in ("ok", "missing"):
+                    reason = cell.record.get("reason", "")
+                    found.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(row.title)
+        return found
+
+    def _outdated(self) -> dict[str, list[str]]:
+        found: dict[str, list[str]] = {}
+        for row in self.rows:
+            for cell in row.cells.values():
+                if cell.outdated:
+                    of_rows = found.setdefault(f"made before the last change ({cell.outdated})", [])
+                    of_rows += [row.title] if row.title not in of_rows else []
+        return found
 
     def _trainings(self) -> list[str]:
         """Which schedule made the models, and on which data; rows that share them share a line."""
@@ -140,17 +169,6 @@ class TableContent:
                 titles.setdefault(what, []).append(row.title)
         return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
 
-    def _of_models(self, row: Row) -> Iterable[str]:
-        """Whether the models of a row had seen the shapes, and how many there are."""
-        for input_, cell in row.cells.items():
-            if seen := cell.record.get("seen"):
-                yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
-            if 0 < cell.n_averaged < cell.n_wanted:
-                yield (
-                    f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
-                    f"({cell.record['reason']})"
-                )
-
     def _bridges(self) -> str:
         for row in self.rows:
             cell = row.cells.get("view")
@@ -160,78 +178,129 @@ class TableContent:
         return ""
 
 
-_OF_ABLATIONS = (
-    "Mean ± standard deviation (n - 1): over trainings with different seeds, all tested on the gallery of Table I; for "
-    "learners that are trained once for each fold, over three galleries of five subjects."
-)
-
-#: States of jobs that would run.
-NOT_RUN = ("missing", "stale")
-
-OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
+_OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself, and over trainings."
 
 
-def contents(jobs: Sequence[Job], store: Store) -> list[TableContent]:
-    """Fill the tables that a plan stands for with what the store holds.
+def _of_jobs(row: Row) -> Iterable[str]:
+    """Whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
+    for input_, cell in row.cells.items():
+        if seen := cell.record.get("seen"):
+            yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
+        if 0 < cell.n_averaged < cell.n_wanted:
+            yield (
+                f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
+                f"({cell.record.get('reason', 'the others were not run')})"
+            )
+
+
+def file_stem(table: str, dataset: str, *, quick: bool) -> str:
+    """Name of the files of a table on a data set."""
+    parts = ["table", table] + ([dataset] if dataset != table else [])
+    return "-".join(parts + (["quick"] if quick else [])).replace(" ", "-").replace("/", "-")
+
+
+def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[TableContent]:
+    """Fill tables with results.
 
     Parameters
     ----------
-    jobs
-        The plan.
-    store
-        Where the records are.
+    results
+        The records to show.
+    tables
+        Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
     """
-    by_table: dict[tuple[str, str, bool], list[Job]] = {}
-    for job in jobs:
-        gallery = job.gallery
-        by_table.setdefault((gallery.table.identifier, gallery.dataset.name, gallery.quick), []).append(job)
-    return [_content(group, store) for group in by_table.values()]
+    wanted = set(tables)
+    wanted |= {table.identifier for table in TABLES if table.part_of in wanted}
+    grouped: dict[tuple[str, str, bool], list[Result]] = {}
+    for result in results:
+        data = result.record["data"]
+        for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
+            if not wanted or table in wanted:
+                grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
+    known = {table.identifier: table for table in TABLES}
+    order = {name: place for place, name in enumerate(known)}
+    places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
+    made = (_content(known.get(place[0]) or own_table(place[1]), grouped[place]) for place in places)
+    return [table for table in made if table.rows]
 
 
-def _content(jobs: Sequence[Job], store: Store) -> TableContent:
-    from retrieval.chance import chance_levels
+def own_table(dataset: str) -> Table:
+    """Table of a set that no table of the paper uses."""
+    name = Path(dataset).name
+    return Table(name, f"Retrieval on {name}", dataset, all_unseen=False)
 
-    gallery = jobs[0].gallery
-    inputs = tuple(dict.fromkeys(job.input for job in jobs))
-    specs: dict[str, MethodSpec] = {}
-    grouped: dict[str, dict[Input, list[Job]]] = {}
-    for job in jobs:
-        spec = row_of(job.method) if gallery.table.ablation else job.method
-        specs[spec.name] = spec
-        grouped.setdefault(spec.name, {}).setdefault(job.input, []).append(job)
-    cells = {
-        name: {input_: _cell(of_cell, store) for input_, of_cell in by_input.items()}
-        for name, by_input in grouped.items()
+
+def _is_stand_in(place: tuple[str, str, bool]) -> bool:
+    return any(table.identifier == place[0] and table.stand_in == place[1] for table in TABLES)
+
+
+def _content(table: Table, results: Sequence[Result]) -> TableContent:
+    galleries = sorted({result.record["gallery"] for result in results})
+    by_row: dict[str, dict[Input, list[Result]]] = {}
+    for result in results:
+        if _belongs(table, result):
+            row = row_of(table, result.record)
+            by_row.setdefault(row, {}).setdefault(cast(Input, result.record["input"]), []).append(result)
+    inputs = tuple(i for i in INPUTS if any(i in cells for cells in by_row.values()))
+    printed = paper.rows(table.identifier)
+    quick = bool(results[0].record["data"]["quick"])
+    n_folds = 1 if quick else max(1, len(table.folds))
+    cells: dict[str, dict[Input, Cell]] = {
+        name: {i: cell_of(found, max(n_folds, len(found))) for i, found in by_input.items()}
+        for name, by_input in by_row.items()
     }
-    printed = paper.rows(gallery.table.identifier)
-    pending: dict[Input, Cell] = {input_: Cell("pending", {}) for input_ in inputs}
+    blank: dict[Input, Cell] = {input_: Cell() for input_ in inputs}
     rows = [
-        Row(name, row.title, "paper", row.values[gallery.table.identifier], cells.get(name, pending))
+        Row(name, row.title, "paper", row.values[table.identifier], blank | cells.get(name, {}))
         for name, row in printed.items()
     ]
-    rows += [
-        Row(name, specs[name].title, specs[name].info.family, None, cells[name])
-        for name in _others(cells, printed, specs)
-    ]
-    return TableContent(gallery, inputs, tuple(rows), chance_levels([entry.subject for entry in gallery.entries]))
+    rows += [_further_row(name, by_row[name], cells[name]) for name in _others(by_row, printed)]
+    one_each = {result.record["gallery"]: result.record for result in results}
+    chance = [one_each[name]["data"]["chance"] for name in galleries]
+    return TableContent(
+        table,
+        one_each[galleries[0]]["data"],
+        inputs,
+        tuple(rows) if by_row else (),
+        {name: statistics.fmean(levels[name] for levels in chance) for name in chance[0]},
+        len(galleries),
+    )
 
 
-def _cell(jobs: Sequence[Job], store: Store) -> Cell:
-    records = [(store.read_record(job.key) if job.key else None) or {"reason": job.reason} for job in jobs]
-    if jobs[0].gallery.table.ablation:
-        return averaged(jobs, records)
-    return Cell(records[-1].get("status", jobs[-1].state), records[-1])
+def _belongs(table: Table, result: Result) -> bool:
+    """Whether a record is shown in a table: those of learners alone in an ablation, and there alone their seeds."""
+    record = result.record
+    base = record["method"].partition("[")[0]
+    if table.ablation:
+        return base in {row.method for row in paper.ABLATION}
+    return TRAINING_SEED not in record["parameters"] and base not in _ONLY_IN_ABLATION
 
 
-def _others(
-    cells: Mapping[str, Mapping[Input, Cell]], printed: Iterable[str], specs: Mapping[str, MethodSpec]
-) -> list[str]:
-    """Methods without a row in the paper that were run: further forms first, controls last."""
-    rest = [name for name, by_input in cells.items() if name not in set(printed) and _was_run(by_input.values())]
-    return sorted(rest, key=lambda name: specs[name].info.family == "control")
+_ONLY_IN_ABLATION = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
 
-def _was_run(cells: Iterable[Cell]) -> bool:
-    """Whether some input was tried, or none can be: what waits for one input alone has no row yet."""
-    statuses = [cell.status for cell in cells if cell.record.get("status") or cell.status in NOT_RUN]
-    return not statuses or any(status not in NOT_RUN for status in statuses)
+def row_of(table: Table, record: Mapping[str, Any]) -> str:
+    """Row that a record belongs to: in an ablation, trainings with other seeds share it."""
+    name = str(record["method"])
+    if not table.ablation or TRAINING_SEED not in record["parameters"]:
+        return name
+    base, _, rest = name.partition("[")
+    kept = [part for part in rest.removesuffix("]").split(",") if not part.startswith(f"{TRAINING_SEED}=")]
+    return f"{base}[{','.join(kept)}]" if kept else base
+
+
+def _further_row(name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]) -> Row:
+    records = [result.record for results in by_input.values() for result in results]
+    titled = next((r for r in records if r["method"] == name), records[0])
+    return Row(name, str(titled["title"]), str(titled["family"]), None, cells)
+
+
+def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:
+    """Methods without a row in the paper: variants and further forms in the order of the methods, controls last."""
+    order = {name: place for place, name in enumerate(BUILT_IN)}
+
+    def place(name: str) -> tuple[bool, int, str]:
+        record = next(iter(by_row[name].values()))[0].record
+        return record["family"] == "control", order.get(name.partition("[")[0], len(order)), name
+
+    return sorted((name for name in by_row if name not in set(printed)), key=place)

@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmark.errors import BenchmarkError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, latex, markdown
+from benchmark.report.splits import has_splits, splits_markdown
 
 
 def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
@@ -23,6 +24,7 @@ def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, 
             files["references.bib"] = resources.files("benchmark.reference").joinpath("references.bib").read_text()
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
+            files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
         else:

@@ -9,22 +9,22 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmark.contracts import Input
-from benchmark.reference.paper import METRICS
-from benchmark.report.cell import Cell, Scores
+from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
 from benchmark.storage.keys import digest
+from retrieval.measures import PRINTED
 
 BLANK = "--"
 
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
-    header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in METRICS)]
+    header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in PRINTED)]
     body = [[row.label, *values] for row, values in zip(table.rows, cells(table, "**{}**", " ± "), strict=True)]
-    body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in METRICS)])
+    body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in PRINTED)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    lines = [f"**{_title(table)}. {table.gallery.table.caption}: {table.data_title} ({table.size}).**", ""]
+    lines = [f"**{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).**", ""]
     for line in [header, rule, *body]:
         first, *rest = line
         lines.append(
@@ -42,21 +42,21 @@ def latex(table: TableContent) -> str:
     column = 2
     spans, rules = [], []
     for group, _ in groups:
-        spans.append(rf"\multicolumn{{{len(METRICS)}}}{{c}}{{{_escape(group)}}}")
-        rules.append(rf"\cmidrule(lr){{{column}-{column + len(METRICS) - 1}}}")
-        column += len(METRICS)
-    caption = f"{table.gallery.table.caption}: {table.data_title} ({table.size}). {_legend(table)}"
+        spans.append(rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{{_escape(group)}}}")
+        rules.append(rf"\cmidrule(lr){{{column}-{column + len(PRINTED) - 1}}}")
+        column += len(PRINTED)
+    caption = f"{table.table.caption}: {table.data_title} ({table.size}). {_legend(table)}"
     lines = [
         f"% {table.file_stem}, made from records {_digest(table)}",
         r"\begin{table}",
         r"\centering",
         rf"\caption{{{_escape(caption)}}}",
         rf"\label{{tab:{table.file_stem.replace(' ', '-')}}}",
-        rf"\begin{{tabular}}{{l{'r' * len(METRICS) * len(groups)}}}",
+        rf"\begin{{tabular}}{{l{'r' * len(PRINTED) * len(groups)}}}",
         r"\toprule",
         " & ".join(["", *spans]) + r" \\",
         " ".join(rules),
-        " & ".join(["Method", *(metric for _ in groups for metric in METRICS)]) + r" \\",
+        " & ".join(["Method", *(metric for _ in groups for metric in PRINTED)]) + r" \\",
         r"\midrule",
     ]
     last = ""
@@ -65,7 +65,7 @@ def latex(table: TableContent) -> str:
             lines.append(r"\midrule")
         last = row.family
         lines.append(" & ".join([_escape(row.label), *values]) + r" \\")
-    chance = [number(table.chance[metric]) for _ in groups for metric in METRICS]
+    chance = [number(table.chance[metric]) for _ in groups for metric in PRINTED]
     lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
     notes = table.notes()
     if notes:
@@ -91,17 +91,17 @@ def as_json(tables: Sequence[TableContent]) -> str:
 
 def as_csv(tables: Sequence[TableContent]) -> str:
     """All tables as one flat CSV: one line per table, input and method."""
-    names = ["table", "dataset", "stand_in", "input", "method", "title", *METRICS]
-    names += [f"paper_{m}" for m in METRICS] + [f"chance_{m}" for m in METRICS]
+    names = ["table", "dataset", "stand_in", "input", "method", "title", *PRINTED]
+    names += [f"paper_{m}" for m in PRINTED] + [f"chance_{m}" for m in PRINTED]
     names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib"]
-    names += [f"spread_{m}" for m in METRICS] + ["n_models", "status"]
+    names += [f"spread_{m}" for m in PRINTED] + ["n_models", "n_galleries", "status", "outdated"]
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
     for row in rows_as_json(tables):
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread"):
-            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in METRICS}
+            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
         writer.writerow(flat)
     return text.getvalue()
 
@@ -110,22 +110,24 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
     record, scores = cell.record, cell.scores
     return {
         "table": table.identifier,
-        "dataset": table.gallery.dataset.name,
-        "stand_in": bool(table.gallery.dataset.stand_in_for),
-        "quick": table.gallery.quick,
+        "dataset": table.data["name"],
+        "stand_in": bool(table.data["stand_in_for"]),
+        "quick": table.quick,
         "input": input_,
         "method": row.method,
         "title": row.title,
-        **{metric: round(scores[metric], 6) if scores else None for metric in METRICS},
+        **{metric: round(scores[metric], 6) if scores else None for metric in PRINTED},
         "paper": dict(row.paper) if row.paper else None,
-        "chance": {metric: round((record.get("chance") or table.chance)[metric], 6) for metric in METRICS},
+        "chance": {metric: round((record.get("chance") or table.chance)[metric], 6) for metric in PRINTED},
         "n_shapes": record.get("n_shapes"),
         "n_classes": record.get("n_classes"),
         "unsupported": len(record.get("unsupported", [])),
-        "seconds": round(sum(record["phase_seconds"].values()), 3) if "phase_seconds" in record else None,
+        "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
         "peak_mib": record.get("peak_mib"),
-        "spread": {metric: round(cell.spread[metric], 6) for metric in METRICS} if cell.spread else None,
+        "spread": {metric: round(cell.deviation[metric], 6) for metric in PRINTED} if cell.deviation else None,
         "n_models": len(cell.models) or None,
+        "n_galleries": table.n_galleries,
+        "outdated": cell.outdated or None,
         "status": cell.status,
     }
 
@@ -144,7 +146,7 @@ def cells(table: TableContent, mark: str, plus_minus: str) -> list[list[str]]:
     """
     columns: list[list[str]] = []
     for _, input_ in column_groups(table):
-        for metric in METRICS:
+        for metric in PRINTED:
             values = [_value(row, input_, metric) for row in table.rows]
             texts = [number(value) for value in values]
             best = max((text for text in texts if text != BLANK), default=None) if input_ else None
@@ -161,7 +163,7 @@ def cells(table: TableContent, mark: str, plus_minus: str) -> list[list[str]]:
 
 def _value(row: Row, input_: Input | None, metric: str) -> float | None:
     if input_ is None:
-        scores: Scores | None = row.paper
+        scores: Figures | None = row.paper
     else:
         cell = row.cells.get(input_)
         scores = cell.scores if cell else None
@@ -170,7 +172,7 @@ def _value(row: Row, input_: Input | None, metric: str) -> float | None:
 
 def _spread(row: Row, input_: Input | None, metric: str) -> float | None:
     cell = row.cells.get(input_) if input_ else None
-    return cell.spread[metric] if cell and cell.spread else None
+    return cell.deviation[metric] if cell and cell.deviation else None
 
 
 def number(value: float | None) -> str:
@@ -187,9 +189,7 @@ def _legend(table: TableContent) -> str:
         {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}[input_]
         for input_ in table.inputs
     )
-    return (
-        f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: not built yet or no result."
-    )
+    return f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: no result."
 
 
 def _sentence(note: str) -> str:
@@ -205,7 +205,7 @@ def _digest(table: TableContent) -> str:
 
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
-    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "†": r"\dag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
 }  # fmt: skip
 
 

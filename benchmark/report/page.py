@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from benchmark.reference.paper import METRICS
 from benchmark.report.content import TableContent
 from benchmark.report.formats import BLANK, cells, column_groups, number
+from retrieval.measures import PRINTED
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
@@ -41,20 +41,20 @@ def page(tables: Sequence[TableContent], figures: Mapping[str, str]) -> str:
 
 def _table(table: TableContent) -> str:
     groups = column_groups(table)
-    heading = f"Table {table.identifier}. {table.gallery.table.caption}: {table.data_title} ({table.size})"
+    heading = f"Table {table.identifier}. {table.table.caption}: {table.data_title} ({table.size})"
     lines = [f"<h2>{escape(heading)}</h2>", "<table><thead><tr><th></th>"]
-    lines += [f"<th colspan='{len(METRICS)}'>{escape(name)}</th>" for name, _ in groups]
+    lines += [f"<th colspan='{len(PRINTED)}'>{escape(name)}</th>" for name, _ in groups]
     lines += [
         "</tr><tr><th>Method</th>",
-        *(f"<th>{metric}</th>" for _ in groups for metric in METRICS),
+        *(f"<th>{metric}</th>" for _ in groups for metric in PRINTED),
         "</tr></thead><tbody>",
     ]
     for row, values in zip(table.rows, cells(table, "<b>{}</b>", " ± "), strict=True):
         lines.append(f"<tr><td>{escape(row.label)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
-    chance = "".join(f"<td>{number(table.chance[metric])}</td>" for _ in groups for metric in METRICS)
+    chance = "".join(f"<td>{number(table.chance[metric])}</td>" for _ in groups for metric in PRINTED)
     lines.append(f"<tr class='chance'><td>Chance</td>{chance}</tr></tbody></table>")
     notes = table.notes()
     if notes:
         lines += ["<ul>", *(f"<li>{escape(note)}</li>" for note in notes), "</ul>"]
-    lines.append(f"<p>{BLANK}: not built yet or no result.</p>")
+    lines.append(f"<p>{BLANK}: no result.</p>")
     return "\n".join(lines)

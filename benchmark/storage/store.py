@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
-import tempfile
-import time
+import contextlib
+import shutil
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,10 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError
+from benchmark.storage.costs import Cost, Meter
+from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
+from benchmark.storage.records import Record, Records
+from benchmark.system.files import sweep, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
-_SECONDS = "__seconds__"
+_COST, _ENVIRONMENT = "__cost__", "__environment__"
+
+#: What reading a damaged file may raise; anything of it means "make it again".
+_DAMAGE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
+    RuntimeError, MemoryError,
+)  # fmt: skip
 
 
 class StorageError(BenchmarkError):
@@ -28,28 +37,33 @@ class StorageError(BenchmarkError):
 
 @dataclass(frozen=True)
 class Artefact:
-    """Arrays of one stage, with the time that they originally took."""
+    """Arrays of one stage, with what they originally cost and where they were made."""
 
+    key: str
     arrays: Arrays
-    seconds: float
+    cost: Cost
+    environment: str
     was_cached: bool
 
 
 @dataclass(frozen=True)
 class Store:
-    """The folder ``DIR/runs``: ``artefacts/`` by recipe digest and ``records/`` by job key.
+    """The folder of results.
+
+    ``DIR/runs/artefacts`` keeps arrays by the digest of their recipe, ``DIR/runs/scratch`` those that are large and
+    made again quickly, ``DIR/runs/records`` the records of the jobs done here, and ``DIR/records`` those that travel
+    with the suite.
 
     Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
     second one merely replaces the first.
     """
 
     root: Path
-    # Seconds spent in inner stages, for each stage that is being computed, outermost first.
-    _inner: list[float] = field(default_factory=list, repr=False, compare=False)
+    meter: Meter = field(default_factory=Meter, repr=False, compare=False)
 
     @classmethod
     def open(cls, results: Path) -> Store:
-        """Open or create the store under a results folder.
+        """Open or create the store under a results folder; what killed writers left behind is swept away.
 
         Raises
         ------
@@ -58,8 +72,9 @@ class Store:
         """
         store = cls(results / "runs")
         try:
-            for folder in (store._artefacts, store._records, store._progress):
+            for folder in (store.artefacts, store.scratch, store.records.folder, store.progress):
                 folder.mkdir(parents=True, exist_ok=True)
+            sweep(store.records.folder)
         except OSError as error:
             raise StorageError(
                 f"cannot write to {results}: {error.strerror}", "choose another --results DIR"
@@ -72,23 +87,36 @@ class Store:
         return self.root.parent / "models"
 
     @property
-    def _artefacts(self) -> Path:
+    def artefacts(self) -> Path:
+        """Folder of the arrays that stay."""
         return self.root / "artefacts"
 
     @property
-    def _records(self) -> Path:
-        return self.root / "records"
+    def scratch(self) -> Path:
+        """Folder of the arrays that a run needs until its jobs have their records."""
+        return self.root / "scratch"
 
     @property
-    def _progress(self) -> Path:
+    def progress(self) -> Path:
+        """Folder where workers tell how far they are."""
         return self.root / "progress"
+
+    @property
+    def records(self) -> Records:
+        """Records of the jobs done here."""
+        return Records(self.root / "records")
+
+    @property
+    def published(self) -> Records:
+        """Records that travel with the suite."""
+        return Records(self.root.parent / "records")
 
     # Artefacts ---------------------------------------------------------------------------------------------------
 
-    def get_or_compute(self, recipe: Mapping[str, Any], compute: Callable[[], Arrays]) -> Artefact:
+    def get_or_compute(
+        self, recipe: Mapping[str, Any], compute: Callable[[], Arrays], *, work: str = "", scratch: bool = False
+    ) -> Artefact:
         """Return the arrays that a recipe stands for, computing and keeping them when missing or damaged.
-
-        The time kept with them is the stage's own: what a stage that it called took is booked there alone.
 
         Parameters
         ----------
@@ -96,104 +124,87 @@ class Store:
             Everything that determines the result; see :mod:`benchmark.storage.keys`.
         compute
             Makes the arrays; called only on a miss.
+        work
+            What is done; its first time in a process is marked in the cost.
+        scratch
+            Whether the arrays may go as soon as no job needs them.
         """
-        path = self._artefact_path(digest(recipe))
-        found = _load(path)
+        key = digest(recipe)
+        path = self._path(key, scratch=scratch)
+        found = _load(path, key)
         if found is not None:
             return found
-        start = time.perf_counter()
-        self._inner.append(0.0)
-        try:
+        with self.meter.measured(work) as cost:
             arrays = compute()
-        finally:
-            elapsed = time.perf_counter() - start
-            seconds = elapsed - self._inner.pop()
-            if self._inner:
-                self._inner[-1] += elapsed
-        self._write(path, lambda file: np.savez(file, allow_pickle=False, **arrays, **{_SECONDS: np.float64(seconds)}))
-        return Artefact(arrays, seconds, was_cached=False)
+        extra = {_COST: np.array(cost().to_json()), _ENVIRONMENT: np.array(environment_text())}
+        save = np.savez if scratch else np.savez_compressed
+        self._write(path, lambda file: save(file, allow_pickle=False, **arrays, **extra))
+        return Artefact(key, arrays, cost(), environment_text(), was_cached=False)
 
-    def find(self, recipe: Mapping[str, Any]) -> Artefact | None:
-        """Return the arrays of a recipe if they are there."""
-        return _load(self._artefact_path(digest(recipe)))
+    def find(
+        self, recipe: Mapping[str, Any], *, scratch: bool = False, wanted: Callable[[str], bool] | None = None
+    ) -> Artefact | None:
+        """Return the arrays of a recipe if they are there.
 
-    def _artefact_path(self, key: str) -> Path:
-        return self._artefacts / key[:2] / f"{key}.npz"
+        Parameters
+        ----------
+        recipe, scratch
+            As in :meth:`get_or_compute`.
+        wanted
+            Chooses the arrays to read by name; all by default.
+        """
+        key = digest(recipe)
+        return _load(self._path(key, scratch=scratch), key, wanted)
+
+    def discard(self, key: str) -> None:
+        """Forget the arrays under a key."""
+        for scratch in (False, True):
+            self._path(key, scratch=scratch).unlink(missing_ok=True)
+
+    def artefact_files(self) -> Iterator[Path]:
+        """Files of all arrays that stay."""
+        return self.artefacts.glob("*/*.npz")
+
+    def drop_scratch(self) -> None:
+        """Free what no job needs any more."""
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self.scratch)
+            self.scratch.mkdir()
+
+    def _path(self, key: str, *, scratch: bool = False) -> Path:
+        return (self.scratch if scratch else self.artefacts) / key[:2] / f"{key}.npz"
 
     # Records -----------------------------------------------------------------------------------------------------
 
-    def write_record(self, key: str, record: Mapping[str, Any]) -> None:
-        """Keep the record of a job; a later record under the same key replaces it as a whole."""
-        text = json.dumps(record, indent=1, sort_keys=True, allow_nan=False)
-        self._write(self._records / f"{key}.json", lambda file: file.write(text.encode()), durable=True)
-
-    def read_record(self, key: str) -> dict[str, Any] | None:
-        """Return the record of a job, or None when there is none that can be read."""
-        return _read_json(self._records / f"{key}.json")
-
-    def records(self) -> Iterator[dict[str, Any]]:
-        """Iterate over all records, oldest first."""
-        for path in sorted(self._records.glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name)):
-            record = _read_json(path)
-            if record is not None:
-                yield record
-
-    # Progress ----------------------------------------------------------------------------------------------------
-
-    def report_progress(self, key: str, done: int, total: int) -> None:
-        """Tell whoever watches how far a job is. Lost updates do no harm, so nothing is synchronised."""
-        (self._progress / key).write_text(f"{done} {total}")
-
-    def progress(self, key: str) -> tuple[int, int]:
-        """How far a job is: shapes done and shapes in all."""
+    def write_record(self, record: Record) -> None:
+        """Keep the record of a job; raises ``StorageError`` if it cannot be written."""
         try:
-            done, total = (self._progress / key).read_text().split()
-            return int(done), int(total)
-        except (OSError, ValueError):
-            return 0, 0
-
-    def forget_progress(self, key: str) -> None:
-        """Remove the progress of a job that has ended."""
-        (self._progress / key).unlink(missing_ok=True)
-
-    def _write(self, path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
-        """Write atomically: temporary file in the same folder, then rename.
-
-        Only records are flushed to the disk before the rename: a damaged artefact is noticed by its checksum and made
-        again, a damaged record would lose a finished job.
-        """
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
-            try:
-                with os.fdopen(descriptor, "wb") as file:
-                    write(file)
-                    if durable:
-                        file.flush()
-                        os.fsync(file.fileno())
-                Path(name).replace(path)
-            except BaseException:
-                Path(name).unlink(missing_ok=True)
-                raise
+            self.records.write(record)
         except OSError as error:
-            raise StorageError(
-                f"cannot write {path.name} under {self.root}: {error.strerror}",
-                "free some space or choose another --results DIR; finished jobs are kept",
-            ) from error
+            raise self._no_room(f"{record['key']}.json", error) from error
+
+    def _write(self, path: Path, write: Callable[[Any], object]) -> None:
+        """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
+        try:
+            write_atomically(path, write)
+        except OSError as error:
+            raise self._no_room(path.name, error) from error
+
+    def _no_room(self, name: str, error: OSError) -> StorageError:
+        return StorageError(
+            f"cannot write {name} under {self.root}: {error.strerror}",
+            "free some space or choose another --results DIR; finished jobs are kept",
+        )
 
 
-def _load(path: Path) -> Artefact | None:
+def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
     try:
         with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        return Artefact(arrays, float(arrays.pop(_SECONDS)), was_cached=True)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            names = (name for name in file.files if wanted is None or name in (_COST, _ENVIRONMENT) or wanted(name))
+            arrays = {name: file[name] for name in names}
+        cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
+    except FileNotFoundError:
         return None
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except _DAMAGE:
         return None
-    return content if isinstance(content, dict) else None
+    return Artefact(key, arrays, cost, environment, was_cached=True)

@@ -19,6 +19,8 @@ from tests.baselines.embedding import (
     spread,
 )
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("n", [4, 63, 64, 65, 301])
 def test_points_in_space_are_recovered(n):

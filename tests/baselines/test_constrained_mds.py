@@ -19,6 +19,8 @@ from tests.baselines.deformable import (
     tube,
 )
 
+pytestmark = pytest.mark.kernels
+
 
 def elastic(mesh):
     return AsRigidAsPossible.of(shape_of(mesh))

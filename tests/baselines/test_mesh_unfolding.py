@@ -19,6 +19,8 @@ from tests.baselines.deformable import (
     tube,
 )
 
+pytestmark = pytest.mark.kernels
+
 
 def test_repulsion_agrees_with_all_pairwise_distances():
     random = np.random.default_rng(0)

@@ -17,6 +17,8 @@ from tests.baselines.embedding import (
     spread,
 )
 
+pytestmark = pytest.mark.kernels
+
 
 def random_problem(seed: int, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)

@@ -150,7 +150,7 @@ def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp
     assert told.startswith("unavailable  tosca held out view mean-target[training_seed=1]  needs the model tosca-III")
     command = shlex.split(told.split("`")[1])
     assert command[:3] == ["python", "-m", "benchmark"]
-    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--table", "III"]
+    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--only", "tosca-III"]
     call(*command[3:-2], "--results", tmp_path, "--data-root", root)
     assert call("plan", "-t", "III-held-out", *arguments).startswith("missing")
 
@@ -195,7 +195,7 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
         (("mean-target", "--table", "VI"), "unknown table 'VI'"),
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
-        (("mean-target", "-o", "jitter"), "option 'jitter' has no value; write -o NAME=VALUE"),
+        (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
     ],
 )
@@ -212,9 +212,9 @@ def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
 @pytest.mark.parametrize(
     ("name", "folder"),
     [
-        ("learned", "humans-I/literal-seed0"),
+        ("learned", "humans-fold-0/literal-seed0"),
         ("learned-wide-extra", "humans-sampled/wide-extra-seed0"),
-        ("learned-strict", "humans-I/literal-seed0"),
+        ("learned-strict", "humans-fold-0/literal-seed0"),
         ("learned[training=animals-III]", "animals-III/literal-seed0"),
     ],
 )

@@ -6,9 +6,9 @@ from click.testing import CliRunner
 
 from benchmark.cli.data import data
 from benchmark.datasets.checking import check, check_source
+from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.inspection import count_holes
-from benchmark.datasets.manifest import sha256
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off, write_rods
@@ -195,6 +195,9 @@ def test_an_incomplete_official_set_is_an_error(tmp_path):
     assert found[0].startswith("error    tosca  class 'cat' has 3 shapes, officially 11; unpack")
     assert found[-1].startswith("error    tosca  class 'pig' has 3 shapes, officially 0; ")
     assert len(found) == 10
+    # The mend that it names helps: the same folder by its path is a set of its own.
+    assert f"name the folder, -d {tmp_path / 'tosca'}," in found[0]
+    assert lines(tmp_path / "tosca") == []
 
 
 def test_a_frame_that_is_too_small_is_an_error(rods):
@@ -209,7 +212,7 @@ def manifest(folder, header, *rows):
 
 def test_the_files_are_compared_with_the_manifest(rods):
     names = sorted(path.name for path in rods.glob("*.off"))
-    good = [(name, 290, 576, sha256(rods / name)) for name in names]
+    good = [(name, 290, 576, file_digest(rods / name)) for name in names]
     header = ("file", "vertices", "faces", "sha256")
     manifest(rods, header, *good)
     assert lines(rods) == []
@@ -263,13 +266,41 @@ def test_the_verb_exits_with_1_on_errors_alone(rods):
     assert CliRunner().invoke(data, ["check"]).exit_code == 2
 
 
+def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
+    checked = CliRunner().invoke(data, ["check", str(rods)])
+    assert checked.stderr.splitlines() == [f"checking {rods}: 0 of 6", "6 of 6"]
+    monkeypatch.setattr("benchmark.cli.counting.INTERVAL", 0.0)
+    told = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
+    assert [line.partition(",")[0] for line in told[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
+
+
+def test_an_interruption_ends_the_check_with_one_line(rods, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("benchmark.datasets.checking.inspect", interrupt)
+    stopped = CliRunner().invoke(data, ["check", str(rods)])
+    assert stopped.exit_code == 130
+    assert stopped.stderr.splitlines()[1:] == [f"interrupted while checking {rods}"]
+    assert stopped.stdout == ""
+
+
+def test_that_shapes_are_generated_is_said(capsys):
+    from benchmark.cli.counting import counting
+    from tests.datasets.test_export import Beasts
+
+    with counting("checking beasts") as watched:
+        assert next(iter(watched(Beasts().entries))) == Beasts().entries[0]
+    assert capsys.readouterr().err == "checking beasts, each shape generated first: 0 of 9\n"
+
+
 @pytest.mark.data
 def test_tosca_is_whole_but_for_one_open_mesh(data_root):
     start = time.process_time()
     done = CliRunner().invoke(data, ["check", "tosca", "--data-root", str(data_root)])
     assert time.process_time() - start < 10
     assert done.exit_code == 0
-    lines = done.output.splitlines()
+    lines = done.stdout.splitlines()
     assert lines[0] == "tosca: 80 shapes, 9 classes, not a stand-in"
     assert [line for line in lines if line.startswith(("error", "warning"))] == [
         "warning  victoria10.off  20 boundary edges around 3 holes; close the surface for methods that need it closed"

@@ -16,7 +16,8 @@ from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest
 from benchmark.datasets.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.geometry.depth import FRONT, SIDE, Camera, depth_surface
+from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_rods
 

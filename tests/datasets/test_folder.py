@@ -5,9 +5,9 @@ import pytest
 from benchmark.datasets.base import Entry, check_retrievable, natural_key
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.folder import folder_dataset, read_cla
-from benchmark.datasets.manifest import Listed, read_manifest, write_manifest
+from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
 
 CLA = "PSB 1\n2 4\n\nman 0 2\n0\n1\n\nwoman 0 2\n2\n3\n"
@@ -160,7 +160,7 @@ def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
 
 def test_a_manifest_with_classes_lists_the_shapes(tmp_path):
     numbered(tmp_path)
-    listed = [Listed("3.off", "old man", "sits", 290, 576, ""), Listed("0.off", "man-1", "", 290, 576, "")]
+    listed = [ManifestRow("3.off", "old man", "sits", 290, 576, ""), ManifestRow("0.off", "man-1", "", 290, 576, "")]
     write_manifest(tmp_path, listed)
     assert read_manifest(tmp_path) == tuple(listed)
     assert [(e.identifier, e.subject, e.pose) for e in folder_dataset(tmp_path).entries] == [

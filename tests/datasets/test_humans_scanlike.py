@@ -19,8 +19,11 @@ from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans_scanlike import POSE_NAMES, HumansScanlike, adults
 from benchmark.datasets.scanning import CELL, membrane, scan, sheltered_vertices, vertex_normals
-from benchmark.geometry.depth import FRONT, fit_half_width
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import fit_half_width
 from benchmark.geometry.mesh import Mesh
+
+pytestmark = pytest.mark.kernels
 
 GOLDEN = ["48f297686e3fc4ef", "be7a8ca88a8bf0d6"]
 

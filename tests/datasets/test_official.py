@@ -5,7 +5,7 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.shrec14 import SIZES, shrec14
 from benchmark.datasets.tosca import CLASS_SIZES, tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.geometry.depth import FRONT, SIDE
+from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off
 

@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.rasterise import depth_buffer
 
+pytestmark = pytest.mark.kernels
+
 SIZE = 96
 
 

@@ -9,12 +9,12 @@ from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.depth import FRONT, render_depth
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import render_depth
 from benchmark.jobs import training_pairs as pairs
-from benchmark.jobs.stages import Stages
+from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
 from tests.toy import rod
 
 
@@ -57,7 +57,7 @@ def made(monkeypatch, store, name, dataset=None, say=None, **part):
 
 
 def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch, store):
-    data = made(monkeypatch, store, "humans-I", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5)))
+    data = made(monkeypatch, store, "humans-fold-2", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5)))
     got = list(data.pairs())
     assert [(pair.identifier, pair.target_identifier, pair.subject) for pair in got] == [
         ("0-0", "0-0", "s0"),
@@ -78,37 +78,36 @@ def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch, s
 
 
 def test_images_are_those_that_methods_are_given(monkeypatch, store):
-    data = made(monkeypatch, store, "humans-I", trained=Part((0,), (1,)))
+    data = made(monkeypatch, store, "humans-fold-2", trained=Part((0,), (1,)))
     (pair,) = data.pairs()
     rods = Rods()
-    stages = Stages(store, rods, "view", 0, CMBOF())
-    shape = stages.shape(rods.entries[1])
-    assert np.array_equal(pair.image, shape.depth)
-    assert stages.clock.cached == {"prepare": 1}
+    preparation = Preparation(rods, "view", store)
+    assert preparation.artefact(rods.entries[1]).was_cached
+    assert np.array_equal(pair.image, preparation.shape(rods.entries[1]).depth)
     assert pair.image.shape == (500, 500)
     assert pair.image.dtype == np.float32
     assert 0 == pair.image.min() < pair.image.max() <= 1
 
 
 def test_in_a_strict_training_the_canonical_pose_of_the_fold_is_target_alone(monkeypatch, store):
-    first = made(monkeypatch, store, "humans-strict-0-0", trained=Part((5, 6), (5, 6)))
+    first = made(monkeypatch, store, "humans-strict-1-0", trained=Part((5, 6), (5, 6)))
     assert [pair.identifier for pair in first.pairs()] == ["5-5", "5-6", "6-5", "6-6"]
     assert set(first.identifiers) == {"5-0", "5-5", "5-6", "6-0", "6-5", "6-6"}
 
 
 def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch, store):
     said = []
-    data = made(monkeypatch, store, "humans-I", Rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
+    data = made(monkeypatch, store, "humans-fold-2", Rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in data.pairs()] == ["0-0", "0-1", "1-0"]
     assert data.n_pairs == 3
     assert said == ["skipped 1-1: a hole; mend it"]
-    without_target = made(monkeypatch, store, "humans-I", Rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
+    without_target = made(monkeypatch, store, "humans-fold-2", Rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in without_target.pairs()] == ["0-0", "0-1"]
 
 
 def test_the_digest_names_the_shapes_and_their_recipes(monkeypatch, store):
     def digest(dataset=None, **part):
-        return made(monkeypatch, store, "humans-I", dataset, **part).digest
+        return made(monkeypatch, store, "humans-fold-2", dataset, **part).digest
 
     one = digest(trained=Part((0,), (0, 1)))
     assert one == digest(trained=Part((0,), (0, 1)))
@@ -119,9 +118,9 @@ def test_the_digest_names_the_shapes_and_their_recipes(monkeypatch, store):
 
 def test_training_on_what_is_tested_is_refused(monkeypatch, store):
     with pytest.raises(ConfigurationError, match="would show what its models are tested on: s9, 9-0"):
-        made(monkeypatch, store, "humans-I", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
-    with pytest.raises(ConfigurationError, match="'humans-I' has no pairs"):
-        made(monkeypatch, store, "humans-I", trained=Part((77,)))
+        made(monkeypatch, store, "humans-fold-2", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
+    with pytest.raises(ConfigurationError, match="'humans-fold-2' has no pairs"):
+        made(monkeypatch, store, "humans-fold-2", trained=Part((77,)))
 
 
 def test_sampled_bodies_stream_in_the_frame_of_the_data_set(store):

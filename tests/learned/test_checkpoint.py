@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from torch import nn
 
 from benchmark.errors import TrainingError
 from learned import checkpoint
-from learned.checkpoint import CHECKPOINT, Progress, keep, resume, write_atomically
+from learned.checkpoint import CHECKPOINT, Progress, keep, resume, training_code, write
 from tests.learned.toy import files
 
 RECIPE = {"seed": 0, "schedule": {"epochs": 9, "learning_rate": 1e-3}, "data": "ellipsoids"}
@@ -87,6 +88,44 @@ def test_another_recipe_is_refused_by_name(tmp_path: Path, change: dict[str, Any
     assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
 
 
+def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network, optimiser = stepped(1)
+    keep(tmp_path, network, optimiser, PROGRESS, RECIPE)
+    before = [parameter.clone() for parameter in network.parameters()]
+    other = training_code() | {"learned.network": "another", "learned.schedule": "another"}
+    monkeypatch.setattr(checkpoint, "training_code", lambda: other)
+    with pytest.raises(TrainingError) as caught:
+        resume(tmp_path, network, optimiser, RECIPE)
+    assert caught.value.problem.endswith("was made by other code: learned.network, learned.schedule changed")
+    assert caught.value.mend == "delete it to begin anew, or go on with the code that made it"
+    assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
+
+
+@pytest.mark.parametrize(("version", "fits"), [("1.13.1", False), ("%s+cu999", True), ("%s.1", False)])
+def test_a_checkpoint_of_another_torch_is_refused_but_not_one_of_another_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, fits: bool
+) -> None:
+    keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    made, now = torch.__version__, version.replace("%s", torch.__version__.partition("+")[0])
+    monkeypatch.setattr(checkpoint, "VERSION", now)
+    if fits:
+        assert resume(tmp_path, *stepped(0), RECIPE) == PROGRESS
+    else:
+        told = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
+        with pytest.raises(TrainingError, match=told):
+            resume(tmp_path, *stepped(0), RECIPE)
+
+
+def test_a_checkpoint_that_does_not_tell_its_code_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "training_code", dict)
+        keep(tmp_path, *stepped(1), PROGRESS, RECIPE)
+    with pytest.raises(TrainingError, match="by other code: .*learned.checkpoint, .*learned.training changed"):
+        resume(tmp_path, *stepped(0), RECIPE)
+
+
 @pytest.mark.parametrize("damage", ["empty", "truncated header", "truncated", "noise", "other safetensors"])
 def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
     from safetensors.torch import save
@@ -114,13 +153,14 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pyt
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(checkpoint.os, "fsync", full)
+    monkeypatch.setattr("benchmark.system.files.os.fsync", full)
     with pytest.raises(TrainingError, match="No space left on device; free some space and start again"):
         keep(tmp_path, *stepped(2), PROGRESS, RECIPE)
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == {CHECKPOINT}
 
 
-def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "gone").touch()
     with pytest.raises(TrainingError, match="cannot write .*file"):
-        write_atomically(tmp_path / "gone" / "file", b"x")
+        write(tmp_path / "gone" / "file", b"x")

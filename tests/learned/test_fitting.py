@@ -18,9 +18,10 @@ from PIL import Image
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
 from learned.fitting import fit
-from learned.images import gather
-from learned.model import HISTORY, load_model, predict
+from learned.model import load_model, predict
 from learned.network import build, n_parameters
+from learned.pairs import gather
+from learned.saving import HISTORY
 from learned.training import measures
 from tests.learned.toy import BENDS, BUILDS, OPTIONS, TINY, files, quiet, toy_data
 
@@ -141,10 +142,10 @@ def test_another_seed_or_other_data_are_another_training(trained: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"epoch": 3}, "unknown option of the schedule 'epoch'; did you mean epochs"),
-        ({"threads": "many"}, "'many' is no number of threads; pass --threads 2"),
-        ({"threads": "0"}, "no thread, no training"),
-        ({"device": "tpu"}, "unknown device 'tpu'"),
+        ({"epoch": 3}, "unknown parameter of the schedule 'epoch'; did you mean epochs"),
+        ({"threads": "many"}, "'many' does not fit threads of the training; write a whole number of at least 1"),
+        ({"threads": "0"}, "'0' does not fit threads of the training"),
+        ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean cpu"),
     ],
 )
 def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:

@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.contracts import CanonicalForm, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
+from benchmark.geometry.edges import edges_of
 from benchmark.learning import CARD, WEIGHTS, Learner
+from benchmark.methods.registry import methods, variant
+from benchmark.parameters.values import parameter_values
 from learned.configuration import CONFIGURATIONS
 from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
 from learned.prediction import canonical_depth
@@ -36,7 +39,7 @@ def shape(depth: Image | None, seen: Image | None = None) -> Shape:
 
 
 @pytest.fixture
-def method(trained: Path) -> Learned:
+def method(trained: Path, tiny: None) -> Learned:
     """The method with the tiny model."""
     return Learned(configuration=TINY.name).load(trained)
 
@@ -53,13 +56,7 @@ def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned])
     assert learner.model_name == f"{learner.configuration}-seed0"
     assert replace(learner, training_seed=2).model_name == f"{learner.configuration}-seed2"
     assert learner.info.inputs == ("view",)
-    assert {field.name for field in fields(learner)} == {
-        "configuration",
-        "training_seed",
-        "training",
-        "smoothing",
-        "model",
-    }
+    assert set(parameter_values(learner)) == {"configuration", "training_seed", "training", "smoothing"}
 
 
 def test_names_and_splits() -> None:
@@ -80,7 +77,7 @@ def test_the_form_is_one_open_surface_of_unit_area(method: Learned) -> None:
     mesh = form.mesh
     assert mesh.area == pytest.approx(1)
     assert connected_components(mesh).max() == 0
-    assert set(np.unique(edge_counts(mesh.faces))) == {1, 2}
+    assert set(np.unique(edges_of(mesh.faces).counts)) == {1, 2}
     assert fans_per_vertex(mesh).max() == 1
     assert 500 < mesh.n_vertices < 4000
     assert set(form.notes) == {"predicted_foreground", "predicted_pieces", "predicted_bridges"}
@@ -140,6 +137,7 @@ def test_a_depth_image_of_another_size(method: Learned) -> None:
         method.canonicalise(shape(np.full((100, 100), 0.5, dtype=np.float32)))
 
 
+@pytest.mark.usefixtures("tiny")
 def test_a_network_that_predicts_nothing(trained: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(trained, tmp_path / "model"))
     weights = load((folder / WEIGHTS).read_bytes())
@@ -154,7 +152,7 @@ def test_no_model(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="train the model again"):
         Learned().load(tmp_path)
     with pytest.raises(ConfigurationError, match="train the model again"):
-        Learned(model=str(tmp_path)).canonicalise(shape(ellipsoid()))
+        Learned(training="of-nothing").canonicalise(shape(ellipsoid()))
 
 
 def test_a_model_of_another_configuration_is_not_loaded(trained: Path) -> None:
@@ -162,15 +160,22 @@ def test_a_model_of_another_configuration_is_not_loaded(trained: Path) -> None:
         Learned().load(trained)
 
 
+@pytest.mark.usefixtures("tiny")
 def test_loading_leaves_the_method_as_it_was(trained: Path) -> None:
-    before = Learned(configuration=TINY.name)
+    before = Learned(configuration=TINY.name, smoothing=2.0)
     after = before.load(trained)
-    assert before.model == ""
-    assert after == replace(before, model=str(trained))
+    assert before.model is None
+    assert (after.model, after.model_folder) == (trained, trained)
+    assert parameter_values(after) == parameter_values(before)
     assert json.loads((trained / CARD).read_text())["configuration"]["name"] == after.configuration
 
 
 @pytest.mark.parametrize("smoothing", [-1.0, float("nan"), 1e3])
 def test_a_smoothing_that_cannot_be_is_refused(smoothing: float) -> None:
-    with pytest.raises(ConfigurationError, match="choose between 0 and 50 pixels"):
+    with pytest.raises(ConfigurationError, match="smoothing of learned; write a number"):
         Learned(smoothing=smoothing)
+
+
+def test_the_model_is_no_parameter_so_that_no_other_one_is_scored_under_its_name() -> None:
+    with pytest.raises(ConfigurationError, match="unknown parameter of learned 'model'"):
+        variant("learned[model=results/models/mine]", methods())

@@ -4,6 +4,7 @@ import pytest
 
 from benchmark.contracts import Descriptor, Method
 from benchmark.errors import ConfigurationError
+from benchmark.geometry.geodesics import DEFAULT_SOLVER
 from benchmark.methods import registry
 
 PLUGIN = '''
@@ -94,9 +95,9 @@ def test_a_missing_package_makes_a_method_unavailable_not_broken(tmp_path):
 
 def test_parameters_in_brackets_make_a_variant_with_its_own_name_and_title():
     known = registry.methods()
-    names = ["least-squares-mds", "least-squares-mds[start=classic, max_iterations=7]"]
+    names = ["least-squares-mds", " least-squares-mds [max_iterations=7.0, start = classic]"]
     plain, variant = registry.select(names, known)
-    assert (plain.name, variant.name) == tuple(names)
+    assert (plain.name, variant.name) == (names[0], "least-squares-mds[start=classic,max_iterations=7]")
     assert variant.title == "Least Square MDS (start=classic, max_iterations=7)"
     assert (variant.create().start, variant.create().max_iterations) == ("classic", 7)
     assert variant.resolved_parameters() != plain.resolved_parameters()
@@ -106,7 +107,7 @@ def test_parameters_in_brackets_make_a_variant_with_its_own_name_and_title():
     ("name", "message"),
     [
         ("least-squares-mds[stard=classic]", "unknown parameter of least-squares-mds 'stard'; did you mean start"),
-        ("least-squares-mds[max_iterations=many]", "'many' does not fit .*; write a int"),
+        ("least-squares-mds[max_iterations=many]", "'many' does not fit .*; write a whole number of at"),
         ("least-squares[start=classic]", "unknown method 'least-squares'; did you mean least-squares-mds"),
         ("gps[", "unknown method"),
     ],
@@ -124,3 +125,156 @@ def test_all_methods_and_some_more():
     assert [spec.name for spec in more] == [*plain[:place], "least-squares-mds[start=classic]", *plain[place:]]
     assert not [spec.name for spec in more if spec.named]
     assert [spec.name for spec in registry.select(["all", "gps"], known)] == plain
+
+
+@pytest.mark.parametrize(
+    ("base", "ways"),
+    [
+        ("non-metric-mds", ["rtol=1e-3", "rtol=.001", " rtol = 0.0010 ", "max_iterations=100.0", "", "solver=default"]),
+        ("non-metric-mds", [f"solver={DEFAULT_SOLVER}", "solver=default,rtol=1e-3"]),
+        ("constrained-mds", ["first_pull=1", "first_pull=1.00", "start=mesh"]),
+        ("learned", ["smoothing=0", "smoothing=-0", "training=", "training_seed=0"]),
+    ],
+)
+def test_every_way_to_write_the_defaults_is_the_method_itself(base, ways):
+    known = registry.methods()
+    names = [base, *(f"{base}[{way}]" for way in ways)]
+    assert [registry.variant(name, known) for name in names] == [known[base]] * len(names)
+    assert [spec.name for spec in registry.select(names, known)] == [base]
+
+
+def test_every_way_to_write_a_variant_is_one_method():
+    known = registry.methods()
+    ways = ["max_iterations=7,start=classic", "start=classic,max_iterations=7", "start = classic , max_iterations=7.0"]
+    ways += [f"solver=default,start=classic,max_iterations=+7,rtol={rtol}" for rtol in ("1e-3", "0.001")]
+    (spec,) = registry.select([f"least-squares-mds[{way}]" for way in ways], known)
+    assert spec.name == "least-squares-mds[start=classic,max_iterations=7]"
+    assert spec.title == "Least Square MDS (start=classic, max_iterations=7)"
+    assert spec.parameters == {"start": "classic", "max_iterations": 7}
+    assert spec.resolved_parameters() == {
+        "start": "classic",
+        "weights": "uniform",
+        "max_iterations": 7,
+        "rtol": 1e-3,
+        "solver": DEFAULT_SOLVER,
+    }
+    again = registry.variant(spec.name, known)
+    assert [registry.variant(f"least-squares-mds[{way}]", known) for way in ways] == [again] * len(ways)
+    assert pickle.loads(pickle.dumps(again)) == again  # noqa: S301
+    assert again.without_parameter("start").with_parameter("start", "classic") == again
+    assert again.without_parameter("start").without_parameter("max_iterations") == known["least-squares-mds"]
+
+
+def test_a_number_is_spelt_by_what_it_is():
+    spec = registry.variant("learned[smoothing=3]", registry.methods())
+    assert (spec.name, spec.title) == ("learned[smoothing=3.0]", "Our (smoothing=3.0)")
+
+
+LEARNED = {
+    "configuration": ["literall"],
+    "training_seed": ["-1", str(2**63), "0.5"],
+    "training": ["../elsewhere"],
+    "smoothing": ["-1", "nan", "51"],
+}
+
+#: Values outside of each constraint, of every parameter of every method.
+UNFIT = {
+    "classic-mds": {"solver": ["heta"]},
+    "fast-mds": {"sweeps": ["0"], "solver": ["heta"]},
+    "non-metric-mds": {"max_iterations": ["-1", "0", "1.5"], "rtol": ["nan", "inf", "-1", "1"], "solver": ["heta"]},
+    "least-squares-mds": {
+        "start": ["clasic"],
+        "weights": ["aera"],
+        "max_iterations": ["0"],
+        "rtol": ["nan", "-1e-9", "1"],
+        "solver": [""],
+    },
+    "constrained-mds": {
+        "first_pull": ["0", "inf"],
+        "last_pull": ["-1", "nan"],
+        "cascades": ["0"],
+        "iterations": ["0"],
+        "start": ["clasic"],
+    },
+    "mesh-unfolding": {
+        "first_stiffness": ["0"],
+        "iterations": ["0"],
+        "later_iterations": ["0"],
+        "strain_bound": ["-1", "inf"],
+        "max_cascades": ["0"],
+    },
+    "skeleton": {"max_iterations": ["0"], "rtol": ["nan"], "bands": ["1"], "open_border": ["-1", "inf"]},
+    "accelerated-mds": {
+        "variant": ["sample"],
+        "samples": ["3"],
+        "start": ["clasic"],
+        "cycle": ["1"],
+        "max_iterations": ["0"],
+        "rtol": ["1"],
+        "solver": ["heta"],
+    },
+    "shape-dna": {"count": ["0"]},
+    "sd-gdm": {"count": ["0"], "solver": ["heta"]},
+    "wks-mean": {"eigenpairs": ["1"], "energies": ["1"], "width": ["0", "nan"]},
+    **{name: {} for name in ("gps", "identity", "pca", "random", "surface-area")},
+    **{name: LEARNED for name in registry.BUILT_IN if name.startswith("learned")},
+}
+
+
+def test_every_parameter_of_every_method_is_in_the_table():
+    for name, spec in registry.methods().items():
+        assert set(spec.resolved_parameters()) == set(UNFIT[name])
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "text"),
+    [(name, key, text) for name, unfit in UNFIT.items() for key, texts in unfit.items() for text in texts],
+)
+def test_a_value_outside_of_the_constraint_is_refused_before_anything_runs(name, parameter, text):
+    known = registry.methods()
+    with pytest.raises(ConfigurationError) as caught:
+        registry.variant(f"{name}[{parameter}={text}]", known)
+    assert f"{parameter} of {name}" in caught.value.problem
+    assert caught.value.mend.startswith(("write ", "did you mean ", "choose one of "))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ConfigurationError):
+        known[name].load()(**{parameter: text})
+
+
+@pytest.mark.parametrize("name", [name for name, unfit in UNFIT.items() if not unfit])
+def test_a_method_without_parameters_says_so(name):
+    with pytest.raises(ConfigurationError) as caught:
+        registry.variant(f"{name}[solver=heat]", registry.methods())
+    assert str(caught.value) == f"unknown parameter of {name} 'solver'; leave it out: {name} has no parameters"
+
+
+PARAMETERS = """
+from dataclasses import dataclass
+from typing import ClassVar
+from benchmark.contracts import MethodInfo
+
+@dataclass(frozen=True, kw_only=True)
+class Plain:
+    info: ClassVar[MethodInfo] = MethodInfo(name="plain", title="Plain")
+    factor: float = 1
+    levels: tuple = (1, 2)
+    mode: "NotImported" = None
+
+    def __post_init__(self):
+        if self.factor < 0:
+            raise ValueError("factor is negative")
+
+    def canonicalise(self, shape):
+        return shape.form(shape.mesh.vertices)
+"""
+
+
+def test_a_plugin_that_declares_nothing_keeps_its_own_checks(tmp_path):
+    (tmp_path / "plain.py").write_text(PARAMETERS)
+    known = registry.methods([tmp_path / "plain.py"])
+    assert known["plain"].resolved_parameters() == {"factor": 1, "levels": (1, 2), "mode": None}
+    spec = registry.variant("plain[mode=fast,levels=12,factor=1.0]", known)
+    assert spec.name == "plain[levels=(12),mode=fast]"
+    assert registry.variant(spec.name, known) == spec
+    with pytest.raises(ConfigurationError, match="factor=-1.0. cannot be made: ValueError: factor is negative; choose"):
+        registry.variant("plain[factor=-1]", known)

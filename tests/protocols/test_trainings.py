@@ -10,11 +10,12 @@ from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import galleries
-from benchmark.protocols.trainings import TRAININGS, trainings_by_shape, trainings_of
+from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS, TRAININGS, trainings_by_shape, trainings_of
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 
 SETS = {"humans": Humans(), "animals": Animals()}
+FOLDS = [f"humans-fold-{a}" for a in range(3)]
 STRICT = [f"humans-strict-{a}-{b}" for a in range(3) for b in range(4)]
 GENERATED = [name for name, training in TRAININGS.items() if training.dataset in SETS and name != "humans-sampled"]
 
@@ -44,7 +45,8 @@ def test_a_part_is_chosen_by_name_and_by_place():
 
 @pytest.mark.parametrize(
     ("name", "pairs", "subjects", "unseen"),
-    [("humans-I", 200, 10, 100), ("animals-III", 22, 4, 19), ("animals-III-people", 61, 7, 19)]
+    [(name, 200, 10, 100) for name in FOLDS]
+    + [("animals-III", 22, 4, 19), ("animals-III-people", 61, 7, 19)]
     + [(name, 150, 10, 25) for name in STRICT],
 )
 def test_numbers_of_pairs(name, pairs, subjects, unseen):
@@ -70,16 +72,16 @@ def test_strict_trainings_see_no_pose_of_the_test_but_the_canonical_one_as_targe
     assert bool(targets - set(inputs)) == bool(canonical & fold) == name.endswith("-0")
 
 
-def test_the_strict_trainings_test_every_shape_once():
-    chosen = [entry.identifier for name in STRICT for entry in unseen_of(name)]
+@pytest.mark.parametrize("names", [FOLDS, STRICT])
+def test_the_folds_test_every_shape_once(names):
+    chosen = [entry.identifier for name in names for entry in unseen_of(name)]
     assert len(chosen) == len(set(chosen)) == 300
 
 
 @pytest.mark.parametrize("learner", [MeanTarget(), MeanStrict()])
 def test_no_shape_of_a_gallery_meets_a_model_that_knows_its_subject(learner):
-    for gallery in galleries(["I", "III-held-out", "IV"]):
-        if gallery.split not in (None, learner.split) or (learner.split == "strict" and gallery.part == "held out"):
-            continue  # not a gallery of this learner; there are folds of humans alone
+    chosen = galleries(["I", "IV"] if learner.split == "strict" else ["I", "III-held-out", "IV"])
+    for gallery in chosen:
         models = trainings_by_shape(learner, gallery.dataset, gallery.entries, None)
         assert list(models) == [entry.identifier for entry in gallery.entries]
         known = {
@@ -94,29 +96,30 @@ def test_each_gallery_gets_the_models_of_its_table():
         found = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
         return {training.name for training in found.values()}
 
-    first, second, third, held_out = galleries(["I", "II", "III"])
-    assert [names(MeanTarget(), gallery) for gallery in (first, second, third, held_out)] == [
-        {"humans-I"},
-        {"humans-I"},
+    *folds, _, second, third, held_out = galleries(["I", "II", "III"])
+    assert [names(MeanTarget(), gallery) for gallery in folds] == [{name} for name in FOLDS]
+    assert [names(MeanTarget(), gallery) for gallery in (second, third, held_out)] == [
+        {"humans-fold-0"},
         {"animals-III"},
         {"animals-III"},
     ]
-    assert names(MeanSampled(), second) == {"humans-sampled"}
+    assert {name for gallery in (*folds, second) for name in names(MeanSampled(), gallery)} == {"humans-sampled"}
     assert names(MeanTarget(training="animals-III-people"), third) == {"animals-III-people"}
-    assert names(MeanStrict(), first) == {f"humans-strict-2-{b}" for b in range(4)}
+    assert names(MeanStrict(), folds[2]) == {f"humans-strict-2-{b}" for b in range(4)}
     with pytest.raises(ConfigurationError, match="'humans-scanlike' has no folds of subjects and poses"):
         names(MeanStrict(), second)
-    with pytest.raises(ConfigurationError, match="unknown training 'humans-i'; did you mean humans-I"):
-        names(MeanTarget(training="humans-i"), first)
+    with pytest.raises(ConfigurationError, match="unknown training 'humans-fold-3'; did you mean humans-fold"):
+        names(MeanTarget(training="humans-fold-3"), folds[0])
 
 
 def test_what_train_makes_for_a_table(tmp_path):
     (tmp_path / "tosca").mkdir()
     (tmp_path / "shrec14" / "synthetic").mkdir(parents=True)
     for table, root, expected in [
-        ("I", None, ["humans-I"]),
-        ("II", None, ["humans-I"]),
-        ("IV", tmp_path, ["shrec14-synthetic-I"]),
+        ("I", None, FOLDS),
+        ("II", None, ["humans-fold-0"]),
+        ("II", tmp_path, ["shrec14-synthetic-fold-0"]),
+        ("IV", tmp_path, [f"shrec14-synthetic-fold-{a}" for a in range(3)]),
         ("III", None, ["animals-III"]),
         ("III", tmp_path, ["tosca-III"]),
     ]:
@@ -126,3 +129,27 @@ def test_what_train_makes_for_a_table(tmp_path):
     assert list(trainings_of(MeanTarget(training="tosca-III-people"), "I", None)) == ["tosca-III-people"]
     with pytest.raises(ConfigurationError, match="unknown table 'VI'"):
         trainings_of(MeanTarget(), "VI", Path())
+
+
+KINDS = ("man", "woman", "child")
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        [subject.partition("-")[0] for subject in dict.fromkeys(entry.subject for entry in Humans().entries)],
+        [kind for _ in range(5) for kind in KINDS],
+        [kind for kind in KINDS for _ in range(5)],
+    ],
+    ids=["humans", "in turn", "one after the other"],
+)
+def test_every_fold_has_men_women_and_children(kinds):
+    folds = [[kinds[place] for place in places] for places in SUBJECT_FOLDS]
+    assert [len(fold) for fold in folds] == [5, 5, 5]
+    assert all(set(fold) == set(KINDS) for fold in folds)
+
+
+def test_each_subject_and_each_pose_is_in_one_fold():
+    assert SUBJECT_FOLDS == ((0, 5, 7, 9, 14), (1, 3, 8, 10, 12), (2, 4, 6, 11, 13))
+    assert sorted(place for fold in SUBJECT_FOLDS for place in fold) == list(range(15))
+    assert [place for fold in POSE_FOLDS for place in fold] == list(range(20))

@@ -6,36 +6,23 @@ from dataclasses import replace
 import pytest
 
 from benchmark.contracts import MethodInfo
-from benchmark.datasets.base import Entry, FileDataset
 from benchmark.jobs.plan import difference
-from benchmark.protocols.tables import Gallery, Table
+from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 from benchmark.report.files import render
 from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
 from retrieval.chance import chance_levels
+from tests.records import record
 
 
-def cell(nn, unsupported=(), status="ok"):
-    scores = {"NN": nn, "FT": 0.5, "ST": 0.75, "DCG": 0.8}
-    return Cell(
-        status,
-        {
-            "key": "k",
-            "scores": scores,
-            "status": status,
-            "unsupported": list(unsupported),
-            "n_shapes": 4,
-            "n_classes": 2,
-            "phase_seconds": {"form": 1.25},
-            "peak_mib": 100,
-        },
-    )
+def cell(nn, unsupported=(), **more):
+    return Cell("ok", record(nn=nn, unsupported=list(unsupported)), n_averaged=1, **more)
 
 
 def table(quick=False, stand_in="tosca"):
-    entries = tuple(Entry(f"{subject}{i}", subject, str(i)) for subject in ("cat", "dog") for i in range(2))
-    dataset = FileDataset(name="beasts", title="Beasts & Co", entries=entries, stand_in_for=stand_in)
+    chance = chance_levels(["cat", "cat", "dog", "dog"])
+    data = {"name": "beasts", "title": "Beasts & Co", "stand_in_for": stand_in, "quick": quick}
     paper = {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}
     rows = (
         Row(
@@ -45,7 +32,7 @@ def table(quick=False, stand_in="tosca"):
             paper,
             {"mesh": cell(0.7449), "view": cell(0.2, [("cat1", "two parts; join them")])},
         ),
-        Row("fast-mds", "Fast MDS", "paper", paper, {"mesh": Cell("pending", {}), "view": Cell("pending", {})}),
+        Row("fast-mds", "Fast MDS", "paper", paper, {"mesh": Cell(), "view": Cell()}),
         Row(
             "mine",
             "50 % of_mine",
@@ -54,8 +41,8 @@ def table(quick=False, stand_in="tosca"):
             {"mesh": cell(0.7401), "view": Cell("timeout", {"reason": "stopped"})},
         ),
     )
-    gallery = Gallery(Table("III", "Animals", "tosca", "beasts"), "beasts", dataset, entries, quick)
-    return TableContent(gallery, ("mesh", "view"), rows, chance_levels([entry.subject for entry in entries]))
+    data |= {"n_shapes": 4, "n_classes": 2, "chance": chance}
+    return TableContent(Table("III", "Animals", "tosca", "beasts"), data, ("mesh", "view"), rows, chance, 1)
 
 
 def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
@@ -90,9 +77,9 @@ def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
 
 def test_what_was_not_run_is_one_note():
     content = table()
-    rows = tuple(replace(row, cells={"mesh": Cell("missing", {"reason": "never run"})}) for row in content.rows)
+    rows = tuple(replace(row, cells={"mesh": Cell()}) for row in content.rows)
     lines = markdown(replace(content, rows=rows, inputs=("mesh",))).splitlines()
-    assert [line for line in lines if line.startswith("- ")] == ["- Not run yet: Classic MDS, Fast MDS, 50 % of_mine."]
+    assert [line for line in lines if line.startswith("- ")] == ["- Not run: Classic MDS, Fast MDS, 50 % of_mine."]
 
 
 def test_real_data_is_named_as_such():
@@ -119,14 +106,14 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
     rows = rows_as_json([table()])
     assert [(row["input"], row["method"], row["status"]) for row in rows] == [
         ("mesh", "classic-mds", "ok"),
-        ("mesh", "fast-mds", "pending"),
+        ("mesh", "fast-mds", "missing"),
         ("mesh", "mine", "ok"),
         ("view", "classic-mds", "ok"),
-        ("view", "fast-mds", "pending"),
+        ("view", "fast-mds", "missing"),
         ("view", "mine", "timeout"),
     ]
     assert rows[0]["stand_in"] is True
-    assert rows[0]["seconds"] == 1.25
+    assert rows[0]["seconds"] == 1.5
     assert rows[1]["NN"] is None
     assert rows[2]["paper"] is None
     assert rows[3]["unsupported"] == 1
@@ -153,12 +140,41 @@ def test_files_of_all_formats():
         ({"seed": 0}, {"seed": 1}, "seed changed from 0 to 1"),
         ({"gallery": "a"}, {"gallery": "b"}, "the data changed"),
         ({"parameters": {"k": 1}}, {"parameters": {"k": 2}}, "parameters changed: k 1 -> 2"),
-        ({"code": {"method": {"m": "1", "n": "1"}}}, {"code": {"method": {"m": "2", "n": "1"}}}, "code of m changed"),
+        (
+            {"code": {"method": {"code": {"m": "1", "n": "1"}, "packages": {}}}},
+            {"code": {"method": {"code": {"m": "2", "n": "1"}, "packages": {}}}},
+            "code of m changed",
+        ),
+        (
+            {"code": {"method": {"code": {}, "packages": {"libigl": "2.6.2", "numpy": "2"}}}},
+            {"code": {"method": {"code": {}, "packages": {"libigl": "2.6.3", "numpy": "2"}}}},
+            "libigl 2.6.2 -> 2.6.3",
+        ),
+        (
+            {"code": {"a": {"code": dict.fromkeys("klmn", "1"), "packages": {}}}},
+            {"code": {"a": {"code": dict.fromkeys("klmn", "2"), "packages": {"scipy": "1"}}}},
+            "code of k, l, m and others changed; scipy absent -> 1",
+        ),
         ({}, {}, "the recipe changed"),
     ],
 )
 def test_a_stale_job_says_what_changed(before, now, said):
     assert difference(before, now) == said
+
+
+def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
+    content = table()
+    first, *others = content.rows
+    marked = replace(first, cells={"mesh": cell(0.7449, outdated="libigl 2.6.2 -> 2.6.3"), "view": first.cells["view"]})
+    content = replace(content, rows=(marked, *others))
+    text = markdown(content)
+    assert "| Classic MDS † " in text
+    assert text.count("†") == 2
+    assert "- † Classic MDS: made before the last change (libigl 2.6.2 -> 2.6.3)" in text.splitlines()
+    assert r"Classic MDS \dag{} & 0.74" in latex(content)
+    assert rows_as_json([content])[0]["outdated"] == "libigl 2.6.2 -> 2.6.3"
+    assert rows_as_json([content])[0]["title"] == "Classic MDS"
+    assert "†" not in markdown(table())
 
 
 def test_method_info_has_no_required_field_beyond_name_and_title():

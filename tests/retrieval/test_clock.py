@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from retrieval.clock import BLOCK, Signature, count_words, match_across, match_all
 from retrieval.views import N_VIEWS, VIEW_PERMUTATIONS
 
+pytestmark = pytest.mark.kernels
+
 
 def random_signature(rng: np.random.Generator, n_words: int, keypoints: float = 12, empty: float = 0.1) -> Signature:
     sizes = rng.poisson(keypoints, N_VIEWS) * (rng.uniform(size=N_VIEWS) > empty)

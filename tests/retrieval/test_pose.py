@@ -18,6 +18,8 @@ from retrieval.pose import (
 )
 from tests.retrieval.figures import figure, turned
 
+pytestmark = pytest.mark.kernels
+
 
 def test_unit_sphere_ignores_unused_vertices() -> None:
     mesh = figure()

@@ -9,6 +9,8 @@ from retrieval.pose import to_unit_sphere
 from retrieval.views import CAMERAS, CUBE_ROTATIONS, DIRECTIONS, N_VIEWS, ORBITS, VIEW_PERMUTATIONS, render
 from tests.retrieval.figures import figure, turned
 
+pytestmark = pytest.mark.kernels
+
 
 def test_directions_are_the_twice_subdivided_octahedron() -> None:
     assert DIRECTIONS.shape == (66, 3)

@@ -14,9 +14,10 @@ from typing import Any
 import torch
 
 from learned.configuration import LITERAL
-from learned.images import Pairs, enlarge, shrink
+from learned.images import enlarge, shrink
 from learned.model import predict
 from learned.network import build
+from learned.pairs import Pairs
 from learned.schedule import Precision, Schedule, losses
 from learned.training import train
 from tests.learned.toy import person

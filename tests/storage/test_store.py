@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.storage.store import StorageError, Store
+from tests.records import record
 
 
 @pytest.fixture
@@ -13,18 +14,20 @@ def store(tmp_path):
     return Store.open(tmp_path)
 
 
-def test_a_recipe_is_computed_once_and_keeps_its_time(store):
+def test_a_recipe_is_computed_once_and_keeps_its_cost(store):
     calls = []
 
     def compute():
         calls.append(1)
+        time.sleep(0.05)
         return {"x": np.arange(3)}
 
     first, second = (store.get_or_compute({"a": 1}, compute) for _ in range(2))
     assert len(calls) == 1
     assert not first.was_cached
     assert second.was_cached
-    assert second.seconds == first.seconds
+    assert second.cost == first.cost
+    assert second.cost.seconds >= 0.05
     np.testing.assert_array_equal(second.arrays["x"], [0, 1, 2])
 
 
@@ -46,17 +49,6 @@ def test_objects_are_not_unpickled(store):
     assert store.find({"a": 1}) is None
 
 
-def test_records_are_whole_or_absent(store):
-    store.write_record("k", {"status": "ok", "value": 1.5})
-    assert store.read_record("k") == {"status": "ok", "value": 1.5}
-    with pytest.raises(ValueError, match="JSON"):
-        store.write_record("k", {"value": float("nan")})
-    assert store.read_record("k") == {"status": "ok", "value": 1.5}
-    (store.root / "records" / "half.json").write_text(json.dumps({"a": 1})[:-2])
-    assert store.read_record("half") is None
-    assert [record["status"] for record in store.records()] == ["ok"]
-
-
 def test_a_full_disk_is_named_and_leaves_nothing_half_written(store):
     """A file size limit makes writing fail as a full disk does."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -76,18 +68,49 @@ def test_a_results_folder_that_cannot_be_made_is_named(tmp_path):
         Store.open(tmp_path / "file")
 
 
-def test_the_time_of_an_inner_stage_is_not_booked_twice(store):
-    inner = []
+def test_what_a_run_needs_for_a_while_is_kept_apart_and_goes_at_its_end(store):
+    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)}, scratch=True)
+    store.get_or_compute({"b": 1}, lambda: {"x": np.arange(3)})
+    assert store.find({"a": 1}) is None
+    assert store.find({"a": 1}, scratch=True) is not None
+    store.drop_scratch()
+    assert store.find({"a": 1}, scratch=True) is None
+    assert store.find({"b": 1}) is not None
+    assert not store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)}, scratch=True).was_cached
 
-    def compute_inner():
-        time.sleep(0.2)
-        return {"x": np.arange(3)}
 
-    def compute_outer():
-        inner.append(store.get_or_compute({"inner": 1}, compute_inner))
-        time.sleep(0.05)
-        return {"x": np.arange(3)}
+def test_only_the_arrays_that_are_wanted_are_read(store):
+    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3), "note:y": np.asarray(2)})
+    found = store.find({"a": 1}, wanted=lambda name: name.startswith("note:"))
+    assert set(found.arrays) == {"note:y"}
+    assert found.cost == store.find({"a": 1}).cost
 
-    outer = store.get_or_compute({"outer": 1}, compute_outer)
-    assert inner[0].seconds >= 0.2
-    assert 0.05 <= outer.seconds < 0.2
+
+def test_an_artefact_can_be_forgotten(store):
+    made = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
+    store.discard(made.key)
+    store.discard(made.key)
+    assert store.find({"a": 1}) is None
+
+
+def test_an_artefact_tells_where_it_was_made(store):
+    made = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
+    environment = json.loads(store.find({"a": 1}).environment)
+    assert json.loads(made.environment) == environment
+    assert environment["numpy"] == np.__version__
+
+
+def test_records_made_here_and_those_of_the_suite_lie_apart(store, tmp_path):
+    store.write_record(record())
+    store.published.write(record("gps"))
+    assert [found["method"] for found in store.records] == ["classic-mds"]
+    assert [found["method"] for found in store.published] == ["gps"]
+    assert (tmp_path / "records").is_dir()
+    assert (tmp_path / "runs" / "records").is_dir()
+
+
+def test_a_record_that_cannot_be_written_is_named(store):
+    store.records.folder.rmdir()
+    store.records.folder.write_text("in the way")
+    with pytest.raises(StorageError, match="free some space or choose another --results"):
+        store.write_record(record())

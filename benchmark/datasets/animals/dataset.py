@@ -11,7 +11,7 @@ from benchmark.datasets.animals.people import PEOPLE, person_mesh, person_recipe
 from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.base import Entry
 from benchmark.errors import did_you_mean
-from benchmark.geometry.depth import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
 
 CANONICAL_POSE = "standing"
@@ -88,7 +88,7 @@ class Animals:
         return animals_mesh(entry.identifier)
 
     def recipe(self, entry: Entry) -> str:
-        """Digest of the generator, the body and the pose."""
+        """Name the proportions of the body and the pose."""
         make = person_recipe if entry.subject in PEOPLE else generated_recipe
         return make(entry.subject, entry.pose)
 

@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 
 from benchmark.contracts import FloatArray, Mesh, Shape
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact
-from benchmark.geometry.depth import Camera, back_project, fit_half_width, render_depth
+from benchmark.geometry.depth import back_project, fit_half_width, render_depth
 from benchmark.geometry.preparation import prepare
 
 #: Angles in radians by which the limbs of the figure bend in its poses.

@@ -1,0 +1,165 @@
+"""Options that several verbs share, and what they select."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from benchmark.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from benchmark.jobs.plan import Job
+    from benchmark.report.results import Result
+    from benchmark.storage.store import Store
+
+OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+#: Names the folder of the official data sets where ``--data-root`` does not.
+DATA_VARIABLE = "CANONICAL_FORMS_DATA"
+
+_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
+
+data_root_option = click.option(
+    "--data-root",
+    type=click.Path(path_type=Path),
+    envvar=DATA_VARIABLE,
+    metavar="DIR",
+    help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
+)
+
+results_option = click.option(
+    "--results", type=click.Path(path_type=Path), default=Path("results"), show_default=True, metavar="DIR"
+)
+
+plugin_option = click.option(
+    "--plugin",
+    "plugins",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Python file with methods.",
+)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the options of ``run``, ``plan``, ``tables`` and others select."""
+
+    tables: tuple[str, ...]
+    methods: tuple[str, ...]
+    datasets: tuple[str, ...]
+    inputs: tuple[str, ...]
+    plugins: tuple[Path, ...]
+    results: Path
+    data_root: Path | None
+    seed: int
+    quick: bool
+    retry: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> Selection:
+        """Take what belongs to a selection from the options of a verb.
+
+        Raises
+        ------
+        ConfigurationError
+            If a folder that was named is not there.
+        """
+        root = options["data_root"]
+        if root is not None and not root.is_dir():
+            raise ConfigurationError(
+                f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
+            )
+        return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
+
+    def jobs(self, store: Store) -> list[Job]:
+        """Plan the selection."""
+        from benchmark.jobs.plan import make_plan, require_jobs
+        from benchmark.methods.registry import methods, select
+        from benchmark.protocols.tables import INPUTS, galleries
+
+        specs = select(self.methods, methods(self.plugins), self.plugins)
+        chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
+        inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
+        return require_jobs(make_plan(chosen, inputs, specs, store, self.seed, self.retry))
+
+    def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
+        """The records that the selection stands for, whether or not their data and models are here.
+
+        Parameters
+        ----------
+        store
+            Where the records are.
+        fresh
+            Whether to leave out those that this code would not make again.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none, or a method is unknown.
+        """
+        from benchmark.methods.registry import EVERY, methods, select
+        from benchmark.report.results import Results
+
+        known = methods(self.plugins)
+        named = bool(self.methods) and EVERY not in self.methods
+        names = {spec.name for spec in select(self.methods, known)} if named else set()
+        sets = {*self.datasets, *(str(Path(name).resolve()) for name in self.datasets)}
+
+        def is_chosen(result: Result) -> bool:
+            record = result.record
+            data = record["data"]
+            return (
+                bool(data["quick"]) == self.quick
+                and (not names or record["method"] in names)
+                and (not self.inputs or record["input"] in self.inputs)
+                and (not sets or bool(sets & {data["name"], data["source"], str(Path(data["source"]).resolve())}))
+            )
+
+        found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)
+        chosen = [result for result in found if is_chosen(result)]
+        if not chosen:
+            raise ConfigurationError(
+                f"no finished job under {self.results} fits the selection", "run it first, or select less"
+            )
+        return chosen
+
+
+class Duration(click.ParamType[float]):
+    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
+
+    name = "duration"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse a duration."""
+        if isinstance(value, (int, float)):
+            return float(value)
+        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(value).strip())
+        if not match or float(match[1]) == 0:
+            self.fail(f"'{value}' is not a duration; write 90s, 10m or 2h", param, ctx)
+        return float(match[1]) * _UNITS[match[2]]
+
+
+def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of a :class:`Selection` to a verb."""
+    options = [
+        click.option(
+            "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
+        ),
+        click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'; or all."),
+        click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
+        click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
+        plugin_option,
+        results_option,
+        data_root_option,
+        click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
+        click.option("--quick", is_flag=True, help="Fewer poses of each subject."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,145 @@
+"""The verbs that look after results: ``merge``, ``compare``, ``prune`` and ``why``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from benchmark.cli.options import NOT_OK, OK, Selection, plugin_option, results_option, selection_options
+from benchmark.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from benchmark.jobs.plan import Job
+    from benchmark.storage.records import Record
+
+_SHORTEST_KEY = 6
+
+
+@click.command()
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option(
+    "--published", is_flag=True, help="Into RESULTS/records, which is committed; quick runs and own data are left out."
+)
+@results_option
+def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
+    """Join the records of several results folders into one; exit 1 if two machines contradict each other."""
+    from benchmark.storage.merging import merge_records, publish, records_under, told
+    from benchmark.storage.store import Store
+
+    found = [record for folder in folders for record in records_under(folder)]
+    store = Store.open(results)
+    merged = publish(found, store.published) if published else merge_records(found, store.records)
+    for there, other in merged.conflicts:
+        click.echo(f"conflict: {told(there)} ({there['key'][:12]}): {_scores(there)} here, {_scores(other)} there")
+    click.echo(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
+    sys.exit(NOT_OK if merged.conflicts else OK)
+
+
+@click.command()
+@click.argument("first", metavar="A")
+@click.argument("second", metavar="B")
+@plugin_option
+@results_option
+def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -> None:
+    """Tell what differs between two results folders, or between two methods of one, and for how many queries."""
+    from benchmark.methods.registry import methods, variant
+    from benchmark.report.comparison import compare_folders, compare_methods, lines
+    from benchmark.storage.merging import records_under
+
+    if Path(first).is_dir() and Path(second).is_dir():
+        found = compare_folders(records_under(Path(first)), records_under(Path(second)))
+    else:
+        known = methods(plugins)
+        names = (variant(first, known).name, variant(second, known).name)
+        found = compare_methods(records_under(results), *names)
+        if not found.differences:
+            raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
+    for line in lines(found, first, second):
+        click.echo(line)
+
+
+@click.command()
+@click.option("--dry-run", is_flag=True, help="Say what would be freed, and free nothing.")
+@results_option
+def prune(dry_run: bool, results: Path) -> None:
+    """Free what no record needs: artefacts of older code, and what killed processes left behind."""
+    from benchmark.storage.pruning import remove, unneeded
+    from benchmark.storage.store import Store
+
+    paths = list(unneeded(Store.open(results)))
+    size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
+    click.echo(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
+
+
+@click.command()
+@click.argument("target", metavar="METHOD|KEY")
+@selection_options
+def why(target: str, **options: Any) -> None:
+    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed."""
+    from benchmark.methods.registry import methods, variant
+    from benchmark.storage.store import Store
+
+    selection = Selection.of(options)
+    store = Store.open(selection.results)
+    is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
+    if is_key:
+        found = [r for records in (store.records, store.published) for r in records if r["key"].startswith(target)]
+        if found:
+            _explain_record(found[0])
+            return
+    name = variant(target, methods(selection.plugins)).name
+    for job in Selection.of(options | {"methods": (name,)}).jobs(store):
+        _explain_job(job, store.records.read(job.key) or store.published.read(job.key))
+
+
+def _explain_job(job: Job, record: Record | None) -> None:
+    click.echo(f"{job.state:<11}  {job.name}  {job.reason}")
+    click.echo(f"  key         {job.key or 'none'}")
+    if record is not None:
+        _explain_record(record, title=False)
+
+
+def _explain_record(record: Record, *, title: bool = True) -> None:
+    from benchmark.storage.merging import told
+
+    facts: list[tuple[str, str]] = [("status", f"{record['status']} {_scores(record)}".strip())]
+    if reason := record.get("reason"):
+        facts.append(("reason", reason))
+    facts += [("finished", str(record.get("finished", ""))), ("parameters", _plain(record["recipe"].get("parameters")))]
+    if cost := record.get("cost"):
+        phases = ", ".join(f"{name} {seconds:.3f}" for name, seconds in cost["seconds_per_shape"].items())
+        facts.append(("seconds", f"{phases} (median of a shape)"))
+        facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
+    for made in record.get("environments", ()):
+        facts.append(("made with", _environment(made)))
+    for shape, said in record.get("unsupported", ())[:10]:
+        facts.append(("unsupported", f"{shape}: {said}"))
+    for stage, parts in record["recipe"].get("code", {}).items():
+        facts.append(("code", f"{stage}: {', '.join(parts['code'])}; {_plain(parts['packages'])}"))
+    if title:
+        click.echo(f"{told(record)}\n  key         {record['key']}")
+    for name, text in facts:
+        click.echo(f"  {name:<10}  {text}")
+    if trace := record.get("traceback"):
+        click.echo("  " + trace.rstrip().replace("\n", "\n  "))
+
+
+def _environment(made: dict[str, Any]) -> str:
+    text = made.get("environment")
+    found = json.loads(text) if isinstance(text, str) else made
+    count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
+    return count + ", ".join(f"{name} {value}" for name, value in found.items())
+
+
+def _scores(record: Record) -> str:
+    from retrieval.measures import PRINTED
+
+    return " ".join(f"{name} {record['scores'][name]:.3f}" for name in PRINTED) if "scores" in record else ""
+
+
+def _plain(values: dict[str, Any] | None) -> str:
+    return ", ".join(f"{name} {value}" for name, value in (values or {}).items()) or "none"

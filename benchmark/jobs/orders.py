@@ -1,0 +1,143 @@
+"""What workers are told to do, in plain data that travels between processes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmark.contracts import Input
+from benchmark.jobs.plan import Job
+from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.models import Model
+
+
+@dataclass(frozen=True)
+class Order:
+    """One job: a method on a gallery under one input.
+
+    Parameters
+    ----------
+    key
+        Name of its record.
+    facts
+        What the record tells of gallery and method besides scores.
+    dataset, data_root
+        Where the shapes come from.
+    identifiers
+        The shapes of the gallery, in matrix order.
+    input, method, seed, models
+        What is made of them.
+    results
+        Folder of the store.
+    recipe
+        Everything that determines the scores.
+    all_unseen
+        Whether it is an error that a model was trained on one of the shapes.
+    split_size
+        Test subjects in each of all the ways to choose some; 0 where nobody asks for them.
+    """
+
+    key: str
+    facts: Mapping[str, Any]
+    dataset: str
+    data_root: Path | None
+    identifiers: tuple[str, ...]
+    input: Input
+    method: MethodSpec
+    seed: int
+    models: Mapping[str, Model]
+    results: Path
+    recipe: Mapping[str, Any]
+    all_unseen: bool
+    split_size: int = 0
+
+    @classmethod
+    def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
+        """Write the order for a job of the plan."""
+        return cls(
+            key=job.key,
+            facts=job.facts,
+            dataset=job.gallery.source,
+            data_root=data_root,
+            identifiers=tuple(entry.identifier for entry in job.gallery.entries),
+            input=job.input,
+            method=job.method,
+            seed=seed,
+            models=job.models,
+            results=results,
+            recipe=job.recipe,
+            all_unseen=job.gallery.table.all_unseen,
+            split_size=job.gallery.table.split_size,
+        )
+
+    @property
+    def name(self) -> str:
+        """Gallery, input and method, as people name a job."""
+        return f"{self.facts['gallery']} {self.input} {self.method.name}"
+
+    @property
+    def room(self) -> str:
+        """Jobs of one room may share a process: all built-in methods of a package, or those of one plugin file."""
+        module = self.method.module
+        return module if module.endswith(".py") else module.partition(".")[0]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Some shapes of a data set under one input, each to be treated by several methods before the next one.
+
+    Parameters
+    ----------
+    orders
+        Jobs of one data set, input, seed and room; each treats those of the shapes that are in its gallery.
+    identifiers
+        The shapes.
+    """
+
+    orders: tuple[Order, ...]
+    identifiers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """The second half of jobs: all their shapes are treated, and are to be ranked."""
+
+    orders: tuple[Order, ...]
+
+
+Task = Share | Ranking
+
+
+def shares(orders: list[Order], workers: int) -> list[Share]:
+    """Cut the first half of jobs into shares.
+
+    Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
+    all methods. Shares are small enough for every worker to have several, and large enough for the start of a process
+    not to count.
+
+    Parameters
+    ----------
+    orders
+        The jobs.
+    workers
+        Processes at a time.
+    """
+    groups: dict[tuple[Any, ...], list[Order]] = {}
+    for order in orders:
+        place = (order.dataset, order.data_root, order.input, order.seed, order.results, order.room)
+        groups.setdefault(place, []).append(order)
+    found = []
+    for group in groups.values():
+        identifiers = list(dict.fromkeys(identifier for order in group for identifier in order.identifiers))
+        size = min(LARGEST_SHARE, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
+        for start in range(0, len(identifiers), size):
+            chosen = tuple(identifiers[start : start + size])
+            wanted = set(chosen)
+            found.append(Share(tuple(o for o in group if wanted & set(o.identifiers)), chosen))
+    return found
+
+
+#: Shapes in one share.
+SMALLEST_SHARE, LARGEST_SHARE = 5, 40

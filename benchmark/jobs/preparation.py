@@ -1,0 +1,176 @@
+"""From the entry of a data set to the shape that methods are given, kept by its recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import Input, Mesh, Shape
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.errors import ShapeError, UnsupportedShape
+from benchmark.jobs.recipes import Recipe, frame_recipe, shape_recipe, source_recipe
+from benchmark.jobs.stages.complete import complete
+from benchmark.jobs.stages.view import half_width_of, seen
+from benchmark.storage.costs import Cost, Meter
+from benchmark.storage.environment import environment_text
+from benchmark.storage.keys import digest
+from benchmark.storage.store import Artefact, Store
+
+Arrays = Mapping[str, NDArray[Any]]
+
+#: Array that stands where there is no result: the problem and its mend.
+REFUSED = "refused"
+
+
+class Preparation:
+    """Prepared shapes of one data set under one input.
+
+    Parameters
+    ----------
+    dataset
+        Source of the meshes.
+    input_
+        ``"mesh"`` for the complete surface, ``"view"`` for what the depth camera sees.
+    store
+        Where shapes are kept; None keeps nothing.
+    """
+
+    def __init__(self, dataset: Dataset, input_: Input, store: Store | None = None) -> None:
+        self.dataset = dataset
+        self.input = input_
+        self.store = store
+        self._meter = store.meter if store else Meter()
+        self._latest: tuple[str, int, Shape] | None = None
+        self._recipes: dict[str, Recipe] = {}
+
+    def shape(self, entry: Entry, seed: int = 0) -> Shape:
+        """Prepare a shape; the latest one is kept with its geodesics, so that all methods of a shape share them.
+
+        Raises
+        ------
+        ShapeError
+            If it cannot be read or treated.
+        """
+        if self._latest is None or self._latest[:2] != (entry.identifier, seed):
+            arrays = treated(self.artefact(entry))
+            shape = shape_of(arrays, entry.identifier, seed, _Shared(self._meter))
+            self._latest = (entry.identifier, seed, shape)
+        return self._latest[2]
+
+    def artefact(self, entry: Entry) -> Artefact:
+        """The arrays of a prepared shape, or why there are none; see :func:`treated`."""
+        return self._kept(self.recipe(entry), lambda: attempted(lambda: self._compute(entry)), f"prepare {self.input}")
+
+    def recipe(self, entry: Entry) -> Recipe:
+        """What determines the prepared shape."""
+        if entry.identifier not in self._recipes:
+            frame = self._frame if self.input == "view" else {}
+            self._recipes[entry.identifier] = shape_recipe(self.dataset, entry, self.input, frame)
+        return self._recipes[entry.identifier]
+
+    @cached_property
+    def half_width(self) -> float:
+        """Half the width of the camera's frame in file units, the same for all shapes of the data set."""
+        if self.dataset.half_width is not None:
+            return self.dataset.half_width
+        return float(self._kept(self._frame, self._fit_frame, "frame").arrays["half_width"])
+
+    @property
+    def frame_key(self) -> str:
+        """Name of the artefact that holds a frame fitted to the data set; "" where there is none."""
+        return digest(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
+
+    def mesh(self, entry: Entry) -> Mesh:
+        """The mesh of the data set; generated ones are kept for the while of a run, for some take seconds to make."""
+        if entry.path is not None:
+            return self.dataset.load(entry)
+
+        def compute() -> Arrays:
+            mesh = self.dataset.load(entry)
+            return {"vertices": mesh.vertices, "faces": mesh.faces}
+
+        recipe = source_recipe(self.dataset, entry)
+        arrays = self._kept(recipe, lambda: attempted(compute), f"load {self.dataset.name}", scratch=True)
+        return Mesh(treated(arrays)["vertices"], arrays.arrays["faces"])
+
+    def _compute(self, entry: Entry) -> Arrays:
+        if self.input == "mesh":
+            return complete(self.mesh(entry))
+        return seen(self.mesh(entry), self.dataset.camera(entry), self.half_width)
+
+    @cached_property
+    def _frame(self) -> Recipe:
+        return frame_recipe(self.dataset)
+
+    def _fit_frame(self) -> Arrays:
+        widths = []
+        for entry in self.dataset.entries:
+            try:
+                widths.append(half_width_of(self.mesh(entry), self.dataset.camera(entry)))
+            except ShapeError:
+                continue  # this shape is counted as unsupported when its turn comes
+        return {"half_width": np.asarray(max(widths, default=1.0))}
+
+    def _kept(self, recipe: Recipe, compute: Callable[[], Arrays], work: str, *, scratch: bool = False) -> Artefact:
+        if self.store is not None:
+            return self.store.get_or_compute(recipe, compute, work=work, scratch=scratch)
+        return Artefact("", compute(), Cost(), environment_text(), was_cached=False)
+
+
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: _Shared | None = None) -> Shape:
+    """The shape that methods are given, from the arrays of its preparation."""
+    return Shape(
+        identifier=identifier,
+        mesh=Mesh(arrays["vertices"], arrays["faces"]),
+        depth=arrays.get("depth"),
+        source_area=float(arrays["source_area"]),
+        seed=seed,
+        cache=cache,
+    )
+
+
+def attempted(compute: Callable[[], Arrays]) -> Arrays:
+    """Arrays of a stage; of a shape that cannot be treated, the reason, so that it is not tried again."""
+    try:
+        return compute()
+    except ShapeError as error:
+        return {REFUSED: np.array([error.problem, error.mend])}
+
+
+def treated(artefact: Artefact) -> Arrays:
+    """Arrays of a stage that was attempted; raises ``UnsupportedShape`` with the reason where there are none."""
+    if REFUSED in artefact.arrays:
+        problem, mend = artefact.arrays[REFUSED].tolist()
+        raise UnsupportedShape(problem, mend)
+    return artefact.arrays
+
+
+def notes(arrays: Arrays) -> dict[str, float | str]:
+    """What a stage noted about a shape."""
+    return {name[5:]: value.item() for name, value in arrays.items() if name.startswith("note:")}
+
+
+class _Shared:
+    """What the methods of one shape share in memory; each is charged what it would have paid alone."""
+
+    def __init__(self, meter: Meter) -> None:
+        self._meter = meter
+        self._found: dict[str, tuple[Arrays, Cost]] = {}
+
+    def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
+        name = f"{stage} {sorted(parameters.items())}"
+        if name in self._found:
+            arrays, cost = self._found[name]
+            self._meter.share(stage, cost)
+            return arrays
+        with self._meter.measured(name) as measured:
+            arrays = compute()
+        cost = measured()
+        self._meter.share(stage, cost)  # its memory is in the mark of the stage that called
+        size = sum(array.nbytes for array in arrays.values()) / 2**20
+        self._found[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
+        return arrays

@@ -1,0 +1,172 @@
+"""One method at work on the shapes of a data set: forms and their features, or descriptors, kept by their recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from benchmark.contracts import Descriptor, Mesh, Method
+from benchmark.datasets.base import Entry
+from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, treated
+from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
+from benchmark.jobs.stages import features, form
+from benchmark.learning import Learner
+from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.models import Model
+from benchmark.storage.store import Artefact, Store
+from retrieval.cmbof import CMBOF, Features
+
+__all__ = ["Treated", "Treatment"]
+
+
+@dataclass(frozen=True)
+class Treated:
+    """What became of one shape.
+
+    Parameters
+    ----------
+    prepared, answer, features
+        Artefacts of the shape, of the form or descriptor, and of the features; None without such a stage.
+    notes
+        What preparation and method noted.
+    """
+
+    prepared: Artefact
+    answer: Artefact
+    features: Artefact | None
+    notes: Mapping[str, float | str]
+
+
+@dataclass
+class Treatment:
+    """A method with its parameters, seed and models, and the prepared shapes that it treats.
+
+    Parameters
+    ----------
+    preparation
+        The shapes.
+    store
+        Where forms are kept.
+    spec
+        The method.
+    seed
+        Base seed.
+    models
+        Trained model of each shape by identifier; empty for a method that does not learn.
+    scorer
+        What the features are for.
+    """
+
+    preparation: Preparation
+    store: Store
+    spec: MethodSpec
+    seed: int = 0
+    models: Mapping[str, Model] = field(default_factory=dict)
+    scorer: CMBOF = field(default_factory=CMBOF)
+    _loaded: dict[Path, Method] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def method(self) -> Method | Descriptor:
+        """The method itself; a learner without its model."""
+        return self.spec.create()
+
+    @property
+    def describes(self) -> bool:
+        """Whether shapes are described without a form."""
+        return not isinstance(self.method, Method)
+
+    def treat(self, entry: Entry) -> Treated:
+        """Make, or find, all that ranking needs of a shape.
+
+        Raises
+        ------
+        ShapeError
+            If the shape cannot be treated.
+        """
+        prepared = self.preparation.artefact(entry)
+        arrays = treated(prepared)
+        answer = self._answer(entry)
+        said = {**notes(arrays), **notes(treated(answer))}
+        if self.describes:
+            return Treated(prepared, answer, None, said)
+        shape = form.form_mesh(answer.arrays, Mesh(arrays["vertices"], arrays["faces"]))
+        recipe = features_recipe(self.recipe(entry), self.scorer)
+        found = self.store.get_or_compute(
+            recipe, lambda: attempted(lambda: features.extract(self.scorer, shape)), work="features", scratch=True
+        )
+        treated(found)
+        return Treated(prepared, answer, found, said)
+
+    def found(self, entry: Entry) -> Treated:
+        """The same as :meth:`treat`, reading no more than ranking needs of what is there already."""
+        prepared = self.store.find(self.preparation.recipe(entry), wanted=_is_small)
+        recipe = self.recipe(entry)
+        answer = self.store.find(recipe, wanted=None if self.describes else _is_small)
+        if prepared is None or answer is None:
+            return self.treat(entry)
+        said = {**notes(treated(prepared)), **notes(treated(answer))}
+        if self.describes:
+            return Treated(prepared, answer, None, said)
+        features_found = self.store.find(features_recipe(recipe, self.scorer), scratch=True)
+        if features_found is None:
+            return self.treat(entry)
+        treated(features_found)
+        return Treated(prepared, answer, features_found, said)
+
+    def form(self, entry: Entry) -> Mesh:
+        """Canonical form of a shape; raises ``ShapeError`` if there is none."""
+        arrays = treated(self._answer(entry))
+        return form.form_mesh(arrays, self.preparation.shape(entry, self.seed).mesh)
+
+    def recipe(self, entry: Entry) -> Recipe:
+        """What determines the form or the descriptor."""
+        model = self.models.get(entry.identifier)
+        return form_recipe(
+            self.spec,
+            self.preparation.recipe(entry),
+            entry.identifier,
+            self.seed,
+            model.digest if model else "",
+        )
+
+    def seen(self, entries: Iterable[Entry], dataset: str) -> list[str]:
+        """Shapes that their model was trained on, or whose subject was."""
+        return [
+            entry.identifier
+            for entry in entries
+            if (model := self.models.get(entry.identifier)) and model.has_seen(entry, dataset)
+        ]
+
+    def _answer(self, entry: Entry) -> Artefact:
+        def compute() -> Arrays:
+            shape = self.preparation.shape(entry, self.seed)
+            method = self._method_for(entry)
+            if isinstance(method, Method):
+                return form.canonicalise(method, shape)
+            return form.describe(method, shape)
+
+        work = f"canonicalise {self.preparation.input} {self.spec.base_name}"
+        return self.store.get_or_compute(self.recipe(entry), lambda: attempted(compute), work=work)
+
+    def _method_for(self, entry: Entry) -> Method | Descriptor:
+        """The method that treats a shape; each model is loaded once."""
+        model = self.models.get(entry.identifier)
+        if model is None or not isinstance(self.method, Learner):
+            return self.method
+        if model.folder not in self._loaded:
+            self._loaded[model.folder] = self.method.load(model.folder)
+        return self._loaded[model.folder]
+
+
+def _is_small(name: str) -> bool:
+    """Whether an array tells about a stage, rather than being its result."""
+    return name.startswith("note:") or name == REFUSED
+
+
+def features_of(found: Treated) -> Features:
+    """Features of a form that was treated; raises ``ValueError`` for a descriptor."""
+    if found.features is None:
+        raise ValueError("a descriptor has no features")
+    return Features.from_arrays(found.features.arrays)

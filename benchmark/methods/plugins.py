@@ -1,0 +1,136 @@
+"""Plugin files as modules, and the modules that they bring along."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+from types import ModuleType
+
+from benchmark.errors import ConfigurationError
+
+#: Packages of the project, which no module of a plugin stands in for.
+_PROJECT = frozenset({"benchmark", "baselines", "learned", "retrieval"})
+
+
+class _PluginFolders:
+    """Finds modules beside plugin files, after every other place was searched: nothing that is installed is hidden."""
+
+    folders: list[str] = []  # noqa: RUF012
+
+    @classmethod
+    def find_spec(
+        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Spec of a top-level module in one of the folders."""
+        return PathFinder.find_spec(name, cls.folders, target) if path is None else None
+
+    @classmethod
+    def add(cls, folder: Path) -> None:
+        """Search one more folder from now on."""
+        if cls not in sys.meta_path:
+            sys.meta_path.append(cls)
+        if str(folder) not in cls.folders:
+            cls.folders.append(str(folder))
+        importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
+
+
+def import_plugin(path: str) -> ModuleType:
+    """Import a Python file under a name derived from its path; modules beside it can be imported from then on.
+
+    Parameters
+    ----------
+    path
+        The file, as an absolute path.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such file, it cannot be imported, or a module beside it has the name of another one.
+    """
+    name = f"plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not Path(path).is_file():
+        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
+    _PluginFolders.add(Path(path).parent)
+    _check_helpers(Path(path))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        mend = "mend the file"
+        if isinstance(error, ModuleNotFoundError) and error.name:
+            mend = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
+        raise ConfigurationError(f"plugin {path} cannot be imported: {type(error).__name__}: {error}", mend) from error
+    return module
+
+
+def helpers_of(path: Path) -> dict[str, Path]:
+    """Modules that lie beside a plugin file and that it imports somewhere, itself or through one of them, by name.
+
+    Parameters
+    ----------
+    path
+        The plugin file.
+
+    Returns
+    -------
+    dict
+        File of each module; that of a package is its ``__init__.py``.
+    """
+    found: dict[str, Path] = {}
+    pending = [path]
+    while pending:
+        for name in _imported(pending.pop()):
+            if name in found or name in _PROJECT:
+                continue
+            spec = PathFinder.find_spec(name, [str(path.parent)])
+            if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+                continue
+            found[name] = Path(spec.origin)
+            pending += found[name].parent.rglob("*.py") if spec.submodule_search_locations else [found[name]]
+    return found
+
+
+def _imported(path: Path) -> Iterator[str]:
+    """Names of the top-level modules that a file imports anywhere; none of a file that Python cannot read."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.partition(".")[0]
+
+
+def _check_helpers(path: Path) -> None:
+    """Raise ``ConfigurationError`` if an import would bring another module than the one beside the plugin."""
+    for name, file in helpers_of(path).items():
+        spec = importlib.util.find_spec(name)
+        other = "Python itself" if spec is None or not spec.origin else spec.origin
+        if other.endswith(".py") and (Path(other).resolve() == file.resolve() or _is_copy(Path(other), file)):
+            continue
+        raise ConfigurationError(
+            f"plugin {path} brings a module '{name}' ({file}), but that name is taken by {other}", "rename one of them"
+        )
+
+
+def _is_copy(first: Path, second: Path) -> bool:
+    """Whether two modules of one file each are the same, so that it does not matter which one is imported."""
+    if "__init__.py" in (first.name, second.name):
+        return False
+    try:
+        return first.read_bytes() == second.read_bytes()
+    except OSError:
+        return False

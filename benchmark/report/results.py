@@ -1,0 +1,150 @@
+"""Which records a table is made of, and whether this code would make them again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from benchmark.datasets.catalogue import CATALOGUE, is_present
+from benchmark.errors import BenchmarkError
+from benchmark.jobs import recipes
+from benchmark.jobs.plan import data_recipe, difference
+from benchmark.methods.registry import MethodSpec, variant
+from benchmark.protocols.models import find_models
+from benchmark.protocols.tables import TABLES, Gallery, galleries
+from benchmark.storage import keys
+from benchmark.storage.records import Record, by_place
+from benchmark.storage.store import Store
+from retrieval.cmbof import CMBOF
+
+__all__ = ["Result", "Results"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """The record that stands for one method on one gallery under one input.
+
+    Parameters
+    ----------
+    record
+        What the job kept.
+    outdated
+        What has changed since it was made; "" where nothing has, or nobody can tell.
+    """
+
+    record: Record
+    outdated: str = ""
+
+
+@dataclass(frozen=True)
+class Results:
+    """The records of a results folder, those made here and those that came with it.
+
+    Parameters
+    ----------
+    store
+        The folder.
+    known
+        Methods by name; of others nobody can tell whether their records are up to date.
+    data_root
+        The folder that holds the official sets; what is absent is taken as recorded.
+    """
+
+    store: Store
+    known: Mapping[str, MethodSpec]
+    data_root: Path | None = None
+    _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
+
+    def all(self, seed: int = 0, *, fresh: bool = False) -> list[Result]:
+        """One result for each place: the newest that this code would make again, else the newest with scores.
+
+        Parameters
+        ----------
+        seed
+            Base seed of the runs to look at.
+        fresh
+            Whether to leave out what is outdated.
+        """
+        both = {record["key"]: record for record in [*self.store.published, *self.store.records]}
+        chosen = []
+        for (_, _, _, of_seed), records in by_place(both.values()).items():
+            if of_seed == seed:
+                result = self._best(records)
+                if not (fresh and result.outdated):
+                    chosen.append(result)
+        return chosen
+
+    def _best(self, records: Iterable[Record]) -> Result:
+        results = [Result(record, self.outdated(record)) for record in records]
+
+        def worth(result: Result) -> tuple[bool, bool, str, str]:
+            record = result.record
+            here = "unavailable" not in record["recipe"]
+            return (
+                not result.outdated and here,
+                record["status"] == "ok",
+                str(record.get("finished", "")),
+                record["key"],
+            )
+
+        return max(results, key=worth)
+
+    def outdated(self, record: Record) -> str:
+        """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
+        then = record["recipe"]
+        if "unavailable" in then:
+            return ""
+        try:
+            now = self._recipe_now(record)
+        except BenchmarkError:
+            return ""  # an unknown plugin, or a method that cannot be imported here
+        known_then = {part: then.get(part) for part in now}
+        return "" if keys.plain(now) == known_then else difference(known_then, now)
+
+    def _recipe_now(self, record: Record) -> dict[str, Any]:
+        """The parts of the recipe that can be told without the data, and with it where it is here."""
+        spec = variant(record["method"], self.known)
+        now: dict[str, Any] = {
+            "parameters": spec.resolved_parameters(),
+            "scorer": recipes.scorer_recipe(CMBOF()),
+            "code": recipes.job_code(record["data"]["module"], record["input"], spec),
+        }
+        gallery = self._gallery(record)
+        if gallery is None:
+            return now
+        now |= data_recipe(gallery, record["input"])
+        if "models" in record["recipe"]:
+            try:
+                models = find_models(spec, gallery, self.store.models)
+            except BenchmarkError:
+                return now  # its models are elsewhere
+            now["models"] = {model.training: model.digest for model in models.values()}
+        return now
+
+    def _gallery(self, record: Record) -> Gallery | None:
+        """The gallery of a record, where it belongs to a table and its data is here."""
+        name, quick = record["data"]["name"], bool(record["data"]["quick"])
+        if name not in CATALOGUE or not is_present(name, self.data_root):
+            return None
+        if (name, quick) not in self._galleries:
+            tables = [t.identifier for t in TABLES if name in (t.dataset, t.stand_in) and not (quick and t.ablation)]
+            found = galleries(tables, [name], self.data_root, quick)
+            self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
+        return self._galleries[name, quick].get(record["gallery"])
+
+
+@cache
+def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
+    """Identifiers of the tables in which a gallery is shown; a set that no table uses has one of its own."""
+    suffix = " (quick)" if quick else ""
+    names = tuple(
+        table.identifier
+        for table in TABLES
+        if dataset in (table.dataset, table.stand_in)
+        and gallery in [f"{dataset}{part and ' ' + part}{suffix}" for part in table.parts]
+        and not (quick and table.ablation)
+    )
+    return names or (dataset,)

@@ -1,0 +1,40 @@
+"""How much a table depends on the choice of its test subjects: quantiles over all ways to choose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmark.report.content import Row, TableContent
+from retrieval.measures import PRINTED
+
+
+def has_splits(table: TableContent) -> bool:
+    """Whether some row tells of all splits."""
+    return any(_quantiles(row, input_) for row in table.rows for input_ in table.inputs)
+
+
+def splits_markdown(table: TableContent) -> str:
+    """Median and quantiles .05 and .95 of each measure over all splits as Markdown, a line for each row and input."""
+    found = [
+        (row.label, input_, quantiles)
+        for input_ in table.inputs
+        for row in table.rows
+        if (quantiles := _quantiles(row, input_))
+    ]
+    counts = next(cell.record["splits"] for row in table.rows for cell in row.cells.values() if "splits" in cell.record)
+    lines = [
+        f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
+        f"{table.data_title}. Median (5 % to 95 %).**",
+        "",
+        "| Method | input | " + " | ".join(PRINTED) + " |",
+        "| --- | --- | " + " | ".join("---:" for _ in PRINTED) + " |",
+    ]
+    for label, input_, quantiles in found:
+        figures = ("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in PRINTED)
+        lines.append(f"| {label} | {input_} | " + " | ".join(figures) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _quantiles(row: Row, input_: str) -> dict[str, Sequence[float]]:
+    cell = next((cell for name, cell in row.cells.items() if name == input_), None)
+    return cell.record.get("splits", {}).get("quantiles", {}) if cell else {}

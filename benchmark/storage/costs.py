@@ -1,0 +1,155 @@
+"""What a stage costs: seconds, and memory above that of the process at rest."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+_STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_MIB = 2**20
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What it took to make the arrays of one stage.
+
+    Parameters
+    ----------
+    seconds
+        Time of the stage itself, without the stages that it called.
+    peak_mib
+        Largest resident memory above that of the process before, in MiB; None where the system does not tell.
+    first_use
+        Whether this process did such work for the first time: compiling and loading are in the figures then, and
+        they say nothing about the method.
+    resident_mib
+        Memory that the result keeps occupied while others share it.
+    shared
+        Costs of the stages that were called, by name, also where another one had paid for them.
+    """
+
+    seconds: float = 0.0
+    peak_mib: float | None = None
+    first_use: bool = False
+    resident_mib: float = 0.0
+    shared: dict[str, Cost] = field(default_factory=dict)
+
+    def to_json(self) -> str:
+        """As text that travels with the arrays."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    @classmethod
+    def from_json(cls, text: str) -> Cost:
+        """Read :meth:`to_json`; raises ``ValueError`` or ``TypeError`` for anything else."""
+        return cls._of(json.loads(text))
+
+    @classmethod
+    def _of(cls, content: object) -> Cost:
+        shared = content.pop("shared", {}) if isinstance(content, dict) else None
+        if not isinstance(content, dict) or not isinstance(shared, dict):
+            raise TypeError("a cost is a mapping, and so are those that it shares")
+        return cls(**content, shared={name: cls._of(part) for name, part in shared.items()})
+
+
+@dataclass
+class _Frame:
+    """A stage that is being computed."""
+
+    start: float
+    at_rest: int | None
+    peak: int = 0
+    inner_seconds: float = 0.0
+    shared: dict[str, Cost] = field(default_factory=dict)
+
+
+class Meter:
+    """Measures stages that may call each other.
+
+    Memory is the high-water mark of the process itself, set back when a stage begins: the mark that the system keeps
+    for child processes survives the start of a new program and tells of the parent.
+    """
+
+    def __init__(self) -> None:
+        self._open: list[_Frame] = []
+        self._used: set[str] = set()
+
+    @contextlib.contextmanager
+    def measured(self, work: str) -> Iterator[Callable[[], Cost]]:
+        """Measure the body; the cost can be asked for when it is over.
+
+        Parameters
+        ----------
+        work
+            What is done; the first time in this process is marked.
+        """
+        for outer in self._open:
+            outer.peak = max(outer.peak, _high_water() or 0)
+        if not self._open:
+            _give_back_memory()
+        _reset_high_water()
+        frame = _Frame(time.perf_counter(), _resident())
+        self._open.append(frame)
+        cost = Cost()
+        try:
+            yield lambda: cost
+        finally:
+            self._open.pop()
+            elapsed = time.perf_counter() - frame.start
+            peak = max(frame.peak, _high_water() or 0)
+            if self._open:
+                self._open[-1].inner_seconds += elapsed
+            for outer in self._open:
+                outer.peak = max(outer.peak, peak)
+            above = None if frame.at_rest is None or not peak else max(0, peak - frame.at_rest) / _MIB
+            if above is not None:
+                above += sum(part.resident_mib for part in frame.shared.values())
+            cost = Cost(elapsed - frame.inner_seconds, above, work not in self._used, 0.0, frame.shared)
+            self._used.add(work)
+
+    def share(self, stage: str, cost: Cost) -> None:
+        """Book a stage that was called under the one that is being computed."""
+        if self._open:
+            self._open[-1].shared[stage] = cost
+
+
+def _high_water() -> int | None:
+    return _field("VmHWM:")
+
+
+def _resident() -> int | None:
+    return _field("VmRSS:")
+
+
+def _field(name: str) -> int | None:
+    """A size of this process in bytes; None where the system does not tell."""
+    try:
+        line = next(line for line in _STATUS.read_text().splitlines() if line.startswith(name))
+        return int(line.split()[1]) * 1024
+    except (OSError, StopIteration, ValueError, IndexError):
+        return None
+
+
+def _reset_high_water() -> None:
+    with contextlib.suppress(OSError):
+        _RESET.write_text("5")
+
+
+def _give_back_memory() -> None:
+    """Hand what earlier work freed back to the system, so that it does not hide what this work takes."""
+    trim = _trim()
+    if trim is not None:
+        trim(0)
+
+
+@functools.cache
+def _trim() -> Callable[[int], int] | None:
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (OSError, AttributeError):
+        return None  # not every C library has it

@@ -1,0 +1,38 @@
+"""What ran, for the reader of a record: versions, system, and the kernels that the linear algebra chose."""
+
+from __future__ import annotations
+
+import json
+import platform
+from functools import cache
+from importlib.metadata import version
+
+#: Packages that compute.
+PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Versions and machine; the packages that are not installed are left out."""
+    found = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except ImportError:
+            continue
+    return found | _linear_algebra()
+
+
+@cache
+def environment_text() -> str:
+    """The same as one line, to be kept with every artefact."""
+    return json.dumps(environment(), sort_keys=True)
+
+
+def _linear_algebra() -> dict[str, str]:
+    """Library and kernels behind numpy: its results differ in the last bits from processor to processor."""
+    from threadpoolctl import threadpool_info
+
+    loaded = (part for part in threadpool_info() if part.get("user_api") == "blas")
+    kinds = {f"{part['internal_api']} {part.get('version')} {part.get('architecture', '')}".strip() for part in loaded}
+    return {"blas": ", ".join(sorted(kinds))} if kinds else {}

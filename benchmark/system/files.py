@@ -1,0 +1,78 @@
+"""Files that are whole or absent: written beside their place, then moved there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+_SUFFIX = ".tmp"
+
+
+def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
+    """Write a file so that a reader, and a process killed at any moment, leave the old content or the new one.
+
+    Parameters
+    ----------
+    path
+        The file; its folder is made if need be. It gets the rights that the umask leaves.
+    write
+        Called with the binary file to write to.
+    durable
+        Whether the content is flushed to the disk before the file gets its name, so that a power cut cannot lose it.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; nothing is left behind then.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The name says who writes, so that what a killed process leaves behind can be told from what is being written.
+    temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
+    try:
+        with temporary.open("xb") as file:
+            write(file)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: Path, text: str, *, durable: bool = False) -> None:
+    """Write a text in UTF-8 with :func:`write_atomically`."""
+    write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
+
+
+def leftovers(folder: Path) -> Iterator[Path]:
+    """Temporary files below a folder whose writers are no longer alive."""
+    for path in folder.rglob(f".*-*{_SUFFIX}"):
+        writer = path.name[1:].partition("-")[0]
+        if writer.isdecimal() and not is_alive(int(writer)):
+            yield path
+
+
+def sweep(folder: Path) -> int:
+    """Remove what killed writers left below a folder; returns the number of files."""
+    count = 0
+    for path in leftovers(folder):
+        with contextlib.suppress(OSError):
+            path.unlink()
+            count += 1
+    return count
+
+
+def is_alive(process: int) -> bool:
+    """Whether there is a process with this number."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True  # it belongs to somebody else
+    return True

@@ -1,0 +1,80 @@
+"""Training pairs in memory, and how well predictions cover their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmark.errors import TrainingError
+from benchmark.learning import TrainingPair
+from learned.images import COVERED, Floats, checked_image, shrink
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """All pairs of a training at its resolution.
+
+    Parameters
+    ----------
+    identifiers
+        Names of the inputs, one per pair.
+    images
+        Depth, shape (n, 1, r, r).
+    targets
+        Depth and mask of the distinct targets, shape (t, 2, r, r).
+    target_of
+        Row of ``targets`` for each pair, shape (n,).
+    """
+
+    identifiers: tuple[str, ...]
+    images: Tensor
+    targets: Tensor
+    target_of: Tensor
+
+    def __len__(self) -> int:
+        return len(self.identifiers)
+
+    def to(self, device: torch.device) -> Pairs:
+        """Copy to a device."""
+        moved = (tensor.to(device) for tensor in (self.images, self.targets, self.target_of))
+        return Pairs(self.identifiers, *moved)
+
+
+def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
+    """Shrink all pairs into memory; each distinct target is kept once.
+
+    Raises
+    ------
+    TrainingError
+        If there is no pair.
+    """
+    identifiers: list[str] = []
+    images: list[Floats] = []
+    targets: list[Floats] = []
+    row: dict[str, int] = {}
+    target_of: list[int] = []
+    for pair in pairs:
+        identifiers.append(pair.identifier)
+        images.append(shrink(checked_image(pair.image), resolution)[:1])
+        if pair.target_identifier not in row:
+            row[pair.target_identifier] = len(targets)
+            targets.append(shrink(checked_image(pair.target), resolution))
+        target_of.append(row[pair.target_identifier])
+    if not identifiers:
+        raise TrainingError("there is no pair to train on", "check the data set with `benchmark data check`")
+    return Pairs(
+        tuple(identifiers),
+        torch.from_numpy(np.stack(images)),
+        torch.from_numpy(np.stack(targets)),
+        torch.tensor(target_of),
+    )
+
+
+def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
+    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)

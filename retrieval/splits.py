@@ -1,0 +1,187 @@
+"""Scores of every way to choose the test subjects: how much a table depends on which ones it tests.
+
+A measure of a query is a sum over its relevant results, each with a weight that depends on its rank alone. Within the
+gallery of some subjects, the rank of a result is one more than the number of nearer shapes, and that number is a sum
+over the subjects of the gallery. So the counts of nearer shapes by subject, made once, give all galleries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from benchmark.errors import ConfigurationError
+from retrieval.metrics import FloatArray, check_distances, discounts
+
+__all__ = ["MEASURES", "Range", "all_splits", "ranges", "scores_of_splits"]
+
+MEASURES = ("NN", "FT", "ST", "DCG")
+
+Label = TypeVar("Label", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where one measure lies over the splits.
+
+    Parameters
+    ----------
+    low, median, high
+        Quantiles .05, .5 and .95.
+    """
+
+    low: float
+    median: float
+    high: float
+
+
+def all_splits(
+    subjects: Iterable[Label],
+    size: int,
+    kinds: Mapping[Label, str] | None = None,
+    wanted: Mapping[str, int] | None = None,
+) -> list[tuple[Label, ...]]:
+    """Every way to take some subjects for testing, in the order of the subjects.
+
+    Parameters
+    ----------
+    subjects
+        Labels, each counted once.
+    size
+        Number of test subjects.
+    kinds
+        Kind of each subject, e.g. ``"man"``.
+    wanted
+        Keep only the ways that take this number of each kind; kinds that are not named may come in any number.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such way.
+    """
+    known = list(dict.fromkeys(subjects))
+    found = list(combinations(known, size))
+    if wanted is not None:
+        kind_of = kinds or {}
+        found = [
+            split
+            for split in found
+            if all(sum(kind_of.get(subject) == kind for subject in split) == n for kind, n in wanted.items())
+        ]
+    if not found:
+        raise ConfigurationError(f"no {size} of {len(known)} subjects can be taken so", "take fewer")
+    return found
+
+
+def scores_of_splits(
+    distances: ArrayLike, labels: Sequence[Label], splits: Sequence[Sequence[Label]]
+) -> dict[str, FloatArray]:
+    """Score the gallery of each split as :func:`retrieval.metrics.evaluate` does, ties by their expected value.
+
+    The distances are those of the whole set. Where they rest on words of a codebook, these were drawn from the whole
+    set too, and not anew for each gallery, so a run on one gallery alone may score a little otherwise.
+
+    Parameters
+    ----------
+    distances
+        Shape (N, N), symmetric and finite; the diagonal is ignored.
+    labels
+        Class of each shape, N of them.
+    splits
+        Classes of each gallery.
+
+    Returns
+    -------
+    dict
+        ``NN``, ``FT``, ``ST`` and ``DCG``, each of shape (splits,), averaged over the queries of the gallery that have
+        a relevant model.
+
+    Raises
+    ------
+    ConfigurationError
+        If the matrix is not square, finite and symmetric or does not fit the labels; if a split names an unknown class
+        or one twice, or holds no class with two members.
+    """
+    names = list(dict.fromkeys(labels))
+    number = {name: k for k, name in enumerate(names)}
+    classes = np.array([number[label] for label in labels], dtype=np.intp)
+    matrix = check_distances(distances, classes)[0]
+    chosen = _membership(splits, number)
+    members = [np.flatnonzero(classes == k) for k in range(len(names))]
+    totals, queries = np.zeros((len(splits), len(MEASURES))), np.zeros(len(splits))
+    for own, of_class in enumerate(members):
+        n_relevant = len(of_class) - 1
+        if not n_relevant:
+            continue
+        with_class = np.flatnonzero(chosen[:, own])
+        nearer, as_near = _counts(matrix, members, own)
+        inside = chosen[with_class].T.astype(np.int64)
+        first, size = nearer @ inside, as_near @ inside
+        weights = _cumulated(n_relevant, len(classes))
+        # A group of equal distances fills the ranks first + 1 ... first + size in random order.
+        for column, cumulated in enumerate(weights):
+            totals[with_class, column] += ((cumulated[first + size] - cumulated[first]) / size).sum(axis=0)
+        queries[with_class] += len(of_class)
+    if not queries.all():
+        raise ConfigurationError("a split has no class with two members", "leave it out: nothing can be retrieved")
+    means = totals / queries[:, None]
+    return {measure: means[:, column] for column, measure in enumerate(MEASURES)}
+
+
+def ranges(scores: Mapping[str, FloatArray]) -> dict[str, Range]:
+    """Quantiles .05, .5 and .95 of each measure over the splits."""
+    return {measure: Range(*np.quantile(values, (0.05, 0.5, 0.95)).tolist()) for measure, values in scores.items()}
+
+
+def _membership(splits: Sequence[Sequence[Label]], number: Mapping[Label, int]) -> NDArray[np.bool_]:
+    """Which classes each split holds, shape (splits, classes)."""
+    chosen = np.zeros((len(splits), len(number)), dtype=np.bool_)
+    for row, split in enumerate(splits):
+        unknown = [name for name in split if name not in number]
+        if unknown:
+            raise ConfigurationError(f"a split names the class {unknown[0]!r}, which no shape has", "correct the split")
+        if len(set(split)) < len(split):
+            raise ConfigurationError(f"the split {tuple(split)!r} names a class twice", "name each class once")
+        chosen[row, [number[name] for name in split]] = True
+    return chosen
+
+
+def _counts(
+    matrix: FloatArray, members: Sequence[NDArray[np.intp]], own: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each query of a class and each relevant result: how many shapes of each class are nearer, and as near.
+
+    Returns
+    -------
+    tuple
+        Two arrays of shape (queries x relevant results, classes). The result itself counts as one as near.
+    """
+    queries = members[own]
+    shape = (len(queries), len(queries) - 1, len(members))
+    nearer, up_to = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
+    for place, query in enumerate(queries):
+        row = matrix[query]
+        results = row[np.delete(queries, place)]
+        for column, of_class in enumerate(members):
+            ordered = np.sort(results if column == own else row[of_class])
+            nearer[place, :, column] = np.searchsorted(ordered, results, side="left")
+            up_to[place, :, column] = np.searchsorted(ordered, results, side="right")
+    flat = (-1, len(members))
+    return nearer.reshape(flat), (up_to - nearer).reshape(flat)
+
+
+def _cumulated(n_relevant: int, n_ranks: int) -> tuple[FloatArray, ...]:
+    """For each measure, what the first k ranks of a query add at most, k = 0 ... ``n_ranks``."""
+    counted = np.arange(n_ranks + 1, dtype=np.float64)
+    gains = np.concatenate([[0.0], np.cumsum(discounts(n_ranks))])
+    return (
+        np.minimum(counted, 1.0),
+        np.minimum(counted, n_relevant) / n_relevant,
+        np.minimum(counted, 2.0 * n_relevant) / n_relevant,
+        gains / gains[n_relevant],
+    )

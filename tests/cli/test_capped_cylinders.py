@@ -1,0 +1,79 @@
+"""Whatever the degree of a vertex, a method gives a form or says why not: it never ends the process.
+
+A capped cylinder of n sides has two vertices of degree n. The commands run in processes of their own, because what is
+looked for would end this one.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmark.geometry.io import read_mesh, write_mesh
+from benchmark.methods.registry import methods
+from tests.geometry.surfaces import capped_cylinder
+
+ROOT = Path(__file__).parents[2]
+
+#: Prints a line for each method, so that the last line names the one that ended the process.
+ALL_METHODS = """
+import sys
+from pathlib import Path
+from benchmark.threads import pin_threads
+pin_threads()
+from benchmark.cli.canonicalise import canonicalise_file
+from benchmark.errors import BenchmarkError
+from benchmark.methods.registry import methods
+
+for name in methods():
+    print(name, end=" ", flush=True)
+    try:
+        canonicalise_file(Path(sys.argv[1]), Path(sys.argv[2]) / f"{name}.off", name)
+        print("form", flush=True)
+    except BenchmarkError as error:
+        print("refused:", str(error).replace(chr(10), " "), flush=True)
+"""
+
+
+def write_cylinder(folder: Path, sides: int) -> Path:
+    path = folder / f"cylinder{sides}.off"
+    write_mesh(path, capped_cylinder(sides))
+    return path
+
+
+def extent_of_form(path: Path) -> float:
+    vertices = read_mesh(path).vertices
+    assert np.isfinite(vertices).all()
+    return float(np.ptp(vertices, axis=0).max())
+
+
+@pytest.mark.parametrize(("method", "sides"), [("classic-mds", 700), ("gps", 3), ("mesh-unfolding", 500)])
+def test_a_method_gives_a_form(tmp_path, method, sides):
+    source, target = write_cylinder(tmp_path, sides), tmp_path / "form.off"
+    command = [sys.executable, "-m", "benchmark", "canonicalise", "-m", method, str(source), "-o", str(target)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert extent_of_form(target) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sides", [3, 4, 5, 50, 500, 700, 799])
+def test_every_method_gives_a_form_or_a_named_refusal(tmp_path, sides):
+    source = write_cylinder(tmp_path, sides)
+    command = [sys.executable, "-c", ALL_METHODS, str(source), str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    outcomes = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    assert set(outcomes) == set(methods())
+    for name, outcome in outcomes.items():
+        if outcome == "form":
+            assert extent_of_form(tmp_path / f"{name}.off") > 0, name
+    # Whoever reads the mesh can treat it; a network may see in the depth image what is no surface.
+    refusing = {name for name, outcome in outcomes.items() if outcome != "form"}
+    describing = {name for name in refusing if "describes shapes without a canonical form" in outcomes[name]}
+    assert describing == {"surface-area", "shape-dna", "sd-gdm", "wks-mean"}
+    assert all(name.startswith("learned") for name in refusing - describing), outcomes

@@ -1,0 +1,62 @@
+"""Files of a data set: digests that are made once, and generated sets that need no reader."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from benchmark.datasets import files
+from benchmark.datasets.files import file_digest
+from benchmark.datasets.folder import folder_dataset
+from benchmark.errors import UnreadableMesh
+from benchmark.system.fingerprints import code_of
+from tests.toy import write_rods
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Names of the files that were read, in order."""
+    names = []
+    original = Path.open
+
+    def counted(path, *arguments, **options):
+        names.append(path.name)
+        return original(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", counted)
+    files._digest.cache_clear()
+    return names
+
+
+def test_a_file_is_read_once_until_it_changes(tmp_path, opened):
+    dataset = folder_dataset(write_rods(tmp_path / "rods"))
+    opened.clear()
+    first = [dataset.recipe(entry) for entry in dataset.entries]
+    again = [folder_dataset(dataset.folder).recipe(entry) for entry in dataset.entries]
+    assert first == again
+    assert opened == [entry.path.name for entry in dataset.entries]
+    changed = dataset.entries[2].path
+    text = changed.read_text()
+    changed.write_text(text.replace("0.1", "0.2"))
+    assert len(text) == changed.stat().st_size
+    os.utime(changed, ns=(0, 0))
+    opened.clear()
+    assert [dataset.recipe(e) == r for e, r in zip(dataset.entries, first, strict=True)] == [True] * 2 + [False] + [
+        True
+    ] * 3
+    assert opened == [changed.name]
+
+
+def test_the_digest_is_that_of_the_bytes(tmp_path):
+    (tmp_path / "abc").write_text("abc")
+    # FIPS 180-2, appendix B.1.
+    assert file_digest(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    with pytest.raises(UnreadableMesh, match="none: No such file or directory; check the file and its rights"):
+        file_digest(tmp_path / "none")
+
+
+@pytest.mark.parametrize("name", ["humans", "animals", "humans_scanlike"])
+def test_a_generated_set_does_not_depend_on_readers_of_files(name):
+    needed = set(code_of(f"benchmark.datasets.{name}"))
+    assert "benchmark.datasets.base" in needed
+    assert not {"benchmark.geometry.io", "benchmark.geometry.mesh_formats", "benchmark.datasets.files"} & needed

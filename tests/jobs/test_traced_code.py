@@ -1,0 +1,207 @@
+"""Every function that runs while a stage is computed is in a module that the recipe of the stage names.
+
+Kernels are not compiled here, so that they are seen, but where generated meshes would take minutes to make. There the
+kernels of the generators are not watched; what they call they name as globals of their modules, which a fingerprint
+follows like any other import, for compiled code cannot import.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmark.geometry.io import write_mesh
+from benchmark.methods.registry import BUILT_IN
+from tests.toy import RADII, rod, write_off
+
+ROOT = Path(__file__).parents[2]
+
+#: Learners are given the shipped model of some training; without one of their own they have no form.
+LEARNERS = {
+    "learned": "learned[training=animals-III]",
+    "learned-wide-extra": "learned-wide-extra",
+}
+NOT_SHIPPED = {"learned-without-srf", "learned-without-lrf", "learned-strict", "learned-wide"}
+
+
+def small_rod(radius, bend):
+    return rod(radius, bend, rings=8, sides=6)
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("traced") / "rods"
+    for name, radius in RADII.items():
+        for number, bend in enumerate((0.0, 1.0)):
+            write_off(folder / f"{name}{number}.off", small_rod(radius, bend))
+    return folder
+
+
+def trace(dataset, *chosen, inputs=("mesh",), plugins=(), size=30, image=0, compiled=False, **more):
+    """What :mod:`tests.jobs.tracing` saw, by stage."""
+    asked = {"dataset": str(dataset), "chosen": chosen, "inputs": inputs, "plugins": list(map(str, plugins))}
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.jobs.tracing", json.dumps(asked | {"size": size, "image": image} | more)],
+        capture_output=True, text=True, cwd=ROOT, check=False, timeout=590,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "0" if compiled else "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def assert_named(found, **expected):
+    """Nothing ran outside; and of each stage, what must have run did, so that an empty trace cannot pass."""
+    assert {stage: each["outside"] for stage, each in found.items() if each["outside"]} == {}
+    for stage, modules in expected.items():
+        assert set(modules.split()) <= set(found[stage]["ran"]), stage
+
+
+DYNAMIC = """
+import importlib
+
+from benchmark.contracts import canonical_form
+
+
+@canonical_form(name="sly", title="Sly")
+def sly(shape):
+    form = importlib.import_module("baselines.pca").PCA().canonicalise(shape)
+    return form.vertices
+"""
+
+
+def test_stages_run_what_their_recipes_name_and_a_hidden_import_is_seen(rods, tmp_path):
+    (tmp_path / "sly.py").write_text(DYNAMIC)
+    found = trace(rods, "identity", plugins=[tmp_path / "sly.py"], inputs=["mesh", "view"])
+    assert "baselines.pca" in found["form sly"]["outside"]
+    del found["form sly"]
+    assert_named(
+        found,
+        source="benchmark.datasets.files benchmark.geometry.io benchmark.geometry.mesh_formats",
+        mesh="benchmark.jobs.stages.complete benchmark.geometry.preparation benchmark.geometry.cleaning",
+        view="benchmark.jobs.stages.view benchmark.geometry.depth benchmark.geometry.rasterise",
+        frame="benchmark.jobs.stages.view benchmark.geometry.depth",
+        measures="benchmark.jobs.stages.ranking retrieval.metrics retrieval.chance",
+        **{"form identity": "baselines.identity benchmark.contracts benchmark.jobs.stages.form"},
+    )
+
+
+KERNELS = {
+    "classic-mds": "baselines._kernels.eigen benchmark.geometry.geodesic_graph",
+    "least-squares-mds": "baselines._kernels.smacof",
+    "non-metric-mds": "baselines._kernels.isotonic baselines._kernels.smacof",
+    "mesh-unfolding": "baselines._kernels.arap",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in BUILT_IN if not name.startswith("learned")])
+def test_every_method_runs_what_its_recipe_names(rods, name):
+    found = trace(rods, name, inputs=["mesh", "view"], size=40)
+    module = BUILT_IN[name].partition(":")[0]
+    assert_named(found, **{f"form {name}": f"{module} {KERNELS.get(name, '')} benchmark.jobs.stages.form"})
+    if "descriptors" in found:
+        assert module in found["descriptors"]["ran"]
+
+
+def test_every_learner_is_traced_or_has_no_model_to_be_traced_with():
+    assert {name for name in BUILT_IN if name.startswith("learned")} == NOT_SHIPPED | set(LEARNERS)
+    for name in NOT_SHIPPED - {"learned-strict"}:
+        assert not list((ROOT / "learned" / "models").glob(f"*/{name.removeprefix('learned-').replace('-', '_')}-*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LEARNERS)
+def test_every_learner_runs_what_its_recipe_names(rods, name):
+    found = trace(rods, LEARNERS[name], inputs=["view"], compiled=True, size=500)
+    assert_named(found, **{f"form {name}": "learned.methods learned.prediction learned.network learned.images"})
+
+
+@pytest.mark.slow
+def test_the_scorer_runs_what_its_recipe_names(rods):
+    found = trace(rods, "identity", image=32, size=30)
+    assert_named(
+        found,
+        features="retrieval.cmbof retrieval.pose retrieval.views retrieval.features retrieval.scale_space "
+        "retrieval.gradient_histograms",
+        distances="retrieval.cmbof retrieval.codebook retrieval.clock",
+        measures="retrieval.metrics retrieval.splits",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "generator"),
+    [
+        ("humans", "benchmark.datasets.humans"),
+        ("humans-scanlike", "benchmark.datasets.humans_scanlike benchmark.datasets.scanning"),
+        ("animals", "benchmark.datasets.animals.generate benchmark.datasets.animals.species"),
+    ],
+)
+def test_every_generated_set_runs_what_its_recipe_names(name, generator):
+    found = trace(name, "identity", inputs=["mesh", "view"], compiled=True, size=200)
+    assert_named(found, source=generator)
+
+
+def test_people_among_the_generated_animals_are_traced_too():
+    """The first subjects of the set are animals; its people come from another generator."""
+    from benchmark.datasets.animals import Animals
+
+    subjects = list(dict.fromkeys(entry.subject for entry in Animals().entries))
+    assert set(subjects[:2]) & {"cat", "dog"}
+    assert {"david", "michael", "victoria"} <= set(subjects)
+
+
+@pytest.mark.slow
+def test_all_subjects_of_the_generated_animals_run_what_their_recipes_name():
+    found = trace("animals", "surface-area", inputs=["mesh"], compiled=True, size=200, subjects=9, poses=2)
+    assert_named(found, source="benchmark.datasets.animals.people benchmark.datasets.animals.apes")
+
+
+@pytest.mark.slow
+def test_official_layouts_run_what_their_recipes_name(tmp_path):
+    import scipy.io
+
+    def surface(mesh):
+        x, y, z = (mesh.vertices[:, [k]] for k in range(3))
+        return {"surface": {"X": x, "Y": y, "Z": z, "TRIV": mesh.faces + 1}}
+
+    folder = tmp_path / "tosca"
+    for name, radius in RADII.items():
+        beast = {"thin": "cat", "thick": "dog"}[name]
+        folder.mkdir(exist_ok=True)
+        scipy.io.savemat(folder / f"{beast}0.mat", surface(small_rod(radius, 0.0)))
+        np.savetxt(folder / f"{beast}1.vert", small_rod(radius, 1.0).vertices)
+        np.savetxt(folder / f"{beast}1.tri", small_rod(radius, 1.0).faces + 1, fmt="%d")
+        write_off(folder / f"{beast}2.off", small_rod(radius, 2.0))
+    found = trace("tosca", "identity", inputs=["mesh", "view"], data_root=str(tmp_path), poses=3)
+    assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats")
+    for part, count in ("synthetic", 300), ("real", 400):
+        folder = tmp_path / "shrec14" / part
+        folder.mkdir(parents=True)
+        for number in range(count):
+            write_mesh(folder / f"{number}.obj", small_rod(0.06 + 0.01 * (number % 15), 0.1 * (number % 20)))
+        found = trace(f"shrec14-{part}", "identity", inputs=["mesh", "view"], data_root=str(tmp_path))
+        assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats")
+
+
+@pytest.mark.slow
+def test_every_file_format_runs_what_its_recipe_names(tmp_path):
+    folder = tmp_path / "formats"
+    for name, radius in RADII.items():
+        for number, suffix in enumerate((".off", ".obj", ".ply", ".stl")):
+            mesh = small_rod(radius, 0.5 * number)
+            if suffix == ".stl":
+                import trimesh
+
+                (folder / f"{name}{number}.stl").write_bytes(
+                    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="stl")
+                )
+            else:
+                folder.mkdir(exist_ok=True)
+                write_mesh(folder / f"{name}{number}{suffix}", mesh)
+    found = trace(folder, "identity", inputs=["mesh", "view"], poses=4)
+    assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats benchmark.geometry.io")

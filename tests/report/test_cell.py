@@ -1,0 +1,144 @@
+"""Means of galleries and of trainings, by hand."""
+
+import json
+
+import pytest
+
+from benchmark.protocols.tables import TABLES
+from benchmark.report.cell import cell_of
+from benchmark.report.content import contents, row_of
+from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
+from benchmark.report.page import page
+from benchmark.report.results import Result
+from tests.records import failed, record
+
+MODEL = {"training": "humans-fold-0", "data": "ten humans", "schedule": "one pass", "extra_data": False}
+HUMANS = {"name": "humans", "title": "Humans", "stand_in_for": "shrec14-synthetic", "source": "humans"}
+BY_NAME = {table.identifier: table for table in TABLES}
+
+
+def of_fold(fold, nn, *, training_seed=0, digest="a", make=record, method="learned", **more):
+    """Record of a learner on a fold of the synthetic humans."""
+    name = f"{method}[training_seed={training_seed}]" if training_seed else method
+    parameters = {"training_seed": training_seed} if training_seed else {}
+    if make is record:
+        more = {"models": [MODEL | {"digest": digest}]} | more
+        more["nn"] = nn
+    return make(
+        method=name, input_="view", gallery=f"humans fold {fold}", title="Our", parameters=parameters, data=HUMANS,
+        family="paper", **more,
+    )  # fmt: skip
+
+
+def results(*records):
+    return [Result(found) for found in records]
+
+
+def test_means_and_deviation_by_hand():
+    shapes = ["cat0", "cat1", "dog0", "dog2"]
+    found = results(
+        of_fold(0, 0.5),
+        of_fold(1, 0.6, digest="b", cost={"seconds_per_shape": {"canonicalise": 2.5, "features": 1.0}}, peak_mib=120),
+        of_fold(2, 0.1, digest="c", shapes=shapes, cost={"seconds_per_shape": {"canonicalise": 9.0}}),
+    )
+    cell = cell_of(found, 3)
+    assert cell.scores["NN"] == pytest.approx(0.4)
+    # Deviations .1, .2 and -.3 from the mean: (.01 + .04 + .09) / 2.
+    assert cell.deviation["NN"] == pytest.approx(0.07**0.5)
+    assert cell.deviation["FT"] == 0
+    assert (cell.status, cell.n_averaged, cell.n_wanted, len(cell.models)) == ("ok", 3, 3, 3)
+    assert (cell.record["n_shapes"], cell.record["n_classes"]) == (5, 2)
+    assert cell.record["cost"]["seconds_per_shape"] == {"canonicalise": 2.5, "features": 1.0}
+    assert cell.record["peak_mib"] == 120
+
+
+def test_a_single_job_is_its_record():
+    (only,) = results(record(nn=0.5))
+    cell = cell_of([only], 1)
+    assert (cell.record, cell.deviation, cell.n_averaged, cell.n_wanted) == (only.record, None, 1, 1)
+
+
+def test_a_job_that_failed_is_missing_from_the_mean_and_told():
+    cell = cell_of(results(of_fold(0, 0.5), of_fold(1, 0, make=failed, reason="ate memory"), of_fold(2, 0.7)), 3)
+    assert cell.scores["NN"] == pytest.approx(0.6)
+    assert (cell.n_averaged, cell.n_wanted) == (2, 3)
+    assert cell.record["reason"] == "humans fold 1: ate memory"
+    assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).status == "crashed"
+    assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).scores is None
+
+
+def test_what_is_outdated_in_one_job_marks_the_mean():
+    found = [Result(of_fold(0, 0.5)), Result(of_fold(1, 0.6), "seed changed"), Result(of_fold(2, 0.6), "seed changed")]
+    assert cell_of(found, 3).outdated == "seed changed"
+
+
+def test_in_the_ablation_trainings_with_other_seeds_share_a_row():
+    seeded = of_fold(0, 0.5, training_seed=1)
+    assert row_of(BY_NAME["IV"], seeded) == "learned"
+    assert row_of(BY_NAME["I"], seeded) == "learned[training_seed=1]"
+    other = record("learned[smoothing=3.0,training_seed=1]", parameters={"smoothing": 3.0, "training_seed": 1})
+    assert row_of(BY_NAME["IV"], other) == "learned[smoothing=3.0]"
+
+
+def tables_of(*records):
+    return {table.identifier: table for table in contents(results(*records))}
+
+
+FOUR = (
+    of_fold(0, 0.5),
+    of_fold(0, 0.9, training_seed=1, digest="b"),
+    of_fold(1, 0.6, digest="c"),
+    of_fold(2, 0.4, digest="d"),
+)
+
+
+def test_table_one_is_the_mean_of_the_folds_and_table_four_of_the_trainings_as_well():
+    found = tables_of(*FOUR)
+    assert list(found) == ["I", "IV"]
+    one, four = (next(r for r in found[name].rows if r.method == "learned").cells["view"] for name in found)
+    assert (one.scores["NN"], one.n_averaged) == (pytest.approx(0.5), 3)
+    assert (four.scores["NN"], four.n_averaged) == (pytest.approx(0.6), 4)
+    assert found["I"].n_galleries == 3
+    assert "3 x 4 shapes, 2 classes" in markdown(found["I"])
+
+
+def test_all_formats_print_mean_deviation_and_number_of_models():
+    table = tables_of(*FOUR)["IV"]
+    (line,) = [line for line in markdown(table).splitlines() if line.startswith("| Our")]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[0] == "Our (4 models)"
+    assert cells[5:] == ["**0.60** ± 0.22", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
+    assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
+    assert r"\textbf{0.60} $\pm$ 0.22 & \textbf{0.50} $\pm$ 0.00" in latex(table)
+    assert "<td><b>0.60</b> ± 0.22</td>" in page([table], {})
+    (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
+    assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.6, "Our", 3)
+    # Deviations -.1, .3, 0 and -.2: (.01 + .09 + .04) / 3.
+    assert row["spread"] == {"NN": round((0.14 / 3) ** 0.5, 6), "FT": 0.0, "ST": 0.0, "DCG": 0.0}
+    assert json.loads(json.dumps(row)) == row
+    header, *lines = (line.split(",") for line in as_csv([table]).splitlines())
+    (values,) = [line for line in lines if "learned" in line]
+    assert dict(zip(header, values, strict=True))["spread_NN"] == str(row["spread"]["NN"])
+
+
+def test_a_missing_fold_is_told():
+    table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6), of_fold(2, 0, make=failed, reason="needs the model"))["I"]
+    told = "Our, view: mean of 2 instead of 3 (humans fold 2: needs the model)"
+    assert told in table.notes()
+    table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6))["I"]
+    assert "Our, view: mean of 2 instead of 3 (not run)" in table.notes()
+
+
+def test_a_quick_table_is_one_fold_and_no_mean():
+    quick = record(
+        method="learned", input_="view", gallery="humans fold 0 (quick)", title="Our", data=HUMANS | {"quick": True}
+    )
+    (table,) = contents(results(quick))
+    assert (table.identifier, table.file_stem, table.n_galleries) == ("I", "table-I-humans-quick", 1)
+    assert "±" not in markdown(table)
+
+
+def test_extra_training_data_is_marked():
+    extra = [[MODEL | {"digest": digest, "extra_data": True}] for digest in "abc"]
+    table = tables_of(*(of_fold(k, 0.5, models=extra[k]) for k in range(3)))["IV"]
+    assert next(row for row in table.rows if row.method == "learned").label == "Our (extra training data, 3 models)"

@@ -1,0 +1,217 @@
+"""Which record stands for a job, and when it is marked: the same wherever the folder lies."""
+
+import importlib.metadata
+import json
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import BenchmarkError
+from benchmark.jobs.plan import make_plan
+from benchmark.methods.registry import methods, select
+from benchmark.protocols.tables import galleries
+from benchmark.report.results import Results
+from benchmark.storage import keys
+from benchmark.storage.store import Store
+from benchmark.system import fingerprints
+from tests import records as made_up
+from tests.storage.test_records import put_aliens
+from tests.toy import write_rods
+
+METHODS = ("identity", "surface-area", "classic-mds[solver=dijkstra]")
+EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
+
+
+@pytest.fixture(autouse=True)
+def fresh():
+    yield
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.open(tmp_path / "results")
+
+
+def jobs(rods, store, names=METHODS):
+    return make_plan(galleries([], [str(rods)]), ["mesh"], select(names, methods()), store)
+
+
+def of_job(job, *, code=None, finished=EARLIER, make=made_up.record, **more):
+    """A record under the recipe of a job, its scores made up; with ``code`` under that of other code."""
+    recipe = keys.plain(job.recipe)
+    if code:
+        recipe["code"]["method"]["code"]["baselines.identity"] = code
+    options = {"method": job.method.name, "finished": finished, **more}
+    return {**make(**options), **keys.plain(job.facts), "recipe": recipe, "key": keys.digest(recipe)}
+
+
+def another_version(monkeypatch, name, version):
+    real = importlib.metadata.version
+    monkeypatch.setattr(importlib.metadata, "version", lambda asked: version if asked == name else real(asked))
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
+
+
+def call(*arguments, code=0):
+    done = CliRunner().invoke(cli, [*map(str, arguments)])
+    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def chosen(store, **options):
+    return {result.record["method"]: result for result in Results(store, methods()).all(**options)}
+
+
+def test_what_this_code_would_make_again_is_not_outdated(rods, store):
+    for job in jobs(rods, store):
+        store.write_record(of_job(job))
+    found = chosen(store)
+    assert set(found) == set(METHODS)
+    assert [result.outdated for result in found.values()] == ["", "", ""]
+    assert {job.state for job in jobs(rods, store)} == {"cached"}
+
+
+def test_a_record_of_other_code_is_marked_and_never_a_blank(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+    store.write_record(of_job(job, code="0123", nn=0.5))
+    (result,) = chosen(store).values()
+    assert result.outdated == "code of baselines.identity changed"
+    assert result.record["scores"]["NN"] == 0.5
+    assert chosen(store, fresh=True) == {}
+    text = call("tables", "--results", store.root.parent)
+    assert "| Identity (no canonical form) † |" in text
+    assert "- † Identity (no canonical form): made before the last change (code of baselines.identity changed)" in text
+    assert call("plan", "-d", rods, "-m", "identity", "--input", "mesh", "--results", store.root.parent).startswith(
+        "stale        rods mesh identity  code of baselines.identity changed"
+    )
+
+
+def test_another_version_of_a_package_is_named_by_plan_and_table(rods, store, monkeypatch):
+    for job in jobs(rods, store):
+        store.write_record(of_job(job))
+    before = importlib.metadata.version("libigl")
+    another_version(monkeypatch, "libigl", "9.9")
+    said = f"libigl {before} -> 9.9"
+    arguments = ("-d", rods, *(w for m in METHODS for w in ("-m", m)), "--input", "mesh")
+    plan = call("plan", *arguments, "--results", store.root.parent)
+    stale = {job.method.name for job in jobs(rods, store) if job.state == "stale"}
+    assert "classic-mds[solver=dijkstra]" in stale
+    assert plan.count(said) == len(stale)
+    assert {name for name, result in chosen(store).items() if result.outdated == said} == stale
+    assert call("tables", "--results", store.root.parent).count("†") >= len(stale)
+
+
+def test_the_newest_of_this_code_counts_else_the_newest_with_scores(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+
+    def shown():
+        (result,) = chosen(store).values()
+        return result.record["status"], result.record.get("scores", {}).get("NN"), bool(result.outdated)
+
+    store.write_record(of_job(job, code="1", nn=0.25))
+    assert shown() == ("ok", 0.25, True)
+    store.write_record(of_job(job, code="2", nn=0.5, finished=LATER))
+    assert shown() == ("ok", 0.5, True)
+    store.write_record(of_job(job, code="3", make=made_up.failed, finished="2026-03-01T00:00:00+00:00"))
+    assert shown() == ("ok", 0.5, True)  # a failure of other code says nothing
+    store.published.write(of_job(job, nn=0.75, finished="2025-01-01T00:00:00+00:00"))
+    assert shown() == ("ok", 0.75, False)
+    store.write_record(of_job(job, nn=1.0))  # the same key, made here
+    assert shown() == ("ok", 1.0, False)
+
+
+def test_a_job_that_cannot_be_done_here_hides_no_scores(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+    unavailable = of_job(job, make=made_up.failed, status="unavailable", finished="2030-01-01T00:00:00+00:00")
+    unavailable |= {"recipe": {"unavailable": "needs torch"}, "key": keys.digest("needs torch")}
+    store.write_record(unavailable)
+    assert chosen(store)["identity"].record["status"] == "unavailable"
+    store.write_record(of_job(job, code="1", nn=0.5))
+    assert chosen(store)["identity"].record["scores"]["NN"] == 0.5
+
+
+def test_of_an_unknown_plugin_nobody_can_tell(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+    store.write_record({**of_job(job), "method": "somebodys"})
+    assert chosen(store)["somebodys"].outdated == ""
+
+
+def test_other_seeds_are_other_places(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+    other = of_job(job)
+    other["recipe"]["seed"] = 1
+    store.write_record({**other, "key": keys.digest(other["recipe"])})
+    assert chosen(store) == {}
+    assert set(chosen(store, seed=1)) == {"identity"}
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_the_same_records_make_the_same_tables_in_any_folder(rods, store, tmp_path):
+    """Once from records made here, with the data; once from a published copy, without; once among alien files."""
+    for number, job in enumerate(jobs(rods, store)):
+        store.write_record(of_job(job, nn=number / 4, code="1" if number else None))
+    call("tables", "-o", tmp_path / "tables", "--results", store.root.parent)
+    copy = tmp_path / "clone"
+    shutil.copytree(store.records.folder, copy / "records")
+    shutil.move(rods, rods.with_name("gone"))
+    try:
+        call("tables", "-o", tmp_path / "tables", "--check", "--results", copy)
+        put_aliens(copy / "records")
+        (copy / "runs" / "records").mkdir(parents=True, exist_ok=True)
+        (copy / "runs" / "records" / "dangling.json").symlink_to("/nowhere/at/all")
+        assert "5 files are up to date" in call("tables", "-o", tmp_path / "tables", "--check", "--results", copy)
+        call("tables", "-o", tmp_path / "again", "--results", copy)
+    finally:
+        shutil.move(rods.with_name("gone"), rods)
+    assert files(tmp_path / "again") == files(tmp_path / "tables")
+    assert b"\xe2\x80\xa0" in files(tmp_path / "tables")["table-rods.md"]
+
+
+def test_alien_files_harm_no_verb(rods, store):
+    for job in jobs(rods, store):
+        store.write_record(of_job(job))
+    put_aliens(store.records.folder)
+    put_aliens(store.published.folder)
+    results = ("--results", store.root.parent)
+    selection = ("-d", rods, *(w for m in METHODS for w in ("-m", m)), "--input", "mesh")
+    assert call("plan", *selection, *results).count("cached") == 3
+    rows = json.loads(call("tables", *results, "--format", "json"))
+    assert {row["method"] for row in rows} == set(METHODS)
+    assert "3 of 3 pairs are equal" in call("compare", store.root.parent, store.root.parent)
+    assert "freed" in call("prune", *results)
+    assert call("merge", store.root.parent, *results) == "0 records added, 3 known, 0 conflicts\n"
+    assert "finished" in call("why", "identity", *selection[:2], *results)
+    assert "rods mesh identity" in call("why", next(iter(store.records))["key"][:8], *results)
+
+
+def test_a_quick_run_is_a_place_of_its_own(store):
+    """Records of all shapes are shown after a quick run into the same folder, and the quick ones only when asked."""
+    humans = {"name": "humans", "title": "Humans", "source": "humans"}
+    for number in range(3):
+        store.write_record(made_up.record("identity", gallery=f"humans fold {number}", data=humans, nn=0.75))
+    full = call("tables", "--results", store.root.parent, "-m", "identity")
+    quick = made_up.record("identity", gallery="humans fold 0 (quick)", data=humans | {"quick": True}, nn=0.25)
+    store.write_record({**quick, "finished": LATER})
+    assert call("tables", "--results", store.root.parent, "-m", "identity") == full
+    told = call("tables", "--results", store.root.parent, "-m", "identity", "--quick")
+    assert "0.25" in told
+    assert "Quick run" in told
+
+
+def test_a_selection_without_records_is_named(store):
+    done = CliRunner().invoke(cli, ["tables", "--results", str(store.root.parent)])
+    assert isinstance(done.exception, BenchmarkError)
+    assert "no finished job under" in str(done.exception)

@@ -1,0 +1,109 @@
+"""Galleries scored all at once, against the scorer of a single one."""
+
+from __future__ import annotations
+
+import time
+from itertools import combinations
+from math import comb, log2
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmark.errors import ConfigurationError
+from retrieval.metrics import evaluate
+from retrieval.splits import MEASURES, all_splits, ranges, scores_of_splits
+
+
+def distances_of(n: int, seed: int, ties: bool) -> NDArray[Any]:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 4, (n, 2)) if ties else rng.normal(size=(n, 2))
+    return np.linalg.norm(points[:, None] - points[None], axis=2)
+
+
+@pytest.mark.parametrize("ties", [False, True])
+def test_each_split_scores_as_its_own_matrix_does(ties: bool) -> None:
+    # Classes of all sizes in any order; one of them has a single member.
+    labels = np.random.default_rng(5).permutation(np.repeat(list("abcdef"), [7, 5, 6, 1, 4, 9])).tolist()
+    distances = distances_of(len(labels), 3, ties)
+    splits = all_splits("abcdef", 3)
+    scores = scores_of_splits(distances, labels, splits)
+    for row, split in enumerate(splits):
+        inside = np.flatnonzero([label in split for label in labels])
+        single = evaluate(distances[np.ix_(inside, inside)], [labels[i] for i in inside])
+        expected = (single.nn, single.ft, single.st, single.dcg)
+        assert [scores[name][row] for name in MEASURES] == pytest.approx(expected, abs=1e-12)
+    assert ties == (evaluate(distances, labels).tied_queries > 0)
+
+
+def test_a_gallery_by_hand() -> None:
+    # On a line: a at 0 and 3, b at 1 and 7, c at 3.5 and 3.9.
+    places = np.array([0, 3, 1, 7, 3.5, 3.9])
+    distances, labels = np.abs(places[:, None] - places), list("aabbcc")
+    scores = scores_of_splits(distances, labels, [("a", "b"), ("c", "b")])
+    # In a + b, the shape at 1 has its own class at the last of three ranks, the others at the second one.
+    assert (scores["NN"][0], scores["FT"][0], scores["ST"][0]) == (0, 0, 3 / 4)
+    assert scores["DCG"][0] == pytest.approx((1 + 1 + 1 / log2(3) + 1) / 4)
+    # In c + b the two of c find each other, b finds its own last.
+    assert scores["NN"][1] == 1 / 2
+
+
+def test_the_whole_set_is_one_of_the_splits() -> None:
+    labels = [k for k in range(5) for _ in range(4)]
+    distances = distances_of(20, 1, ties=False)
+    assert scores_of_splits(distances, labels, [range(5)])["DCG"][0] == pytest.approx(evaluate(distances, labels).dcg)
+
+
+def test_all_ways_to_take_five_of_fifteen() -> None:
+    kinds = {f"{kind}-{k}": kind for kind in ("man", "woman", "child") for k in range(5)}
+    everything = all_splits(kinds, 5)
+    assert len(everything) == len(set(everything)) == comb(15, 5) == 3003
+    mixed = all_splits(kinds, 5, kinds, {"man": 2, "woman": 2, "child": 1})
+    assert len(mixed) == comb(5, 2) * comb(5, 2) * 5 == 500
+    assert set(mixed) <= set(everything)
+    assert all(sum(name.startswith("woman") for name in split) == 2 for split in mixed)
+    with pytest.raises(ConfigurationError, match="no 5 of 3 subjects can be taken so"):
+        all_splits("abc", 5)
+
+
+def test_a_split_of_a_set_that_separates_scores_one_and_its_range_is_a_point() -> None:
+    labels = [k for k in range(6) for _ in range(3)]
+    distances = np.not_equal.outer(labels, labels).astype(float)
+    found = ranges(scores_of_splits(distances, labels, list(combinations(range(6), 2))))
+    assert {(name, value.low, value.median, value.high) for name, value in found.items()} == {
+        (name, 1.0, 1.0, 1.0) for name in MEASURES
+    }
+
+
+def test_ranges_by_hand() -> None:
+    (found,) = ranges({"NN": np.linspace(0, 1, 101)}).values()
+    assert (found.low, found.median, found.high) == pytest.approx((0.05, 0.5, 0.95))
+
+
+def test_three_hundred_shapes_take_about_a_second() -> None:
+    labels = [k for k in range(15) for _ in range(20)]
+    splits = all_splits(range(15), 5)
+    distances = distances_of(300, 0, ties=False)
+    begun = time.process_time()
+    scores = scores_of_splits(distances, labels, splits)
+    assert time.process_time() - begun < 5
+    assert scores["NN"].shape == (3003,)
+
+
+@pytest.mark.parametrize(
+    ("splits", "message"),
+    [
+        ([("a", "x")], "a split names the class 'x', which no shape has"),
+        ([("a", "a")], r"the split \('a', 'a'\) names a class twice"),
+        ([("a", "b"), ("c",)], "a split has no class with two members"),
+    ],
+)
+def test_what_is_no_split_is_named(splits: list[tuple[str, ...]], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        scores_of_splits(distances_of(5, 0, ties=False), list("aabbc"), splits)
+
+
+def test_a_matrix_that_does_not_fit_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="5 rows of distances but labels of shape"):
+        scores_of_splits(distances_of(5, 0, ties=False), list("aabb"), [("a", "b")])

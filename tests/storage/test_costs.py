@@ -1,0 +1,124 @@
+"""What a stage costs is booked once, to the stage and to whoever used it."""
+
+import time
+
+import numpy as np
+import pytest
+
+from benchmark.jobs.preparation import _Shared
+from benchmark.storage.costs import _RESET, _STATUS, Cost, Meter
+
+MIB = 2**20
+measures_memory = pytest.mark.skipif(not (_STATUS.exists() and _RESET.exists()), reason="the system does not tell")
+
+
+@pytest.fixture
+def meter():
+    return Meter()
+
+
+def eat(mib):
+    """Take memory and give it back; returns nothing that would keep it."""
+    np.ones(mib * MIB // 8).sum()
+
+
+def test_the_time_of_an_inner_stage_is_not_booked_twice(meter):
+    with meter.measured("outer") as outer:
+        time.sleep(0.05)
+        with meter.measured("inner") as inner:
+            time.sleep(0.15)
+            with meter.measured("innermost") as innermost:
+                time.sleep(0.1)
+    assert 0.1 <= innermost().seconds < 0.14
+    assert 0.15 <= inner().seconds < 0.2
+    assert 0.05 <= outer().seconds < 0.1
+
+
+@measures_memory
+def test_memory_is_what_a_stage_took_above_what_was_there(meter):
+    held = np.ones(100 * MIB // 8)
+    with meter.measured("large") as large:
+        eat(200)
+    with meter.measured("small") as small:
+        eat(5)
+    assert 195 <= large().peak_mib <= 215
+    assert small().peak_mib <= 20
+    assert held[0] == 1
+
+
+@measures_memory
+def test_the_memory_of_an_inner_stage_counts_for_the_outer_one_too(meter):
+    with meter.measured("outer") as outer:
+        held = np.ones(50 * MIB // 8)
+        with meter.measured("inner") as inner:
+            eat(200)
+        del held
+    assert 195 <= inner().peak_mib <= 215
+    assert 245 <= outer().peak_mib <= 270
+
+
+@measures_memory
+def test_a_peak_before_an_inner_stage_is_not_lost(meter):
+    with meter.measured("outer") as outer:
+        eat(200)
+        with meter.measured("inner") as inner:
+            eat(10)
+    assert inner().peak_mib <= 30
+    assert 195 <= outer().peak_mib <= 215
+
+
+def test_the_first_use_in_a_process_is_marked(meter):
+    costs = []
+    for work in ("compile", "other", "compile"):
+        with meter.measured(work) as cost:
+            pass
+        costs.append(cost().first_use)
+    assert costs == [True, True, False]
+
+
+def test_a_stage_that_raises_is_closed(meter):
+    with pytest.raises(ZeroDivisionError), meter.measured("outer"), meter.measured("inner"):
+        raise ZeroDivisionError
+    with meter.measured("after") as after:
+        time.sleep(0.02)
+    assert after().seconds >= 0.02
+
+
+def test_a_cost_survives_as_text():
+    cost = Cost(1.5, 200.25, True, 3.0, {"geodesics": Cost(0.5, None, False, 30.5)})
+    assert Cost.from_json(cost.to_json()) == cost
+    for wrong in ("", "[]", "3", '{"seconds": 1, "colour": 2}', '{"shared": 3}', '{"shared": {"a": 3}}'):
+        with pytest.raises((ValueError, TypeError)):
+            Cost.from_json(wrong)
+
+
+def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter):
+    shared = _Shared(meter)
+    calls = []
+
+    def compute():
+        calls.append(1)
+        time.sleep(0.05)
+        return {"distances": np.ones((1024, 1024))}
+
+    costs = []
+    for method in ("classic", "fast", "alone"):
+        with meter.measured(method) as cost:
+            if method != "alone":
+                shared.get_or_compute("geodesics", {"solver": "exact"}, compute)
+        costs.append(cost())
+    first, second, alone = costs
+    assert len(calls) == 1
+    assert first.shared["geodesics"].seconds == second.shared["geodesics"].seconds >= 0.05
+    assert alone.shared == {}
+    assert max(first.seconds, second.seconds) < 0.05
+    if first.peak_mib is not None:
+        assert min(first.peak_mib, second.peak_mib) >= 7.9
+        assert alone.peak_mib < 4
+
+
+def test_other_parameters_are_shared_apart(meter):
+    shared = _Shared(meter)
+    for solver in ("exact", "heat", "exact"):
+        found = shared.get_or_compute("geodesics", {"solver": solver}, lambda s=solver: {"x": np.array(s)})
+        assert found["x"] == solver

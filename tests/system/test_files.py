@@ -1,0 +1,69 @@
+"""Files are whole or absent, and what killed writers leave is told from what is being written."""
+
+import os
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from benchmark.system.files import leftovers, sweep, write_atomically, write_text
+
+
+def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "deep" / "file.txt"
+    write_text(path, "old", durable=True)
+
+    def half(file):
+        file.write(b"new, but only ha")
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_atomically(path, half)
+    assert path.read_text() == "old"
+    assert [found.name for found in path.parent.iterdir()] == ["file.txt"]
+    write_text(path, "new ünd whole")
+    assert path.read_bytes() == "new ünd whole".encode()
+
+
+def test_an_interrupt_leaves_nothing_behind(tmp_path):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(tmp_path / "file", interrupted)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_rights_are_what_the_umask_leaves(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        write_text(tmp_path / "file", "x")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == mode
+
+
+def test_only_what_dead_writers_left_is_swept(tmp_path):
+    """A process is killed in the middle of writing; another one, this, is still at it."""
+    command = (
+        "import os, signal\nfrom pathlib import Path\nfrom benchmark.system.files import write_atomically\n"
+        f"write_atomically(Path({str(tmp_path / 'a' / 'file')!r}), lambda f: os.kill(os.getpid(), signal.SIGKILL))"
+    )
+    assert subprocess.run([sys.executable, "-c", command], check=False).returncode == -9
+    (dead,) = (tmp_path / "a").iterdir()
+    kept = [f".{os.getpid()}-abcd.tmp", ".1-abcd.tmp", ".notes-draft.tmp", "999999-x.tmp", "file.tmp", "file"]
+    for name in kept:
+        (tmp_path / "a" / name).write_text("")
+    assert list(leftovers(tmp_path)) == [dead]
+    seen = []
+    write_atomically(tmp_path / "a" / "other", lambda _: seen.append(list(leftovers(tmp_path))))
+    assert seen == [[dead]]
+    assert sweep(tmp_path) == 1
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted([*kept, "other"])
+
+
+def test_a_number_that_no_process_has_is_dead(tmp_path):
+    (tmp_path / f".{10**30}-x.tmp").write_text("")
+    assert sweep(tmp_path) == 1

@@ -1,0 +1,262 @@
+"""Parameters: what is read from text, what is refused and how, and that each way to write a value makes one value."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import pytest
+
+from benchmark.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.geodesics import DEFAULT_SOLVER
+from benchmark.parameters.values import assignments, checked, departures, parameter_values, spelt
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+NAMES = ["red", "green"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """One field of each kind."""
+
+    whole: int = 2
+    number: float = 0.5
+    flag: bool = False
+    text: str = ""
+    optional: int | None = None
+    either: int | str = 0
+    choice: Literal["mesh", "classic"] = "mesh"
+    level: Literal[1, 2] = 1
+    pair: tuple[float, float] = (0.0, 1.0)
+    levels: tuple[int, ...] = (1, 2)
+    bare: tuple = (1, 2)  # type: ignore[type-arg]
+    empty: tuple = ()  # type: ignore[type-arg]
+    path: Path = Path("a")
+    unresolved: Fraction | None = 3  # type: ignore[assignment]
+    made: list[int] = field(default_factory=list)
+    least: Annotated[int, Interval(1)] = 1
+    share: Annotated[float, Interval(0, 1, closed="neither")] = 0.5
+    half_open: Annotated[float, Interval(0, 1, closed="left")] = 0.0
+    most: Annotated[float, Interval(high=3)] = 0.0
+    colour: Annotated[str, OneOf(lambda: NAMES)] = "red"
+    solver: GeodesicSolver = "default"
+    name: Annotated[str, Matches("[a-z]*", "lower-case letters")] = ""
+    some: Annotated[int, Interval(1)] | None = None
+    parts: tuple[Annotated[int, Interval(1)], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guarded(CheckedParameters):
+    """Checks itself."""
+
+    least: Annotated[int, Interval(1)] = 1
+    solver: GeodesicSolver = "default"
+    kept: int = field(default=0, init=False)
+
+
+def read(name: str, value: Any) -> Any:
+    return checked(Sample, {name: value})[name]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("whole", "7", 7),
+        ("whole", "-7", -7),
+        ("whole", " 2.0 ", 2),
+        ("whole", "1e3", 1000),
+        ("whole", 3.0, 3),
+        ("whole", np.int64(3), 3),
+        ("whole", str(2**70), 2**70),
+        ("number", "2", 2.0),
+        ("number", 2, 2.0),
+        ("number", "-0", 0.0),
+        ("number", "inf", math.inf),
+        ("number", np.float32(0.25), 0.25),
+        ("flag", "True", True),
+        ("flag", "false", False),
+        ("flag", True, True),
+        ("text", "", ""),
+        ("text", "a=b", "a=b"),
+        ("optional", "3", 3),
+        ("optional", "None", None),
+        ("optional", None, None),
+        ("either", "3", 3),
+        ("either", "three", "three"),
+        ("choice", "classic", "classic"),
+        ("level", "2", 2),
+        ("level", 2, 2),
+        ("pair", "(1,2)", (1.0, 2.0)),
+        ("pair", [1, 2], (1.0, 2.0)),
+        ("levels", "12", (12,)),
+        ("levels", "(1, 2, 3)", (1, 2, 3)),
+        ("levels", "(1,)", (1,)),
+        ("levels", "()", ()),
+        ("bare", "12", (12,)),
+        ("empty", "(a,b)", ("a", "b")),
+        ("path", "b", Path("b")),
+        ("unresolved", "4", 4),
+        ("share", "0.25", 0.25),
+        ("half_open", "0", 0.0),
+        ("most", "3", 3.0),
+        ("colour", "green", "green"),
+        ("solver", "default", DEFAULT_SOLVER),
+        ("solver", "exact", "exact"),
+        ("name", "abc", "abc"),
+        ("some", "none", None),
+        ("some", "5", 5),
+        ("parts", "(1,2)", (1, 2)),
+    ],
+)
+def test_a_value_is_read_as_its_type_wants_it(name: str, text: Any, value: Any) -> None:
+    found = read(name, text)
+    assert found == value
+    assert type(found) is type(value)
+    assert math.copysign(1, found) == 1 if found == 0 and isinstance(found, float) else True
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("whole", "many", "'many' does not fit whole of Sample; write a whole number"),
+        ("whole", "2.5", "write a whole number"),
+        ("whole", "inf", "write a whole number"),
+        ("whole", "nan", "write a whole number"),
+        ("whole", True, "'True' does not fit whole of Sample; write a whole number"),
+        ("whole", "", "'' does not fit whole of Sample; write a whole number"),
+        ("whole", None, "write a whole number"),
+        ("number", "nan", "'nan' does not fit number of Sample; write a number"),
+        ("number", float("nan"), "write a number"),
+        ("number", "half", "write a number"),
+        ("flag", "yes", "write true or false"),
+        ("flag", 1, "write true or false"),
+        ("text", 3, "write a text"),
+        ("optional", "x", "write a whole number or none"),
+        ("choice", "clasic", "unknown choice of Sample 'clasic'; did you mean classic?"),
+        ("choice", "zzz", "unknown choice of Sample 'zzz'; choose one of classic, mesh"),
+        ("choice", 3, "'3' does not fit choice of Sample; write mesh or classic"),
+        ("level", "3", "unknown level of Sample '3'; choose one of 1, 2"),
+        ("pair", "(1,2,3)", "write 2 values in parentheses, with commas between them"),
+        ("pair", 3, "write values in parentheses"),
+        ("pair", "(1,b)", "write a number for each of several values in parentheses"),
+        ("levels", "(1,2.5)", "write a whole number for each of several values"),
+        ("bare", "(1,b)", "write a whole number for each of several values"),
+        ("made", "12", "write a list in Python: no text stands for one"),
+        ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
+        ("least", "1" + "0" * 400, "write a whole number of at least 1"),
+        ("share", "0", "write a number above 0 and below 1"),
+        ("share", "1", "write a number above 0 and below 1"),
+        ("half_open", "1", "write a number of at least 0 and below 1"),
+        ("half_open", "-1e-9", "of at least 0 and below 1"),
+        ("most", "3.1", "write a number of at most 3"),
+        ("most", "-inf", "write a number of at most 3"),
+        ("colour", "gren", "unknown colour of Sample 'gren'; did you mean green"),
+        ("colour", 3, "'3' does not fit colour of Sample; write red or green"),
+        ("solver", "heta", "unknown solver of Sample 'heta'; did you mean heat"),
+        ("name", "A", "'A' does not fit name of Sample; write lower-case letters"),
+        ("some", "0", "write a whole number of at least 1 or none"),
+        ("parts", "(1,0)", "write a whole number of at least 1 for each of several values"),
+        ("wole", "1", "unknown parameter of Sample 'wole'; did you mean whole"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        read(name, text)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("ways", [("2", "2.0", " 2 ", 2), ("2e0", 2.0)])
+def test_ways_to_write_a_default_are_the_default(ways: tuple[Any, ...]) -> None:
+    assert [departures(Sample, {"whole": way}) for way in ways] == [{}] * len(ways)
+
+
+def test_departures_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
+    given = {"solver": DEFAULT_SOLVER, "share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
+    assert list(departures(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
+
+
+def test_all_values_are_told_and_normalised() -> None:
+    values = parameter_values(Sample(colour="green"))
+    assert list(values) == list(Sample.__dataclass_fields__)
+    assert (values["solver"], values["colour"], values["path"]) == (DEFAULT_SOLVER, "green", Path("a"))
+    assert parameter_values(object()) == {}
+
+
+def test_a_default_is_not_doubted() -> None:
+    @dataclass
+    class Odd:
+        limit: Annotated[int, Interval(1)] = None  # type: ignore[assignment]
+        least: Annotated[int, Interval(1)] = 0
+        of_any_kind: object = math.sin
+
+    assert parameter_values(Odd()) == {"limit": None, "least": 0, "of_any_kind": math.sin}
+    assert departures(Odd, {"limit": 3}) == {"limit": 3}
+
+
+def test_a_class_may_check_itself() -> None:
+    assert Guarded() == Guarded(least=1, solver=DEFAULT_SOLVER)
+    assert Guarded(least="2").least == 2  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="'0' does not fit least of Guarded; write a whole number"):
+        replace(Guarded(), least=0)
+    assert parameter_values(Guarded()) == {"least": 1, "solver": DEFAULT_SOLVER}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (2.0, "2.0"),
+        (1e-3, "0.001"),
+        (0.1 + 0.2, "0.30000000000000004"),
+        (3, "3"),
+        (True, "true"),
+        (None, "none"),
+        ("a", "a"),
+        ((1, 2.5), "(1,2.5)"),
+        ((3,), "(3)"),
+        ((), "()"),
+    ],
+)
+def test_values_are_spelt_in_one_way(value: Any, text: str) -> None:
+    assert spelt(value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("number", 0.1 + 0.2), ("flag", True), ("optional", 5), ("levels", (3,)), ("levels", ()), ("pair", (1e-9, 2.0))],
+)
+def test_what_is_spelt_is_read_again(name: str, value: Any) -> None:
+    assert read(name, spelt(value)) == value
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"),
+    [
+        ("", {}),
+        (" a = 1 , b=x=y ", {"a": "1", "b": "x=y"}),
+        ("a=(1,2),b=", {"a": "(1,2)", "b": ""}),
+        (["a=1,2", "b = 3"], {"a": "1,2", "b": "3"}),
+    ],
+)
+def test_assignments_are_read(texts: str | list[str], found: dict[str, str]) -> None:
+    assert assignments(texts) == found
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ("jitter", "'jitter' has no value; write NAME=VALUE"),
+        ("=3", "'=3' has no name; write NAME=VALUE"),
+        ("a=1,", "'' has no name"),
+        ("a=1,a=1", "'a' is given twice; leave one of them out"),
+    ],
+)
+def test_half_an_assignment_is_refused(texts: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        assignments(texts)
