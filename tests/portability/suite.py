@@ -15,7 +15,7 @@ from pathlib import Path
 from tests.portability.variants import FOLDER, TESTED, Variant
 
 #: Tests whose outcome can depend on BLAS, numba or numpy's choice of instructions. Those of the harness cannot, and the
-#: network runs on the kernels of torch, which none of the variants changes. Of the data sets only the generators compute.
+#: network runs on the kernels of torch, which none of the variants changes. Of the data sets, generators compute.
 NUMERICAL = (
     "tests/baselines",
     "tests/retrieval",
