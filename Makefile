@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean boundscheck
+.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean boundscheck portability
 
 setup: $(READY)
 
@@ -26,6 +26,9 @@ test-slow: setup
 # The compiled kernels with every index checked; two minutes, most of them to compile.
 boundscheck: setup
 	$(BIN)/python -m tests.boundscheck
+
+portability: setup
+	$(BIN)/python -m tests.portability.suite
 
 lint: setup
 	$(BIN)/ruff check .

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from baselines._kernels.orientation import canonical_signs, vertex_areas
+from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
 from benchmark.contracts import CanonicalForm, CheckedParameters, FloatArray, GeodesicSolver, Mesh, MethodInfo, Shape
 
 
@@ -80,6 +80,7 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
         As from :func:`classic_scaling`.
     """
     points, ratios = classic_scaling(distances)
+    points = settled_axes(points, np.array(ratios[:3]), mesh.vertices)
     return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices), ratios
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import canonical_signs
+from baselines._kernels.orientation import canonical_signs, settled_axes
 from benchmark.contracts import CanonicalForm, MethodInfo, Shape
 
 
@@ -53,6 +53,7 @@ class GPS:
         # The constant function comes first; the fourth non-constant one only tells how far away the next axis is.
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
+        points = settled_axes(points, values[:3], shape.mesh.vertices)
         points = points * canonical_signs(points, laplacian.mass, shape.mesh.vertices)
         gaps = np.diff(values) / values[:-1]
         return shape.form(

@@ -55,7 +55,9 @@ class SDGDM(CheckedParameters):
         require_vertices(shape, self.count + 1)
         distances = shape.geodesics(self.solver)
         # The matrix is symmetric, so its singular values are the sizes of its eigenvalues.
-        start = np.ones(len(distances))
+        # Fixed, and without the symmetries that a shape may have: those of a constant never leave the iteration again
+        # but for rounding errors, and with them half of the eigenvalues would.
+        start = np.random.default_rng(0).standard_normal(len(distances))
         values = eigsh(distances, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
         return np.asarray(sizes / sizes.sum())

@@ -21,6 +21,7 @@ from benchmark.contracts import (
     Shape,
     UnsupportedShape,
 )
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -148,9 +149,7 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
 
 def border_length(mesh: Mesh) -> float:
     """Return the total length of the edges that belong to one triangle only, in units of the mesh."""
-    directed = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    edges, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    border = edges[counts == 1]
+    border = edges_of(mesh.faces).boundary
     return float(np.linalg.norm(mesh.vertices[border[:, 0]] - mesh.vertices[border[:, 1]], axis=1).sum())
 
 

@@ -1,9 +1,9 @@
 """All that the author of a method imports: a shape comes in, a canonical form goes out.
 
 A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters, which may declare what they take (see :mod:`benchmark.parameters`). A *descriptor* has no
-canonical form: it describes each shape by a vector and compares the vectors itself. A plain function becomes a method
-through :func:`canonical_form`.
+fields are its parameters, which may declare what they take (see :mod:`benchmark.parameters.values`). A *descriptor* has
+no canonical form: it describes each shape by a vector and compares the vectors itself. A plain function becomes a
+method through :func:`canonical_form`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.constraints import Interval, Matches, OneOf
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters import CheckedParameters
+from benchmark.parameters.constraints import Interval, Matches, OneOf
+from benchmark.parameters.values import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,18 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.errors import TrainingError
-from learned.fingerprint import training_code
+from benchmark.system.files import write_atomically
+from benchmark.system.fingerprints import fingerprint
 
 CHECKPOINT = "checkpoint.safetensors"
 
 VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
+
+_TRAINING = "learned.training"
+
+#: Modules whose part in a training every recipe tells already.
+_TOLD_BY_THE_RECIPE = frozenset({"learned.configuration"})
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -47,17 +52,17 @@ class Progress:
     history: tuple[Mapping[str, float], ...]
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that it is whole or not there, whatever happens meanwhile."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+def training_code() -> dict[str, str]:
+    """Digests of the modules that determine the weights: the training loop and all that it imports."""
+    code = fingerprint(_TRAINING).code
+    return {name: digest for name, digest in code.items() if name not in _TOLD_BY_THE_RECIPE}
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file so that it is whole or not there; raises ``TrainingError`` if it cannot be written."""
     try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        write_atomically(path, lambda file: file.write(content), durable=True)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise TrainingError(
             f"cannot write {path}: {error.strerror}",
             "free some space and start again: it goes on from the last checkpoint",
@@ -98,7 +103,7 @@ def keep(
         "seconds": str(progress.seconds),
         "history": json.dumps(list(progress.history)),
     }
-    write_atomically(folder / CHECKPOINT, save(tensors, told))
+    write(folder / CHECKPOINT, save(tensors, told))
 
 
 def resume(
@@ -130,7 +135,7 @@ def resume(
         )
     if changed := _differences(code, training_code()):
         raise TrainingError(
-            f"checkpoint {path} was made by other code: {', '.join(f'learned/{name}.py' for name in changed)} changed",
+            f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
             "delete it to begin anew, or go on with the code that made it",
         )
     if _release(version) != _release(VERSION):

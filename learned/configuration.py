@@ -18,8 +18,6 @@ class Configuration:
     ----------
     name
         Name on the command line.
-    summary
-        What it is, in one line.
     architecture
         ``"progressive"``: short-range features, long-range features, encoder-decoder, as in the paper.
         ``"global-code"``: an encoder to one vector and a decoder from it.
@@ -45,7 +43,6 @@ class Configuration:
     """
 
     name: str
-    summary: str
     architecture: Literal["progressive", "global-code"] = "progressive"
     short_range: bool = True
     long_range: bool = True
@@ -61,27 +58,25 @@ class Configuration:
     def described(self) -> dict[str, Any]:
         """All fields that shape the network, for a card."""
         values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return {name: value for name, value in values.items() if name not in ("summary", "schedule")}
+        return {name: value for name, value in values.items() if name != "schedule"}
 
 
-LITERAL = Configuration(name="literal", summary="the paper's network as printed")
+LITERAL = Configuration(name="literal")
 
 CONFIGURATIONS: dict[str, Configuration] = {
     configuration.name: configuration
     for configuration in (
         LITERAL,
-        replace(LITERAL, name="without_srf", summary="LRF and encoder-decoder see the image alone", short_range=False),
-        replace(LITERAL, name="without_lrf", summary="the encoder-decoder sees image and SRF", long_range=False),
+        replace(LITERAL, name="without_srf", short_range=False),
+        replace(LITERAL, name="without_lrf", long_range=False),
         replace(
             LITERAL,
             name="wide",
-            summary="two convolutions a block and global context: each output pixel sees the whole image",
             convolutions_per_block=2,
             global_context=True,
         ),
         Configuration(
             name="wide-extra",
-            summary="one global code, trained on sampled bodies",
             architecture="global-code",
             group_norm=True,
             extra_data=True,
@@ -115,13 +110,13 @@ def from_card(described: Mapping[str, Any]) -> Configuration:
     ConfigurationError
         If it has fields that no network has.
     """
-    known = {entry.name for entry in fields(Configuration)} - {"summary", "schedule"}
+    known = {entry.name for entry in fields(Configuration)} - {"schedule"}
     if set(described) != known:
         raise ConfigurationError(
             f"the card describes another kind of network: {', '.join(sorted(set(described) ^ known))}",
             "train the model again",
         )
-    return Configuration(summary="", **described)
+    return Configuration(**described)
 
 
 __all__ = ["CONFIGURATIONS", "LITERAL", "Configuration", "configuration", "from_card"]

@@ -14,7 +14,7 @@ import torch
 from benchmark.contracts import Interval
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, TrainingData, read_card
-from benchmark.parameters import checked
+from benchmark.parameters.values import checked
 from learned import pictures
 from learned.checkpoint import CHECKPOINT
 from learned.configuration import configuration as configuration_named

@@ -23,7 +23,7 @@ LEAST_DEPTH = 1e-3
 """Smallest predicted depth, for 0 is the background."""
 
 
-def checked(image: DepthImage) -> Floats:
+def checked_image(image: DepthImage) -> Floats:
     """The image, if a network can read it.
 
     Raises

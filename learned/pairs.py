@@ -11,7 +11,7 @@ from torch import Tensor
 
 from benchmark.errors import TrainingError
 from benchmark.learning import TrainingPair
-from learned.images import COVERED, Floats, checked, shrink
+from learned.images import COVERED, Floats, checked_image, shrink
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
     target_of: list[int] = []
     for pair in pairs:
         identifiers.append(pair.identifier)
-        images.append(shrink(checked(pair.image), resolution)[:1])
+        images.append(shrink(checked_image(pair.image), resolution)[:1])
         if pair.target_identifier not in row:
             row[pair.target_identifier] = len(targets)
-            targets.append(shrink(checked(pair.target), resolution))
+            targets.append(shrink(checked_image(pair.target), resolution))
         target_of.append(row[pair.target_identifier])
     if not identifiers:
         raise TrainingError("there is no pair to train on", "check the data set with `benchmark data check`")

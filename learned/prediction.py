@@ -9,7 +9,7 @@ import torch
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.depth import DepthImage, back_project
 from benchmark.geometry.mesh import Mesh
-from learned.images import checked, enlarge, shrink, smooth
+from learned.images import checked_image, enlarge, shrink, smooth
 from learned.model import load_model, predict
 
 
@@ -38,7 +38,7 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
         If the model does not fit its card.
     """
     network, card = load_model(folder)
-    image = shrink(checked(depth), int(card["schedule"]["resolution"]))[:1]
+    image = shrink(checked_image(depth), int(card["schedule"]["resolution"]))[:1]
     return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
 
 

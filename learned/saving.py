@@ -17,7 +17,7 @@ from safetensors.torch import save
 from torch import nn
 
 from benchmark.learning import CARD, WEIGHTS, TrainingData
-from learned.checkpoint import write_atomically
+from learned.checkpoint import write
 from learned.configuration import Configuration
 from learned.network import n_parameters
 from learned.schedule import Schedule
@@ -96,9 +96,9 @@ def save_model(
         "recipe": dict(recipe),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    write_atomically(folder / WEIGHTS, weights)
-    write_atomically(folder / HISTORY, _table(progress.history).encode())
-    write_atomically(folder / CARD, _card_text(card).encode())
+    write(folder / WEIGHTS, weights)
+    write(folder / HISTORY, _table(progress.history).encode())
+    write(folder / CARD, _card_text(card).encode())
     return card
 
 

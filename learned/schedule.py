@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from torch import Tensor
 
 from benchmark.contracts import Interval
-from benchmark.parameters import checked
+from benchmark.parameters.values import checked
 
 DepthLoss = Literal["all", "masked"]
 Precision = Literal["auto", "float32", "bfloat16"]

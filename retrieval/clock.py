@@ -199,6 +199,8 @@ def _match_rows(
 ) -> None:
     """Fill the given rows of one block of columns, from the first column that each row asks for."""
     n_columns = column_sizes.shape[0]
+    # A posting names form * 1332 + place, a view the start of its row; both are of one orbit, so the sum stays in the
+    # table of the form.
     minima = np.zeros(n_columns * N_PAIRS, dtype=np.int32)
     similarity = np.empty(N_PAIRS)
     for r in range(len(rows)):

@@ -34,6 +34,8 @@ from retrieval.scale_space import (
 )
 
 EDGE_RATIO = 10.0
+#: Largest absolute value of a pixel that is searched.
+LARGEST_VALUE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +136,12 @@ def detect_views(images: NDArray[np.float32], *, peak_threshold: float, backgrou
 
 
 def _checked(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    if not np.isfinite(images).all():
-        raise InvalidMesh("a depth image has pixels that are NaN or infinite", "check the form that was rendered")
+    # The square of a gradient must not overflow: the bin of an angle that is not a number lies outside every histogram.
+    if not (images.max(initial=0.0) <= LARGEST_VALUE and images.min(initial=0.0) >= -LARGEST_VALUE):
+        raise InvalidMesh(
+            f"a depth image has pixels that are NaN, infinite or beyond {LARGEST_VALUE:g}, where depths lie in [0, 1]",
+            "check the form that was rendered",
+        )
     return np.ascontiguousarray(images, dtype=np.float32)
 
 
@@ -149,7 +155,7 @@ def _detect_all(
     descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
     offsets = np.zeros(n_images + 1, dtype=np.int32)
     found = np.empty((1024, 4))
-    peaks = np.empty(MAX_ORIENTATIONS)
+    peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
     count = 0
     for index in range(n_images):
         whole = images[index]
@@ -167,6 +173,7 @@ def _detect_all(
             differences = np.empty((N_GAUSSIANS - 1, row1 - row0, column1 - column0), dtype=np.float32)
             build_octave(crop, gaussians, differences, octave == 0)
             n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            # Counted even where there is no room: the search again has room for all.
             if n_found > len(found):
                 found = np.empty((2 * n_found, 4))
                 n_found = find_extrema(differences, peak_threshold, edge_ratio, found)

@@ -83,6 +83,7 @@ def orientations(
     spread = 1.5 * sigma
     radius = max(int(np.floor(3.0 * spread)), 1)
     column, row = int(x + 0.5), int(y + 0.5)
+    # Angles lie in [0, 2 pi], so places lie in [0.5, 36.5]: the lower bin is at most 36, its neighbour 37.
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
     per_radian, half, one = np.float32(ORIENTATION_BINS / (2.0 * np.pi)), np.float32(0.5), np.float32(1.0)
     window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2).astype(np.float32)

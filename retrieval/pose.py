@@ -26,6 +26,8 @@ FIRST_STEP, LAST_STEP = 0.1, 1e-6
 #: every bit. The grid is far coarser than that noise (1e-12 or so), so that nearly every form is the same afterwards
 #: to the last bit; and far finer than what the scorer sees: a pixel is 512 steps wide.
 RESOLUTION = 2.0**-16
+#: A third moment below this share of its largest possible value is that of an axis of symmetry, and says nothing.
+NEGLIGIBLE = 1e-6
 #: Two orientations whose projected areas differ by less than this fraction are equally rectilinear, as those are that a
 #: mirror symmetry of the form exchanges.
 EQUALLY_RECTILINEAR = 1e-6
@@ -74,7 +76,7 @@ def pca_rotation(mesh: Mesh) -> Rotation:
     along = centred @ axes[:2].T
     moments = (along**3).sum(axis=0)
     extremes = along.max(axis=0) + along.min(axis=0)
-    negligible = np.abs(moments) <= 1e-9 * (np.abs(along) ** 3).sum(axis=0)
+    negligible = np.abs(moments) <= NEGLIGIBLE * (np.abs(along) ** 3).sum(axis=0)
     axes[:2][np.where(negligible, extremes, moments) < 0] *= -1.0
     axes[2] = np.cross(axes[0], axes[1])
     return axes

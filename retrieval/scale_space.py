@@ -51,7 +51,7 @@ def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
     """
     height, width = source.shape
     radius = len(kernel) - 1
-    padded = np.empty(width + 2 * radius, dtype=np.float32)
+    padded = np.empty(width + 2 * radius, dtype=np.float32)  # a weight reaches at most ``radius`` to either side
     for row in range(height):
         column_sum = padded[radius : radius + width]
         middle = source[row]

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.rasterise import draw_triangles
 
@@ -21,11 +22,9 @@ def _directions() -> NDArray[np.float64]:
     points = np.array(corners)
     faces = np.array([[a, b, c] for a, b, c in product((0, 1), (2, 3), (4, 5))])
     for _ in range(2):
-        edges = np.unique(
-            np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0
-        )
-        midpoint = {(int(a), int(b)): len(points) + row for row, (a, b) in enumerate(edges)}
-        middles = points[edges].sum(axis=1)
+        ends = edges_of(faces).ends
+        midpoint = {(int(a), int(b)): len(points) + row for row, (a, b) in enumerate(ends)}
+        middles = points[ends].sum(axis=1)
         split = []
         for a, b, c in faces.tolist():
             ab, bc, ca = (midpoint[min(u, v), max(u, v)] for u, v in ((a, b), (b, c), (c, a)))

@@ -35,7 +35,8 @@ def record(
         "parameters": {}, "target": f"baselines.{method}:Method",
         "data": {
             "name": gallery, "title": gallery, "stand_in_for": "", "source": gallery, "quick": False,
-            "module": "benchmark.datasets.files", "n_shapes": 4, "n_classes": 2, "chance": dict.fromkeys(MEASURES, 0.25),
+            "module": "benchmark.datasets.files", "n_shapes": 4, "n_classes": 2,
+            "chance": dict.fromkeys(MEASURES, 0.25),
         },
         "recipe": recipe, "status": "ok", "finished": finished,
         "scores": {"NN": nn, "FT": 0.5, "ST": 0.75, "DCG": 0.8},

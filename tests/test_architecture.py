@@ -10,8 +10,9 @@ ROOT = Path(__file__).parents[1]
 #: Floors, lowest first: a room may import from itself and from any floor below, never from its neighbours on the same
 #: floor. A module belongs to the longest name that fits.
 FLOORS = (
-    ("benchmark.constraints", "benchmark.errors", "benchmark.files", "benchmark.threads"),
-    ("benchmark.geometry", "benchmark.parameters"),
+    ("benchmark.errors", "benchmark.threads"),
+    ("benchmark.system", "benchmark.parameters"),
+    ("benchmark.geometry",),
     ("benchmark.contracts",),
     ("benchmark.learning",),
     ("baselines", "learned", "retrieval"),

@@ -13,7 +13,7 @@ import pytest
 from benchmark.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
-from benchmark.parameters import assignments, checked, departures, parameter_values, spelt
+from benchmark.parameters.values import assignments, checked, departures, parameter_values, spelt
 
 if TYPE_CHECKING:
     from fractions import Fraction

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.geometry.cleaning import connected_components
 
 MINIMUM_VERTICES = 4
 """Three coordinates and a residual need four points: any three points lie in a plane."""
@@ -25,14 +26,7 @@ def require_connected(shape: Shape) -> None:
     The Laplacian of a surface in several pieces has several zero eigenvalues, so "the first non-constant
     eigenfunction" would tell the pieces apart instead of describing the surface.
     """
-    import numpy as np
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    faces, n = shape.mesh.faces, shape.mesh.n_vertices
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    graph = coo_array((np.ones(len(start), dtype=np.int8), (start, end)), shape=(n, n))
-    components = connected_components(graph, directed=False, return_labels=False)
+    components = int(connected_components(shape.mesh).max(initial=-1)) + 1
     if components > 1:
         raise UnsupportedShape(
             f"{shape.identifier}: the surface is in {components} pieces",

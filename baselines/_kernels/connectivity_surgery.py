@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.contracts import FloatArray
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 SAMPLING = 0.1
@@ -35,14 +36,13 @@ def collapse(mesh: Mesh) -> NDArray[np.int32]:
         For each vertex the vertex that it ended up in, shape (n,); survivors own themselves.
     """
     faces = mesh.faces
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    edges = np.unique(edges, axis=0)
+    edges = edges_of(faces).ends
     directed = np.concatenate([edges, edges[:, ::-1]])
     directed = directed[np.argsort(directed[:, 0], kind="stable")].astype(np.int32)
     return np.asarray(_collapse(mesh.vertices, faces, directed, _line_quadrics(mesh.vertices, edges)))
 
 
-def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int32]) -> FloatArray:
+def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
     start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1, keepdims=True)
     direction = (end - start) / np.maximum(lengths, np.finfo(float).tiny)
@@ -91,7 +91,7 @@ def _collapse(
         _evaluate(i, points, quadrics, faces, directed, owner, first_edge, next_edge, first_corner, next_corner,
                   stamp, clock, cost, target)  # fmt: skip
         clock += 1
-    touched = np.empty(n, dtype=np.int64)
+    touched = np.empty(n, dtype=np.int64)  # stamped before they enter, so each vertex once at the most
     while True:
         i = int(np.argmin(cost))
         if cost[i] == np.inf:

@@ -13,6 +13,7 @@ from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.ties import TIE
 from benchmark.contracts import FloatArray
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 Indices = NDArray[np.int64]
@@ -80,7 +81,7 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
     survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
     owners = owners.astype(np.int64)
     areas = vertex_areas(mesh)
-    edges = surface_edges(mesh)
+    edges = edges_of(mesh.faces).ends
     joints = contracted[survivors] + _mean_displacements(mesh.vertices - contracted, owners, edges, areas)
     joints, owners = _merge_junctions(mesh.vertices, areas, edges, joints, owners)
     joints, owners = _absorb_pockets(mesh, edges, joints, owners)
@@ -104,7 +105,7 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
         narrower than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls to pieces.
     """
     areas = vertex_areas(mesh)
-    edges = surface_edges(mesh)
+    edges = edges_of(mesh.faces).ends
     span = levels.max() - levels.min()
     edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
@@ -113,12 +114,6 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
     return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(owners, edges))
-
-
-def surface_edges(mesh: Mesh) -> Indices:
-    """Return the undirected edges of a surface, shape (e, 2), smaller index first, sorted."""
-    faces = mesh.faces.astype(np.int64)
-    return np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
 
 
 def _bones(owners: Indices, edges: Indices) -> Indices:

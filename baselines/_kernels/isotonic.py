@@ -108,6 +108,7 @@ def _pool_adjacent_violators(values, tie_ends, fitted):  # type: ignore[no-untyp
     # chunks' minorant ends no block: all but a few per cent of the places drop out in one cheap pass.
     groups = len(tie_ends)
     chunks = (groups + _CHUNK - 1) // _CHUNK
+    # Each chunk, and below each group, is put on its stack once at the most; what is pooled leaves it.
     chunk_sums, chunk_ends = np.empty(chunks), np.empty(chunks, np.int64)
     chunk_blocks = 0
     begin = 0

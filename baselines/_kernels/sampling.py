@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from baselines._kernels.ties import largest
 from benchmark.contracts import FloatArray, Shape
+from benchmark.geometry.edges import edges_of
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:
@@ -76,9 +77,8 @@ def _spread(graph: csr_array, vertices: FloatArray, first: int, count: int) -> l
 
 
 def _edge_graph(shape: Shape) -> csr_array:
-    vertices, faces, n = shape.mesh.vertices, shape.mesh.faces.astype(np.int64), shape.mesh.n_vertices
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    # An edge of two triangles comes once from each; a second entry would be added to the first.
-    start, end = np.divmod(np.unique(np.concatenate([start * n + end, end * n + start])), n)
+    vertices, n = shape.mesh.vertices, shape.mesh.n_vertices
+    ends = edges_of(shape.mesh.faces).ends
+    start, end = np.concatenate([ends, ends[:, ::-1]]).T
     lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
-    return coo_array((lengths, (start, end)), shape=(n, n)).tocsr()
+    return csr_array(coo_array((lengths, (start, end)), shape=(n, n)))

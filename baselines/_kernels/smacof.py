@@ -48,7 +48,7 @@ def _add_pairs_among(points, targets, sums, first, last):  # type: ignore[no-unt
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _add_attractions(points, targets, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     n = points.shape[1]
-    ratios = np.empty((4, n))
+    ratios = np.empty((4, n))  # of four rows to the columns behind them, fewer than n
     blocks_end = n - n % 4
     for first in range(0, blocks_end, 4):
         # The part above the diagonal, four rows at a time so that what is loaded is used four times. Views and one

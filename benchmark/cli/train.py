@@ -10,7 +10,7 @@ import click
 
 from benchmark.cli.options import data_root_option
 from benchmark.errors import ConfigurationError
-from benchmark.parameters import assignments
+from benchmark.parameters.values import assignments
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec

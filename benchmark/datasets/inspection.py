@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import CleaningReport, clean
 from benchmark.geometry.depth import camera_coordinates
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Faces, Mesh
 
 
@@ -55,10 +56,7 @@ def inspect(mesh: Mesh, camera: Camera) -> Inspection:
 
 def count_holes(faces: Faces) -> int:
     """Number of connected chains of boundary edges."""
-    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    edges, counts = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    boundary = edges[counts == 1]
-    vertices, ends = np.unique(boundary, return_inverse=True)
+    vertices, ends = np.unique(edges_of(faces).boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
     shape = (len(vertices), len(vertices))
     graph = coo_array((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=shape)

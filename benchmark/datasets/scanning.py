@@ -13,6 +13,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from benchmark.geometry.cleaning import largest_component
+from benchmark.geometry.edges import sides_of
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 from benchmark.geometry.remeshing import isotropic_remesh
@@ -73,7 +74,7 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
     free
         Which vertices move, shape (n,).
     """
-    tails, heads = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    tails, heads = sides_of(mesh.faces)
     links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))[free]
     degrees = np.asarray(links.sum(axis=1)).ravel()
     system = (diags_array(degrees) - links[:, free]).tocsc()
@@ -150,6 +151,7 @@ def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def] 
             if x1 < x0:
                 x0, x1, z0, z1 = x1, x0, z1, z0
             for column in range(int(np.ceil(x0)), int(np.ceil(x1))):
+                # Between the ends of the span, hence inside the grid, which leaves a margin around all points.
                 height = z0 + (column - x0) / (x1 - x0) * (z1 - z0)
                 crossings[column, row, int(np.ceil(height))] += sign
 
@@ -206,7 +208,7 @@ def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
 
 
 def _neighbour_mean(mesh: Mesh, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    tails, heads = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    tails, heads = sides_of(mesh.faces)
     sums = np.bincount(tails, values[heads], mesh.n_vertices) + values
     return np.asarray(sums / (np.bincount(tails, minlength=mesh.n_vertices) + 1))
 

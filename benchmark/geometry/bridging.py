@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import compact, connected_components
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh, Points
 
 IntArray = NDArray[np.int64]
@@ -106,12 +107,8 @@ def _closest(
 
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
     """Return the boundary vertices of open components and all vertices of closed ones."""
-    faces = mesh.faces.astype(np.int64)
-    sides = np.sort(np.stack((faces.ravel(), np.roll(faces, -1, axis=1).ravel()), axis=1), axis=1)
-    key = sides[:, 0] * mesh.n_vertices + sides[:, 1]
-    _, first, counts = np.unique(key, return_index=True, return_counts=True)
     on_boundary = np.zeros(mesh.n_vertices, dtype=bool)
-    on_boundary[sides[first[counts == 1]]] = True
+    on_boundary[edges_of(mesh.faces).boundary] = True
     is_open = np.zeros(int(labels.max()) + 1, dtype=bool)
     is_open[labels[on_boundary]] = True
     return np.flatnonzero(on_boundary | ~is_open[labels])

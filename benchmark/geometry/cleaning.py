@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components as graph_components
 
+from benchmark.geometry.edges import edges_of, sides_of
 from benchmark.geometry.mesh import Mesh, Points
 
 IntArray = NDArray[np.int64]
@@ -76,7 +77,7 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
     duplicates = len(faces) - len(single)
     faces = faces[single]
     cleaned = compact(distinct, faces)
-    counts = edge_counts(cleaned.faces)
+    counts = edges_of(cleaned.faces).counts
     return cleaned, CleaningReport(
         vertices_before=mesh.n_vertices,
         faces_before=mesh.n_faces,
@@ -100,16 +101,15 @@ def make_manifold(mesh: Mesh) -> Mesh:
     faces = mesh.faces.astype(np.int64)
     areas = mesh.face_areas
     while True:
-        edge_of_side, counts = _edges_of_sides(faces)
-        crowded = counts[edge_of_side] > 2
+        found = edges_of(faces)
+        crowded = found.counts[found.of_sides] > 2
         if not crowded.any():
             break
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
         size = np.repeat(areas, 3)
-        order = np.lexsort((np.arange(len(size)), -size, edge_of_side))
-        first = np.concatenate(([0], np.cumsum(counts)))[:-1]
+        order = np.lexsort((np.arange(len(size)), -size, found.of_sides))
         rank = np.empty(len(size), dtype=np.int64)
-        rank[order] = np.arange(len(size)) - first[edge_of_side[order]]
+        rank[order] = np.arange(len(size)) - found.first[found.of_sides[order]]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
         faces, areas = faces[keep], areas[keep]
     fan = _fans(faces, mesh.n_vertices)
@@ -127,8 +127,7 @@ def connected_components(mesh: Mesh) -> IntArray:
 
     A vertex without face is a component of its own.
     """
-    faces = mesh.faces.astype(np.int64)
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    tails, heads = sides_of(mesh.faces)
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))
     _, labels = graph_components(graph.tocsr(), directed=False)
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
@@ -156,11 +155,6 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
     used[faces.ravel()] = True
     place = np.cumsum(used) - 1
     return Mesh(vertices[used], place[faces].astype(np.int32))
-
-
-def edge_counts(faces: NDArray[np.integer]) -> IntArray:
-    """Return the number of faces at each undirected edge."""
-    return _edges_of_sides(faces.astype(np.int64))[1]
 
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
@@ -191,25 +185,15 @@ def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
     return np.sort(order[new])
 
 
-def _edges_of_sides(faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the edge of each side (3 f + k is corner k to k + 1 of face f) and the number of sides of each edge."""
-    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    key = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
-    _, edge, counts = np.unique(key, return_inverse=True, return_counts=True)
-    return edge.reshape(-1), counts
-
-
 def _fans(faces: IntArray, n_vertices: int) -> IntArray:
     """Label each corner with the fan (edge-connected faces around its vertex) that it belongs to, shape (3 m,)."""
-    edge, counts = _edges_of_sides(faces)
-    order = np.argsort(edge, kind="stable")
-    first = np.concatenate(([0], np.cumsum(counts)))[:-1]
+    found = edges_of(faces)
+    order = found.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
     follows = np.ones(len(order), dtype=bool)
-    follows[first] = False
+    follows[found.first] = False
     sides, previous = order[follows], order[np.flatnonzero(follows) - 1]
-    corners = np.arange(3 * len(faces)).reshape(-1, 3)
-    start_corner, end_corner = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    start_corner, end_corner = sides_of(np.arange(3 * len(faces)).reshape(-1, 3))
     vertex = faces.ravel()
     links_from, links_to = [], []
     for mine in (start_corner, end_corner):

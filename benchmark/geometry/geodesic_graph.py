@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from benchmark.geometry.edges import edges_of, sides_of
 from benchmark.geometry.mesh import Mesh
 
 FloatArray = NDArray[np.float64]
@@ -15,6 +16,11 @@ IntArray = NDArray[np.int64]
 
 # Windows followed from each vertex; docs/geodesics.md has the measurements behind the number.
 WINDOWS = 800
+
+# Tangent of an angle below which a vertex lies on the ray that bounds a window, not inside. That ray runs through a
+# vertex, whose own windows find what lies behind it. Regular triangles put many vertices on such rays, and without
+# this margin rounding would decide which of them split a window and so how far the windows reach.
+GRAZING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +153,8 @@ class _Sides:
 
     @classmethod
     def of(cls, mesh: Mesh) -> _Sides:
-        faces = mesh.faces.astype(np.int64)
-        starts, ends, apexes = (np.roll(faces, -turn, axis=1).ravel() for turn in range(3))
+        starts, ends = sides_of(mesh.faces)
+        apexes = _turn(starts, 2)
         along = mesh.vertices[ends] - mesh.vertices[starts]
         towards_apex = mesh.vertices[apexes] - mesh.vertices[starts]
         lengths = np.linalg.norm(along, axis=1)
@@ -156,14 +162,11 @@ class _Sides:
         apex_x = (towards_apex * along).sum(axis=1)
         apex_y = np.linalg.norm(towards_apex - apex_x[:, None] * along, axis=1)
 
-        key = np.minimum(starts, ends) * mesh.n_vertices + np.maximum(starts, ends)
-        order = np.argsort(key, kind="stable")
-        same = np.diff(key[order]) == 0
-        # An edge with exactly two triangles is a run of exactly two equal keys.
-        pair = np.flatnonzero(same & ~np.append(same[1:], False) & ~np.append(False, same[:-1]))
-        first, second = order[pair], order[pair + 1]
+        found = edges_of(mesh.faces)
+        pair = found.first[found.counts == 2]
+        first, second = found.grouped_sides[pair], found.grouped_sides[pair + 1]
         proper = lengths[first] > 0
-        twins = np.full(len(key), -1, dtype=np.int64)
+        twins = np.full(len(starts), -1, dtype=np.int64)
         twins[first[proper]], twins[second[proper]] = second[proper], first[proper]
         return cls(starts, ends, apexes, twins, lengths, apex_x, apex_y)
 
@@ -175,7 +178,7 @@ def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArra
 
 @njit(cache=True, nogil=True)
 def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    # Counting sort of the arcs and their reverses by tail.
+    # Counting sort of the arcs and their reverses by tail: each arc has two places, and merging only takes away.
     place = np.zeros(count + 1, np.int64)
     for arc in range(tails.size):
         place[tails[arc] + 1] += 1
@@ -227,11 +230,10 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     # The vertices with a finite ``best``, each once, without the source; one place more, as a vertex is written before
     # it is counted.
     seen = np.empty(count, np.int64)
-    # All windows that are kept. Either none lies beyond the first ring, which has at most one for each triangle at the
-    # source. Or the last ring began with s < ``budget`` windows before it; the ring before it was among them, and
-    # a window has at most two successors, so that the last ring has at most 2 s windows: 3 s in all, less than three
-    # times the budget. Successors of the last ring are never followed and not kept. One place more, as a window is
-    # written before it is counted.
+    # All windows that are kept. Successors of the last ring are never followed and not kept. If that is the first ring,
+    # it has at most one window for each triangle at the source. If not, s < ``budget`` windows lie before it; the ring
+    # before it is among them, and a window has at most two successors, so that the last ring has at most 2 s windows:
+    # 3 s in all, less than three times the budget. One place more, as a window is written before it is counted.
     room = max(3 * budget, np.diff(first).max()) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
@@ -267,8 +269,8 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             along, beside = moves[passage, 0], moves[passage, 1]
             width_x, width_y = q_x - p_x, q_y - p_y
             a_x, a_y = p_x + along * width_x + beside * width_y, p_y + along * width_y - beside * width_x
-            beyond_low = low_x * a_y - low_y * a_x >= 0
-            before_high = a_x * high_y - a_y * high_x >= 0
+            beyond_low = low_x * a_y - low_y * a_x > GRAZING * abs(low_x * a_x + low_y * a_y)
+            before_high = a_x * high_y - a_y * high_x > GRAZING * abs(a_x * high_x + a_y * high_y)
             # Nobody can predict where the apex falls: to write first and count afterwards is faster than to branch.
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf
@@ -287,6 +289,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
                 plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
             )
             queued += before_high & (past_q >= 0)
+        # Room for all arcs of this source, whatever their number.
         if arcs + n_seen > tails.size:
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape, did_you_mean
-from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.cleaning import connected_components, fans_per_vertex
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph, unfolded_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
@@ -68,8 +69,9 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
 
 def _require_proper_manifold(mesh: Mesh) -> None:
     # Anything else makes libigl read outside its arrays and ends the process.
-    sides = np.linalg.norm(mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)], axis=2)
-    if (edge_counts(mesh.faces) > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (sides > 0).all():
+    found = edges_of(mesh.faces)
+    lengths = np.linalg.norm(mesh.vertices[found.ends[:, 0]] - mesh.vertices[found.ends[:, 1]], axis=1)
+    if (found.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (lengths > 0).all():
         raise UnsupportedShape(
             "the exact solver needs a manifold without edges of length zero",
             "clean the mesh (benchmark.geometry.cleaning), or use the solver 'default'",
@@ -85,6 +87,9 @@ _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
 }
 SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
 DEFAULT_SOLVER: str = "geodesic-graph"
+
+#: Beyond it the square of a distance may be infinite.
+LARGEST_COORDINATE = 1e150
 
 
 def resolve_solver(name: str) -> str:
@@ -145,7 +150,8 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
     Raises
     ------
     UnsupportedShape
-        If the mesh has more than one component, a source is not a vertex, or the solver cannot treat the mesh.
+        If the mesh has more than one component, a source is not a vertex, a coordinate is beyond
+        :data:`LARGEST_COORDINATE`, or the solver cannot treat the mesh.
     ConfigurationError
         If there is no solver of that name.
     """
@@ -160,6 +166,11 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
         raise UnsupportedShape(
             f"the mesh has {components} components, so some geodesic distances do not exist",
             "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices",
+        )
+    if np.abs(mesh.vertices).max() > LARGEST_COORDINATE:
+        raise UnsupportedShape(
+            f"a coordinate is beyond {LARGEST_COORDINATE:g}, so squares of distances overflow",
+            "choose a larger unit of length, or prepare the mesh (benchmark.geometry.preparation)",
         )
     if not indices.size:
         return np.empty((0, mesh.n_vertices))

@@ -12,9 +12,9 @@ from benchmark.geometry.cleaning import (
     clean,
     compact,
     component_areas,
-    edge_counts,
     make_manifold,
 )
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 # Components with a smaller share of the area are debris; larger ones are parts of the shape.
@@ -96,7 +96,6 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
             f"pass a connected surface of at least {_FEWEST_VERTICES} vertices",
         )
     result = work.with_vertices(work.vertices / np.sqrt(work.area))
-    edges = edge_counts(result.faces)
     report = {
         "vertices_before": found.vertices_before,
         "faces_before": found.faces_before,
@@ -113,7 +112,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "bridges": bridges,
         "vertices": result.n_vertices,
         "faces": result.n_faces,
-        "euler_characteristic": result.n_vertices - len(edges) + result.n_faces,
+        "euler_characteristic": result.n_vertices - len(edges_of(result.faces).ends) + result.n_faces,
     }
     return Prepared(result, source_area, {name: float(value) for name, value in report.items()})
 
@@ -139,7 +138,7 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """
     if mesh.n_vertices <= n_vertices:
         return mesh
-    boundary = int((edge_counts(mesh.faces) == 1).sum())
+    boundary = len(edges_of(mesh.faces).boundary)
     target = mesh.n_faces + boundary - 2 * (mesh.n_vertices - n_vertices)
     for _ in range(_MOST_ROUNDS):
         mesh = _collapse(mesh, target)

@@ -71,6 +71,7 @@ def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image:
     image
         Shape (height, width), float32, changed in place; initialise it with a depth behind everything.
     """
+    # Rows and columns are cut to the image before any pixel is touched, so no vertex can lie too far outside.
     height, width = image.shape
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]

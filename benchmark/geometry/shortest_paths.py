@@ -105,6 +105,7 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
 def _dijkstra(starts, heads, lengths, source):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     count = starts.size - 1
     distance = np.full(count, np.float32(np.inf))
+    # A vertex enters once: it has a ``place`` from then on, and once it has left, no length of at least 0 can lower it.
     heap = np.empty(count, np.int64)
     place = np.full(count, -1, np.int64)
     distance[source] = 0

@@ -13,6 +13,7 @@ from benchmark.jobs.stages.complete import N_VERTICES
 from benchmark.jobs.stages.ranking import CODEBOOK_SEEDS
 from benchmark.methods.registry import MethodSpec
 from benchmark.storage import keys
+from benchmark.system import fingerprints
 from retrieval.cmbof import CMBOF
 
 Recipe = dict[str, Any]
@@ -31,32 +32,32 @@ def dataset_module(dataset: Dataset) -> str:
     return type(dataset).__module__
 
 
-def source_code(module: str) -> keys.Fingerprint:
+def source_code(module: str) -> fingerprints.Fingerprint:
     """Code that makes the meshes of a data set, by its module: the readers of files, or the generator."""
-    return keys.fingerprint(module)
+    return fingerprints.fingerprint(module)
 
 
-def preparation_code(input_: Input) -> keys.Fingerprint:
+def preparation_code(input_: Input) -> fingerprints.Fingerprint:
     """Code between the mesh and the prepared shape."""
-    return keys.fingerprint(PREPARATION[input_])
+    return fingerprints.fingerprint(PREPARATION[input_])
 
 
-def method_code(spec: MethodSpec) -> keys.Fingerprint:
+def method_code(spec: MethodSpec) -> fingerprints.Fingerprint:
     """Code between the prepared shape and the form."""
     # A class made by a decorator or inherited from elsewhere brings the code of its bases along.
     modules = [base.__module__ for base in inspect.getmro(spec.load())[1:] if base.__module__ != "builtins"]
-    inherited = [name for name in dict.fromkeys(modules) if name.partition(".")[0] in keys.FIRST_PARTY]
-    return keys.fingerprint(spec.module, *inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
+    inherited = [name for name in dict.fromkeys(modules) if name.partition(".")[0] in fingerprints.FIRST_PARTY]
+    return fingerprints.fingerprint(spec.module, *inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
 
 
-def features_code() -> keys.Fingerprint:
+def features_code() -> fingerprints.Fingerprint:
     """Code between the form and its features."""
-    return keys.fingerprint(f"{_STAGES}.features")
+    return fingerprints.fingerprint(f"{_STAGES}.features")
 
 
-def ranking_code() -> keys.Fingerprint:
+def ranking_code() -> fingerprints.Fingerprint:
     """Code between the features of a gallery and its measures."""
-    return keys.fingerprint(f"{_STAGES}.ranking")
+    return fingerprints.fingerprint(f"{_STAGES}.ranking")
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
@@ -162,5 +163,5 @@ def job_code(source: str, input_: Input, spec: MethodSpec) -> dict[str, dict[str
         "source": source_code(source).plain(),
         "preparation": preparation_code(input_).plain(),
         "method": method_code(spec).plain(),
-        "scorer": keys.fingerprint(f"{_STAGES}.features", f"{_STAGES}.ranking").plain(),
+        "scorer": fingerprints.fingerprint(f"{_STAGES}.features", f"{_STAGES}.ranking").plain(),
     }

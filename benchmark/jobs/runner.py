@@ -28,6 +28,7 @@ from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system import fingerprints
 
 __all__ = ["failure", "keep", "work"]
 
@@ -101,7 +102,7 @@ def _treat(share: Share, tell: Tell) -> None:
                 made[order.key] += [
                     a.key for a in (found.prepared, found.answer, found.features) if a and not a.was_cached
                 ]
-    keys.forget()
+    fingerprints.forget()
     for order in share.orders:
         if order.key in store.records:
             continue

@@ -19,7 +19,7 @@ from typing import Any, cast
 from benchmark.contracts import Descriptor, Method, MethodInfo
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.methods.plugins import import_plugin
-from benchmark.parameters import assignments, departures, parameter_values, spelt
+from benchmark.parameters.values import assignments, departures, parameter_values, spelt
 
 ENTRY_POINTS = "canonical_forms.methods"
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from benchmark.files import is_alive, leftovers
 from benchmark.storage.records import by_place
 from benchmark.storage.store import Store
+from benchmark.system.files import is_alive, leftovers
 
 
 def unneeded(store: Store) -> Iterator[Path]:

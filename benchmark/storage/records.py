@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from benchmark.contracts import Input
-from benchmark.files import write_text
 from benchmark.storage.keys import digest
+from benchmark.system.files import write_text
 from retrieval.measures import PRINTED
 
 Record = dict[str, Any]

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError
-from benchmark.files import sweep, write_atomically
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records
+from benchmark.system.files import sweep, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
 _COST, _ENVIRONMENT = "__cost__", "__environment__"

@@ -8,7 +8,7 @@ from baselines._kernels import contraction as contraction_module
 from baselines._kernels import curve_skeleton as curve_skeleton_module
 from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.contraction import ContractionFailed, contract
-from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton, level_set_skeleton, surface_edges
+from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton, level_set_skeleton
 from baselines._kernels.deformation_transfer import follow_rotations
 from baselines.skeleton import (
     Skeleton,
@@ -18,6 +18,7 @@ from baselines.skeleton import (
     geodesics_from_extremity,
 )
 from benchmark.contracts import Mesh, UnsupportedShape
+from benchmark.geometry.edges import edges_of
 from tests.baselines.deformable import (
     UNSUPPORTED,
     capsule,
@@ -139,7 +140,7 @@ class TestContraction:
         owners = collapse(y_shape.with_vertices(contract(y_shape)))
         np.testing.assert_array_equal(owners[owners], owners)
         assert max(len(set(face)) for face in owners[y_shape.faces].tolist()) == 2
-        start, end = surface_edges(y_shape).T
+        start, end = edges_of(y_shape.faces).ends.T
         inner = owners[start] == owners[end]
         graph = coo_array((np.ones(inner.sum()), (start[inner], end[inner])), shape=(y_shape.n_vertices,) * 2)
         assert connected_components(graph, directed=False, return_labels=False) == len(np.unique(owners))

@@ -22,6 +22,7 @@ from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.base import check_retrievable
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT, SIDE
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 pytestmark = pytest.mark.kernels
@@ -49,16 +50,12 @@ def digest(mesh):
     return hashlib.sha256(quantised.tobytes() + mesh.faces.astype("<i4").tobytes()).hexdigest()[:16]
 
 
-def edges_of(mesh):
-    return np.unique(np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-
-
 def edge_lengths(mesh, edges):
     return np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
 
 
 def strain(rest, posed):
-    edges = edges_of(rest)
+    edges = edges_of(rest.faces).ends
     return np.abs(edge_lengths(posed, edges) / edge_lengths(rest, edges) - 1.0)
 
 

@@ -9,7 +9,7 @@ from benchmark.datasets import files
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnreadableMesh
-from benchmark.storage.keys import code_of
+from benchmark.system.fingerprints import code_of
 from tests.toy import write_rods
 
 

@@ -5,11 +5,11 @@ from benchmark.geometry.cleaning import (
     clean,
     component_areas,
     connected_components,
-    edge_counts,
     fans_per_vertex,
     largest_component,
     make_manifold,
 )
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.surfaces import flat_grid, joined, relabelled, sphere
 
@@ -88,9 +88,9 @@ def test_internal_wall_is_removed_and_the_surface_stays():
     """Two boxes' worth of sheet with a small fin on a common edge: the fin goes."""
     grid = flat_grid(4)
     fin = Mesh([*grid.vertices, [1.5, 1.0, 0.2]], [*grid.faces, [5, 6, 16]])
-    assert (edge_counts(fin.faces) == 3).sum() == 1
+    assert (edges_of(fin.faces).counts == 3).sum() == 1
     mended = make_manifold(fin)
-    assert edge_counts(mended.faces).max() == 2
+    assert edges_of(mended.faces).counts.max() == 2
     assert mended.n_faces == grid.n_faces
     assert mended.area == pytest.approx(grid.area)
 
@@ -108,5 +108,5 @@ def test_vertices_where_fans_meet_are_split():
 def test_fans_of_a_closed_and_an_open_surface():
     assert (fans_per_vertex(sphere(2)) == 1).all()
     assert (fans_per_vertex(flat_grid(5)) == 1).all()
-    assert (edge_counts(sphere(2).faces) == 2).all()
-    assert (edge_counts(flat_grid(5).faces) == 1).sum() == 16
+    assert (edges_of(sphere(2).faces).counts == 2).all()
+    assert (edges_of(flat_grid(5).faces).counts == 1).sum() == 16

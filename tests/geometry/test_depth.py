@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.cleaning import edge_counts, fans_per_vertex
+from benchmark.geometry.cleaning import fans_per_vertex
 from benchmark.geometry.depth import SPECK, back_project, depth_surface, fit_half_width, render_depth
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
 TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))
@@ -214,7 +215,7 @@ def test_a_pinch_is_opened_and_bridged() -> None:
     surface, report = back_project(image, 1.0, stride=4)
     assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (2, 1, 0, 0)
     assert fans_per_vertex(surface).max() == 1
-    assert edge_counts(surface.faces).max() == 2
+    assert edges_of(surface.faces).counts.max() == 2
 
 
 def test_same_image_same_surface() -> None:

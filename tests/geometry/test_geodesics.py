@@ -266,6 +266,13 @@ def test_degenerate_triangles_are_harmless(solver):
     assert (matrix >= cdist(mesh.vertices, mesh.vertices) * (1 - 1e-6)).all()
 
 
+@pytest.mark.parametrize("solver", geodesics.SOLVERS)
+def test_coordinates_whose_squares_overflow_are_refused(solver):
+    huge = TETRAHEDRON.with_vertices(TETRAHEDRON.vertices * 1e151)
+    with pytest.raises(UnsupportedShape, match="overflow.*unit of length"):
+        geodesics.all_pairs(huge, solver)
+
+
 def test_sources_outside_the_mesh():
     for sources in ([4], [-1], [0, 99]):
         with pytest.raises(UnsupportedShape, match="source"):

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.cleaning import clean, connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.cleaning import clean, connected_components, fans_per_vertex
+from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate, prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, sphere
@@ -17,7 +18,7 @@ def assert_ready(prepared):
     mesh = prepared.mesh
     assert mesh.area == pytest.approx(1.0)
     assert connected_components(mesh).max() == 0
-    assert edge_counts(mesh.faces).max() <= 2
+    assert edges_of(mesh.faces).counts.max() <= 2
     assert (fans_per_vertex(mesh) == 1).all()
     assert prepared.report["vertices"] == mesh.n_vertices
     assert all(isinstance(value, float) for value in prepared.report.values())
@@ -53,7 +54,7 @@ def test_decimation_keeps_the_course_of_a_boundary():
     mesh = prepare(flat_grid(80), 300).mesh
     assert mesh.vertices[:, :2].min() == pytest.approx(-0.5, abs=1e-3)
     assert mesh.vertices[:, :2].max() == pytest.approx(0.5, abs=1e-3)
-    assert (edge_counts(mesh.faces) == 1).sum() < 158
+    assert (edges_of(mesh.faces).counts == 1).sum() < 158
 
 
 def test_small_meshes_are_never_refined():

@@ -9,7 +9,7 @@ import torch
 from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
 from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingPair
-from learned.images import checked, enlarge, shrink, smooth
+from learned.images import checked_image, enlarge, shrink, smooth
 from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
@@ -86,14 +86,14 @@ def test_a_seen_pixel_is_never_background() -> None:
 
 def test_a_good_image_is_passed_on() -> None:
     image = person()
-    np.testing.assert_array_equal(checked(image), image)
-    assert checked(image.astype(np.float64)).dtype == np.float32
+    np.testing.assert_array_equal(checked_image(image), image)
+    assert checked_image(image.astype(np.float64)).dtype == np.float32
 
 
 @pytest.mark.parametrize("shape", [(499, 500), (128, 128), (500, 500, 1)])
 def test_another_size_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(InvalidMesh, match="render 500 x 500 pixels"):
-        checked(np.full(shape, 0.5, dtype=np.float32))
+        checked_image(np.full(shape, 0.5, dtype=np.float32))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.5, -0.1])
@@ -101,12 +101,12 @@ def test_a_value_that_is_no_depth_is_refused(value: float) -> None:
     image = person()
     image[250, 250] = value
     with pytest.raises(InvalidMesh, match=r"NaN or values outside \[0, 1\]"):
-        checked(image)
+        checked_image(image)
 
 
 def test_an_empty_image_is_refused() -> None:
     with pytest.raises(UnsupportedShape, match="empty"):
-        checked(np.zeros((SIZE, SIZE), dtype=np.float32))
+        checked_image(np.zeros((SIZE, SIZE), dtype=np.float32))
 
 
 def pair(identifier: str, target_identifier: str, image: Image, target: Image) -> TrainingPair:

@@ -17,11 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.contracts import CanonicalForm, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.cleaning import connected_components, edge_counts, fans_per_vertex
+from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
+from benchmark.geometry.edges import edges_of
 from benchmark.learning import CARD, WEIGHTS, Learner
 from benchmark.methods.registry import methods, variant
-from benchmark.parameters import parameter_values
+from benchmark.parameters.values import parameter_values
 from learned.configuration import CONFIGURATIONS
 from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
 from learned.prediction import canonical_depth
@@ -76,7 +77,7 @@ def test_the_form_is_one_open_surface_of_unit_area(method: Learned) -> None:
     mesh = form.mesh
     assert mesh.area == pytest.approx(1)
     assert connected_components(mesh).max() == 0
-    assert set(np.unique(edge_counts(mesh.faces))) == {1, 2}
+    assert set(np.unique(edges_of(mesh.faces).counts)) == {1, 2}
     assert fans_per_vertex(mesh).max() == 1
     assert 500 < mesh.n_vertices < 4000
     assert set(form.notes) == {"predicted_foreground", "predicted_pieces", "predicted_bridges"}

@@ -14,8 +14,8 @@ from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingData, TrainingPair
 from learned.configuration import LITERAL
 
-TINY = replace(LITERAL, name="tiny", summary="the paper's network, half as wide", width=8)
-"""A configuration that trains within seconds."""
+TINY = replace(LITERAL, name="tiny", width=8)
+"""The paper's network, half as wide, which trains within seconds."""
 
 OPTIONS: Mapping[str, Any] = {
     "resolution": 32,

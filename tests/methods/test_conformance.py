@@ -1,6 +1,8 @@
 """The contract checks: right methods pass, and each fault is found by the check that is made for it."""
 
 import itertools
+import os
+import platform
 import re
 
 import numpy as np
@@ -11,7 +13,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
-from benchmark.methods.conformance import checks, shapes
+from benchmark.methods.conformance import checks, processes, shapes
 from benchmark.methods.registry import MethodSpec
 
 METHOD = """
@@ -62,7 +64,7 @@ class InThisProcess:
 
 @pytest.fixture
 def in_this_process(monkeypatch):
-    monkeypatch.setattr(checks, "ProcessPoolExecutor", InThisProcess)
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", InThisProcess)
 
 
 @pytest.fixture
@@ -232,10 +234,63 @@ def test_a_check_that_raises_costs_itself_alone(findings, in_this_process):
         ),
     ],
 )
-def test_another_process_must_answer_the_same(body, message, findings):
+def test_another_process_must_answer_the_same(body, message, findings, monkeypatch):
+    monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"fresh process": checks.OF_THE_ANSWER["fresh process"]})
     found = findings(body=FORM + body)
     assert failed(found) == ["fresh process"]
     assert message in found["fresh process"].explanation
+
+
+RANDOM_START = """from scipy.sparse.linalg import eigsh
+        stiffness = shape.laplacian().stiffness
+        return shape.form(x * (1 + eigsh(stiffness, k=4, return_eigenvectors=False).max()))"""
+
+
+def test_a_solver_that_starts_at_random_is_warned_of(findings, monkeypatch):
+    monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"fresh process": checks.OF_THE_ANSWER["fresh process"]})
+    found = findings(body=FORM + RANDOM_START)
+    assert found["fresh process"].outcome == "warning"
+    difference = re.search(r"two processes differ by (\S+) of the largest", found["fresh process"].explanation)
+    assert 0 < float(difference[1]) < 1e-9
+    assert "fixed start (v0=...)" in found["fresh process"].explanation
+    fixed = RANDOM_START.replace("k=4,", "k=4, v0=np.arange(len(x), dtype=float),")
+    assert findings(body=FORM + fixed)["fresh process"].outcome == "ok"
+
+
+@pytest.mark.parametrize(
+    ("moved", "outcome", "message"),
+    [
+        ("0.0", "ok", "changes no bit"),
+        ("1e-12", "ok", r"changes [\d.e-]+ of the largest number, too little"),
+        ("1e-4", "warning", r"changes [\d.e-]+ of the largest number, so scores will differ between machines"),
+    ],
+)
+def test_what_another_processor_changes_is_told(moved, outcome, message, findings, in_this_process, monkeypatch):
+    monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
+    monkeypatch.setattr(processes.platform, "machine", lambda: "x86_64")
+    monkeypatch.delenv(processes.KERNEL, raising=False)
+    found = findings(body=FORM + f"return shape.form(x * (1 + {moved} * ('{processes.KERNEL}' in os.environ)))")
+    assert found["other processor"].outcome == outcome
+    assert re.search(message, found["other processor"].explanation)
+    assert processes.KERNEL not in os.environ
+
+
+def test_a_warning_does_not_fail_the_report():
+    warned = conformance.Finding("fresh process", "warning", "differs")
+    assert conformance.Report({"tried": (warned,)})
+    assert str(warned) == "warning  fresh process    differs"
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="kernels are chosen on x86-64")
+def test_the_other_kernel_is_really_another(findings, monkeypatch):
+    monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
+    monkeypatch.delenv(processes.KERNEL, raising=False)
+    body = (
+        "from threadpoolctl import threadpool_info\n        "
+        "kernels = {found.get('architecture', 'Nehalem') for found in threadpool_info()}\n        "
+        "return shape.form(x * (2 if kernels == {'Nehalem'} else 1))"
+    )
+    assert findings(body=FORM + body)["other processor"].outcome == "warning"
 
 
 def test_a_right_descriptor_passes(findings, in_this_process):

@@ -15,6 +15,7 @@ from benchmark.protocols.tables import galleries
 from benchmark.report.results import Results
 from benchmark.storage import keys
 from benchmark.storage.store import Store
+from benchmark.system import fingerprints
 from tests import records as made_up
 from tests.storage.test_records import put_aliens
 from tests.toy import write_rods
@@ -26,8 +27,8 @@ EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
 @pytest.fixture(autouse=True)
 def fresh():
     yield
-    keys.forget()
-    keys._versions.cache_clear()
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +57,8 @@ def of_job(job, *, code=None, finished=EARLIER, make=made_up.record, **more):
 def another_version(monkeypatch, name, version):
     real = importlib.metadata.version
     monkeypatch.setattr(importlib.metadata, "version", lambda asked: version if asked == name else real(asked))
-    keys.forget()
-    keys._versions.cache_clear()
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
 
 
 def call(*arguments, code=0):

@@ -152,3 +152,25 @@ def test_a_gallery_without_keypoints_is_named() -> None:
     features = SMALL.extract(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), [[0, 1, 2]]))
     with pytest.raises(DatasetError, match="keypoint"):
         SMALL.train_codebook([features])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_features(figures: list[Mesh], seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for form in figures:
+        size = np.ptp(form.vertices, axis=0).max()
+        noisy = form.with_vertices(form.vertices + 5e-13 * size * random.uniform(-1, 1, form.vertices.shape))
+        assert not np.array_equal(noisy.vertices, form.vertices)
+        clean, found = extract(SMALL, form), extract(SMALL, noisy)
+        np.testing.assert_array_equal(found.descriptors, clean.descriptors)
+        np.testing.assert_array_equal(found.view_offsets, clean.view_offsets)
+
+
+def test_noise_that_survives_rounding_moves_distances_by_little(figures: list[Mesh]) -> None:
+    """Where a coordinate falls to the next point of the grid, some words of the codebook are others."""
+    random = np.random.default_rng(0)
+    noisy = [
+        form.with_vertices(form.vertices * (1 + 1e-9 * random.uniform(-1, 1, form.vertices.shape))) for form in figures
+    ]
+    before, after = (distances(SMALL, forms) for forms in (figures, noisy))
+    assert np.abs(after - before).max() < 0.05 * before.max()

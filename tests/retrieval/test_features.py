@@ -181,6 +181,9 @@ def test_arrays_round_trip() -> None:
     np.testing.assert_array_equal(again.view_offsets, features.view_offsets)
 
 
-def test_nan_images_are_refused() -> None:
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38, -3e38])
+def test_images_that_are_no_depths_are_refused(value: float) -> None:
+    image = np.zeros((32, 32), dtype=np.float32)
+    image[5, 7] = value
     with pytest.raises(InvalidMesh, match="NaN"):
-        detect(np.full((32, 32), np.nan), peak_threshold=1e-3)
+        detect(image, peak_threshold=1e-3)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
 SPRING = 0.0008
@@ -46,10 +47,8 @@ class Relaxation:
         weights
             Weights of the bones, shape (n, bones): springs are strong where one bone rules and weak at the joints.
         """
-        import igl
-
         rest = np.array(mesh.vertices)
-        edges = sparse.csr_matrix(igl.cotmatrix(rest, mesh.faces.astype(np.int64)))
+        edges = sparse.csr_matrix(-cotangent_laplacian(mesh).stiffness)
         edges.setdiag(0.0)
         edges.eliminate_zeros()
         # Obtuse pairs of triangles give negative weights, which would let the skin fold.

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from benchmark.datasets.animals.skeleton import Skeleton
+from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
 HEAT = 1.0
@@ -35,7 +36,7 @@ def bone_weights(mesh: Mesh, owners: NDArray[np.int64], skeleton: Skeleton) -> N
     import igl
 
     vertices, faces = np.array(mesh.vertices), mesh.faces.astype(np.int64)
-    stiffness = -igl.cotmatrix(vertices, faces)
+    stiffness = cotangent_laplacian(mesh).stiffness
     area = igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
     joints = np.array([bone.joint for bone in skeleton.bones])[owners]
     spans = np.array([bone.end - bone.joint for bone in skeleton.bones])[owners]

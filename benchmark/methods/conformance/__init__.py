@@ -9,12 +9,12 @@ from typing import Literal
 
 from benchmark.methods.conformance.checks import OF_THE_ANSWER, OF_THE_CLASS, Check, check_answer, check_requirements
 from benchmark.methods.conformance.shapes import figure
-from benchmark.methods.conformance.trial import Skipped, Trial, explain
+from benchmark.methods.conformance.trial import Skipped, Trial, Warned, explain
 from benchmark.methods.registry import MethodSpec, methods, select
 
 __all__ = ["Finding", "Outcome", "Report", "check", "check_target", "figure"]
 
-Outcome = Literal["ok", "failed", "skipped"]
+Outcome = Literal["ok", "warning", "failed", "skipped"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class Finding:
     name
         Name of the check.
     outcome
-        ``"skipped"`` where the method declares that the check does not apply.
+        ``"skipped"`` where the method declares that the check does not apply; ``"warning"`` for what breaks no contract
+        but makes scores that differ from run to run or from machine to machine.
     explanation
         One line: what was seen, and the mend if it failed.
     """
@@ -96,6 +97,8 @@ def _find(name: str, function: Check, trial: Trial) -> Finding:
         outcome, explanation = "ok", function(trial)
     except Skipped as reason:
         outcome, explanation = "skipped", str(reason)
+    except Warned as warning:
+        outcome, explanation = "warning", str(warning)
     except Exception as error:
         outcome, explanation = "failed", explain(error)
     return Finding(name, outcome, " ".join(explanation.split()))

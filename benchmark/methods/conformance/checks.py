@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
 import re
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any, get_args
 
 import numpy as np
@@ -15,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
 from benchmark.errors import UnsupportedShape
+from benchmark.methods.conformance.processes import check_fresh_process, check_other_processor
 from benchmark.methods.conformance.shapes import BENDS, awkward
 from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
-from benchmark.methods.registry import MethodSpec
 from benchmark.storage import keys
 
 Check = Callable[[Trial], str]
@@ -48,8 +45,8 @@ def _check_info(trial: Trial) -> str:
     problems = []
     if not _NAME.fullmatch(info.name):
         problems.append(f"name '{info.name}' is not lower-case words joined by hyphens; write it so")
-    if info.name != trial.spec.name:
-        problems.append(f"info.name is '{info.name}' but the entry point is '{trial.spec.name}'; give both one name")
+    if info.name != trial.spec.base_name:
+        problems.append(f"info.name is '{info.name}' but X both one name")
     if not info.title.strip():
         problems.append("title is empty; say what the tables shall print")
     if not info.inputs or not set(info.inputs) <= set(get_args(Input)):
@@ -166,23 +163,6 @@ def _check_seed(trial: Trial) -> str:
     return "the same under one seed, different under another"
 
 
-def _check_fresh_process(trial: Trial) -> str:
-    context = multiprocessing.get_context("spawn")
-    try:
-        with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
-            found = pool.submit(_answer_elsewhere, trial.spec).result()
-    except BrokenProcessPool as error:
-        raise Failed(
-            "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
-        ) from error
-    same(trial.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
-    return "made again elsewhere, it answers the same"
-
-
-def _answer_elsewhere(spec: MethodSpec) -> FloatArray:
-    return Trial(spec).reference
-
-
 def _check_relabelling(trial: Trial) -> str:
     _require_deterministic(trial)
     mesh = trial.shape().mesh
@@ -278,7 +258,8 @@ OF_THE_ANSWER: dict[str, Check] = {
     "input untouched": _check_input_untouched,
     "repeatable": _check_repeatable,
     "seed": _check_seed,
-    "fresh process": _check_fresh_process,
+    "fresh process": check_fresh_process,
+    "other processor": check_other_processor,
     "relabelling": _check_relabelling,
     "rigid motion": _check_rigid_motion,
     "scale": _check_scale,

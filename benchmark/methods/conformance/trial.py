@@ -31,6 +31,10 @@ class Failed(Exception):
     """The check found a fault; the message says which, and the mend."""
 
 
+class Warned(Exception):
+    """The check found what is no fault but may become one; the message says what."""
+
+
 class Skipped(Exception):
     """The check does not apply; the message says why."""
 
@@ -149,9 +153,14 @@ def same(expected: FloatArray, found: FloatArray, mend: str) -> None:
     """Compare two answers for one shape; ``mend`` says what a difference means."""
     if expected.shape != found.shape:
         raise Failed(f"{found.shape} instead of {expected.shape}: {mend}")
-    difference = float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
+    difference = relative_difference(expected, found)
     if not difference <= REPEAT_TOLERANCE:
         raise Failed(f"relative difference {difference:.1e}: {mend}")
+
+
+def relative_difference(expected: FloatArray, found: FloatArray) -> float:
+    """Largest difference of two answers of one shape, over the largest number of the first."""
+    return float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
 
 
 def close(expected: FloatArray, found: FloatArray, factor: float, mend: str) -> str:

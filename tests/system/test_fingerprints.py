@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from benchmark.storage import keys
+from benchmark.system import fingerprints
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
 def fresh():
-    keys.forget()
+    fingerprints.forget()
     yield
-    keys.forget()
+    fingerprints.forget()
 
 
 @pytest.fixture
@@ -37,17 +38,17 @@ def package(tmp_path, monkeypatch):
     (root / "pictures.py").write_text("def draw(x):\n    return x\n")
     (root / "bystander.py").write_text("x = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(keys, "FIRST_PARTY", (*keys.FIRST_PARTY, "toyparty"))
+    monkeypatch.setattr(fingerprints, "FIRST_PARTY", (*fingerprints.FIRST_PARTY, "toyparty"))
     return root
 
 
 def changes(path, text, *names, **options):
     """Whether a file with another text changes a fingerprint."""
-    keys.forget()
-    before = keys.fingerprint(*names, **options)
+    fingerprints.forget()
+    before = fingerprints.fingerprint(*names, **options)
     path.write_text(text)
-    keys.forget()
-    return before != keys.fingerprint(*names, **options)
+    fingerprints.forget()
+    return before != fingerprints.fingerprint(*names, **options)
 
 
 def test_an_edit_in_a_helper_invalidates(package):
@@ -55,7 +56,7 @@ def test_an_edit_in_a_helper_invalidates(package):
 
 
 def test_relative_imports_are_followed(package):
-    assert set(keys.code_of("toyparty.method")) == {
+    assert set(fingerprints.code_of("toyparty.method")) == {
         "toyparty", "toyparty.method", "toyparty.helper", "toyparty.constants", "toyparty.trainer", "toyparty.pictures",
     }  # fmt: skip
     assert changes(package / "constants.py", "TWO = 3\n", "toyparty.method")
@@ -77,7 +78,7 @@ def test_every_way_to_import_is_seen(package, line):
     (package / "inner" / "__init__.py").write_text("from .deep import VALUE\n")
     (package / "inner" / "deep.py").write_text("from ..constants import TWO\nVALUE = TWO\n")
     (package / "method.py").write_text(f"{line}\n")
-    assert "toyparty.constants" in keys.code_of("toyparty.method")
+    assert "toyparty.constants" in fingerprints.code_of("toyparty.method")
 
 
 def test_what_is_imported_for_type_checking_alone_is_left_out_and_the_other_branch_is_not(package):
@@ -85,14 +86,14 @@ def test_what_is_imported_for_type_checking_alone_is_left_out_and_the_other_bran
         "from typing import TYPE_CHECKING\n\nif TYPE_CHECKING:\n    from toyparty import bystander\n"
         "else:\n    from toyparty import helper\n"
     )
-    assert set(keys.code_of("toyparty.method")) == {
+    assert set(fingerprints.code_of("toyparty.method")) == {
         "toyparty", "toyparty.method", "toyparty.helper", "toyparty.constants",
     }  # fmt: skip
     (package / "method.py").write_text(
         "import typing\n\nif not typing.TYPE_CHECKING:\n    from toyparty import helper\n"
     )
-    keys.forget()
-    assert "toyparty.helper" in keys.code_of("toyparty.method")
+    fingerprints.forget()
+    assert "toyparty.helper" in fingerprints.code_of("toyparty.method")
 
 
 def test_comments_docstrings_and_moved_lines_do_not_invalidate(package):
@@ -120,24 +121,24 @@ def test_imports_of_a_function_that_a_stage_never_calls_are_left_out(package):
 
 
 def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
-    forms = keys.code_of("learned.methods", without=("train",))
+    forms = fingerprints.code_of("learned.methods", without=("train",))
     assert {"learned.methods", "learned.prediction", "learned.network", "learned.images"} <= set(forms)
     assert not {"learned.pictures", "learned.fitting", "learned.training", "learned.pairs"} & set(forms)
-    assert "learned.pictures" in keys.code_of("learned.methods")
+    assert "learned.pictures" in fingerprints.code_of("learned.methods")
 
 
 def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
     """The same on a copy of the real room, by an edit."""
     from shutil import copytree, ignore_patterns
 
-    for name in keys.FIRST_PARTY:
+    for name in fingerprints.FIRST_PARTY:
         copytree(ROOT / name, tmp_path / name, ignore=ignore_patterns("__pycache__", "models", "*.npz"))
 
     def prints():
         command = (
-            "from benchmark.storage import keys\n"
-            "print(keys.fingerprint('learned.methods', without=('train',)).digest)\n"
-            "print(keys.fingerprint('learned.methods').digest)"
+            "from benchmark.system import fingerprints\n"
+            "print(fingerprints.fingerprint('learned.methods', without=('train',)).digest)\n"
+            "print(fingerprints.fingerprint('learned.methods').digest)"
         )
         done = subprocess.run(
             [sys.executable, "-c", command], capture_output=True, text=True, check=True, cwd=tmp_path, env=clean()
@@ -158,13 +159,13 @@ def clean():
 
 
 def test_the_closure_names_what_is_imported_inside_functions():
-    assert {"benchmark.contracts", "benchmark.geometry.geodesics"} <= set(keys.code_of("baselines.classic_mds"))
+    assert {"benchmark.contracts", "benchmark.geometry.geodesics"} <= set(fingerprints.code_of("baselines.classic_mds"))
 
 
 def test_modules_that_cannot_change_a_result_are_left_out_with_what_they_import(package, monkeypatch):
-    assert not keys.IGNORED & set(keys.code_of("baselines.classic_mds"))
-    monkeypatch.setattr(keys, "IGNORED", keys.IGNORED | {"toyparty.helper"})
-    assert set(keys.code_of("toyparty.method", without=("train",))) == {"toyparty", "toyparty.method"}
+    assert not fingerprints.IGNORED & set(fingerprints.code_of("baselines.classic_mds"))
+    monkeypatch.setattr(fingerprints, "IGNORED", fingerprints.IGNORED | {"toyparty.helper"})
+    assert set(fingerprints.code_of("toyparty.method", without=("train",))) == {"toyparty", "toyparty.method"}
 
 
 # Plugins -------------------------------------------------------------------------------------------------------------
@@ -182,7 +183,7 @@ def plugin(tmp_path):
 
 
 def test_a_helper_beside_a_plugin_belongs_to_it(plugin):
-    assert set(keys.code_of(str(plugin))) == {"mine.py", "side_helper"}
+    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "side_helper"}
     assert changes(plugin.with_name("side_helper.py"), "def twice(x):\n    return 3 * x\n", str(plugin))
     assert not changes(plugin.with_name("neighbour.py"), "x = 2\n", str(plugin))
 
@@ -193,7 +194,7 @@ def test_a_helper_package_beside_a_plugin_belongs_to_it_in_all_its_modules(plugi
     (package / "__init__.py").write_text("from .parts import half\n")
     (package / "parts.py").write_text("def half(x):\n    return x / 2\n")
     plugin.write_text("from side_package import half\n")
-    assert set(keys.code_of(str(plugin))) == {"mine.py", "side_package", "side_package.parts"}
+    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "side_package", "side_package.parts"}
     assert changes(package / "parts.py", "def half(x):\n    return x / 4\n", str(plugin))
 
 
@@ -204,7 +205,7 @@ def test_a_helper_on_the_search_path_belongs_to_its_plugin(plugin, tmp_path, mon
     (folder / "far_bystander.py").write_text("x = 1\n")
     plugin.write_text("from far_helper import thrice\n")
     monkeypatch.syspath_prepend(folder)  # what PYTHONPATH does
-    assert set(keys.code_of(str(plugin))) == {"mine.py", "far_helper"}
+    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "far_helper"}
     assert changes(folder / "far_helper.py", "def thrice(x):\n    return 4 * x\n", str(plugin))
     assert not changes(folder / "far_bystander.py", "x = 2\n", str(plugin))
 
@@ -215,7 +216,7 @@ def test_the_place_of_a_plugin_does_not_matter(tmp_path):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "plugin.py").write_text("import beside_plugin\nvalue = 1\n")
         (tmp_path / folder / "beside_plugin.py").write_text("value = 2\n")
-        found.append(keys.fingerprint(str(tmp_path / folder / "plugin.py")).digest)
+        found.append(fingerprints.fingerprint(str(tmp_path / folder / "plugin.py")).digest)
     assert found[0] == found[1]
 
 
@@ -223,31 +224,31 @@ def test_the_place_of_a_plugin_does_not_matter(tmp_path):
 
 
 def test_versions_of_imported_packages_are_in_the_fingerprint_and_no_others(monkeypatch):
-    found = keys.fingerprint("benchmark.geometry.geodesics")
+    found = fingerprints.fingerprint("benchmark.geometry.geodesics")
     assert found.packages["numpy"] == importlib.metadata.version("numpy")
     assert found.packages["libigl"] == importlib.metadata.version("libigl")  # imported as igl
     assert "torch" not in found.packages
-    assert "torch" in keys.fingerprint("learned.methods").packages
+    assert "torch" in fingerprints.fingerprint("learned.methods").packages
 
 
 def test_another_version_of_a_package_is_another_recipe(monkeypatch):
-    before = keys.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
+    before = fingerprints.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
     real = importlib.metadata.version
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "9.9" if name == "libigl" else real(name))
-    keys.forget()
-    keys._versions.cache_clear()
-    after = keys.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
-    keys._versions.cache_clear()
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
+    after = fingerprints.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
+    fingerprints._versions.cache_clear()
     assert after.digest != before.digest
     assert after.code == before.code
     assert dict(after.packages) == {**before.packages, "libigl": "9.9"}
 
 
 def test_the_build_of_a_package_is_no_part_of_its_version(monkeypatch):
-    keys._versions.cache_clear()
+    fingerprints._versions.cache_clear()
     monkeypatch.setattr(importlib.metadata, "version", lambda _: "2.1.0+cpu")
-    assert keys._versions("torch") == (("torch", "2.1.0"),)
-    keys._versions.cache_clear()
+    assert fingerprints._versions("torch") == (("torch", "2.1.0"),)
+    fingerprints._versions.cache_clear()
 
 
 # Digests -------------------------------------------------------------------------------------------------------------
@@ -275,19 +276,19 @@ def test_fields_that_only_some_versions_of_python_have_change_nothing(monkeypatc
                 yield from ((f"{name}_more", None) for name in fields)
 
         monkeypatch.setattr(ast, "iter_fields", with_new_fields)
-        keys.forget()
-        found[fields] = keys.fingerprint("baselines.classic_mds").digest
+        fingerprints.forget()
+        found[fields] = fingerprints.fingerprint("baselines.classic_mds").digest
         monkeypatch.setattr(ast, "iter_fields", real)
     assert len(set(found.values())) == 1
 
 
 def test_digests_agree_between_processes_and_nothing_heavy_is_imported():
     command = (
-        "import sys\nfrom benchmark.storage import keys\n"
-        "print(keys.fingerprint('learned.methods', 'benchmark.jobs.stages.form').digest)\n"
+        "import sys\nfrom benchmark.system import fingerprints\n"
+        "print(fingerprints.fingerprint('learned.methods', 'benchmark.jobs.stages.form').digest)\n"
         "print([n for n in ('torch', 'numba', 'scipy', 'igl', 'learned', 'baselines') if n in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, cwd=ROOT)
     digest, heavy = done.stdout.strip().splitlines()
-    assert digest == keys.fingerprint("learned.methods", "benchmark.jobs.stages.form").digest
+    assert digest == fingerprints.fingerprint("learned.methods", "benchmark.jobs.stages.form").digest
     assert heavy == "[]"

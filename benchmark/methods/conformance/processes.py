@@ -1,0 +1,96 @@
+"""Whether a method answers the same in processes of their own, and on another processor."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import platform
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from benchmark.contracts import FloatArray
+from benchmark.methods.conformance.trial import (
+    REPEAT_TOLERANCE,
+    Failed,
+    Skipped,
+    Trial,
+    Warned,
+    relative_difference,
+    same,
+)
+from benchmark.methods.registry import MethodSpec
+
+KERNEL = "OPENBLAS_CORETYPE"
+
+#: Kernel that every x86-64 processor of today can run, and none would choose.
+OLD_KERNEL = "Nehalem"
+
+
+def check_fresh_process(trial: Trial) -> str:
+    """Whether another process answers the same, and to the last bit."""
+    found = _elsewhere(trial)
+    same(trial.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
+    if found.tobytes() == trial.reference.tobytes():
+        return "made again elsewhere, it answers the same to the last bit"
+    # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
+    again = _elsewhere(trial)
+    if found.tobytes() == again.tobytes():
+        return "every fresh process answers the same to the last bit"
+    raise Warned(
+        f"two processes differ by {relative_difference(found, again):.1e} of the largest number; choices that follow "
+        "may go another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
+    )
+
+
+def check_other_processor(trial: Trial) -> str:
+    """Whether the answer survives other rounding errors: those of the BLAS kernel of another processor."""
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        raise Skipped("the kernel of another processor can be chosen on x86-64 only")
+    kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
+    found = _elsewhere(trial, kernel=kernel)
+    called = f"the BLAS kernel {kernel}" if kernel else "the processor's own BLAS kernel"
+    if found.shape != trial.reference.shape:
+        raise Warned(f"{called} makes {found.shape} of {trial.reference.shape}; a choice hangs on the last bits")
+    if found.tobytes() == trial.reference.tobytes():
+        return f"{called} changes no bit"
+    difference = relative_difference(trial.reference, found)
+    if difference <= REPEAT_TOLERANCE:
+        return f"{called} changes {difference:.1e} of the largest number, too little to be seen by the scorer"
+    raise Warned(
+        f"{called} changes {difference:.1e} of the largest number, so scores will differ between machines; where a "
+        "choice hangs on the last bits, break ties by geometry and leave thresholds a margin"
+    )
+
+
+def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
+    """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
+    context = multiprocessing.get_context("spawn")
+    try:
+        with _environment(kernel), ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
+            return pool.submit(_answer, trial.spec).result()
+    except BrokenProcessPool as error:
+        raise Failed(
+            "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
+        ) from error
+
+
+def _answer(spec: MethodSpec) -> FloatArray:
+    return Trial(spec).reference
+
+
+@contextmanager
+def _environment(kernel: str | None) -> Iterator[None]:
+    """Name a BLAS kernel to the processes that are started inside; libraries that are loaded here do not notice."""
+    before = os.environ.get(KERNEL)
+    if kernel is not None:
+        os.environ.pop(KERNEL, None)
+        if kernel:
+            os.environ[KERNEL] = kernel
+    try:
+        yield
+    finally:
+        os.environ.pop(KERNEL, None)
+        if before is not None:
+            os.environ[KERNEL] = before

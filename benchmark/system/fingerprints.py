@@ -1,0 +1,231 @@
+"""Which code a piece of work runs: fingerprints of a module and of all local modules that it imports.
+
+The code of a module is itself with every local module that it imports, directly or not: those of this suite, and of a
+plugin its helpers. Each is named by a fingerprint of its syntax tree without docstrings and positions, so that a
+comment changes nothing and an edit in a helper does. The packages that this code imports are named with their versions.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
+
+#: Modules that cannot change a result: the version of the suite, the wording of errors, the way files are written.
+IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.system.files"})
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """What of the code and of its surroundings can move a stage.
+
+    Parameters
+    ----------
+    code
+        Fingerprint of each local module, by name; a plugin goes by its file name, for where it lies changes nothing.
+    packages
+        Version of each package that the code imports.
+    """
+
+    code: Mapping[str, str]
+    packages: Mapping[str, str]
+
+    @property
+    def digest(self) -> str:
+        """One digest over both: 32 hexadecimal digits."""
+        text = json.dumps(self.plain(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    def plain(self) -> dict[str, dict[str, str]]:
+        """As part of a recipe."""
+        return {"code": dict(self.code), "packages": dict(self.packages)}
+
+
+def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
+    """Fingerprint of modules with all that they import.
+
+    Parameters
+    ----------
+    *modules
+        Dotted names of modules, or paths of plugin files.
+    without
+        Functions that the stage never calls, by name: what is imported in their bodies is left out.
+    """
+    return _fingerprint(modules, tuple(without))
+
+
+def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
+    """The code part of :func:`fingerprint`."""
+    return dict(fingerprint(module, without=without).code)
+
+
+def forget() -> None:
+    """Read all sources again at the next call: they may have changed since."""
+    for cached in (_fingerprint, _source, _read):
+        cached.cache_clear()
+
+
+@cache
+def _fingerprint(modules: tuple[str, ...], without: tuple[str, ...]) -> Fingerprint:
+    code: dict[str, str] = {}
+    packages: set[str] = set()
+    done: set[str] = set()
+    for root in modules:
+        pending = [root]
+        while pending:
+            name = pending.pop()
+            if name in done:
+                continue
+            done.add(name)
+            path = _source(name, _folder(root))
+            if path is None:
+                continue
+            imported = _read(path, name, without)
+            if name not in IGNORED:
+                code[path.name if name.endswith(".py") else name] = imported.digest
+                for target in imported.names:
+                    found = _known_as(target, root)
+                    pending.extend(found)
+                    if not found and (top := target.partition(".")[0]) not in sys.stdlib_module_names:
+                        packages.add(top)
+    versions = (pair for name in packages if not _is_local(name, "") for pair in _versions(name))
+    return Fingerprint(dict(sorted(code.items())), dict(sorted(versions)))
+
+
+def _known_as(name: str, root: str) -> list[str]:
+    """The local modules that an imported name stands for, with the packages around them; none for a foreign one."""
+    if not _is_local(name, root):
+        return []
+    parts = name.split(".")
+    names = [".".join(parts[: k + 1]) for k in range(len(parts))]
+    return [module for module in names if _source(module, _folder(root)) is not None]
+
+
+def _is_local(name: str, root: str) -> bool:
+    """Whether a module belongs to the suite, to the package of the root, or lies outside the installed packages."""
+    top = name.partition(".")[0]
+    if top in FIRST_PARTY or (root and not root.endswith(".py") and top == root.partition(".")[0]):
+        return True
+    if top in sys.stdlib_module_names:
+        return False
+    path = _source(top, _folder(root))
+    return path is not None and not any(path.is_relative_to(folder) for folder in _installed())
+
+
+def _folder(root: str) -> str:
+    """Where the helpers of a plugin file lie."""
+    return str(Path(root).parent) if root.endswith(".py") else ""
+
+
+@cache
+def _installed() -> tuple[Path, ...]:
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    return tuple({Path(sysconfig.get_path(name)).resolve() for name in names} | {Path(json.__file__).parents[1]})
+
+
+@cache
+def _source(name: str, folder: str = "") -> Path | None:
+    """The file of a module, without importing anything; a helper is looked for beside the plugin if nothing else is."""
+    if name.endswith(".py"):
+        return Path(name)
+    top, *rest = name.split(".")
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ImportError, AttributeError, ValueError):
+        spec = None
+    if spec is None:
+        places = [Path(folder) / top] if folder else []
+    elif spec.submodule_search_locations is not None:
+        places = [Path(place) for place in spec.submodule_search_locations]
+    else:
+        places = [Path(spec.origin).with_suffix("")] if (spec.origin or "").endswith(".py") and spec.origin else []
+    for place in places:
+        module = place.joinpath(*rest)
+        for path in (module.with_suffix(".py"), module / "__init__.py"):
+            if path.is_file():
+                return path.resolve()
+    return None
+
+
+@cache
+def _versions(name: str) -> tuple[tuple[str, str], ...]:
+    """Name and version of the distribution that brings a package; none for one that is not installed."""
+    try:
+        return ((name, _version(name)),)
+    except importlib.metadata.PackageNotFoundError:
+        found = _distributions().get(name, ())
+        return tuple((each.lower(), _version(each)) for each in sorted(set(found)))
+
+
+def _version(distribution: str) -> str:
+    """Version without the tag of the build (``+cpu``), which says where it runs, not what it computes."""
+    return importlib.metadata.version(distribution).partition("+")[0]
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return importlib.metadata.packages_distributions()
+
+
+@dataclass(frozen=True)
+class _Module:
+    digest: str
+    names: tuple[str, ...]
+
+
+@cache
+def _read(path: Path, name: str, without: tuple[str, ...]) -> _Module:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    names = tuple(sorted(set(_imports(tree, "" if name.endswith(".py") else package, frozenset(without)))))
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(
+            node
+        ):
+            node.body = node.body[1:]
+    text = json.dumps(_skeleton(tree), separators=(",", ":"))
+    return _Module(hashlib.sha256(text.encode()).hexdigest()[:16], names)
+
+
+def _skeleton(node: Any) -> Any:
+    """A syntax tree as lists, without what is empty: versions of Python differ in the empty fields that they have."""
+    if isinstance(node, ast.AST):
+        fields = ((name, value) for name, value in ast.iter_fields(node) if name not in ("kind", "type_comment"))
+        return [type(node).__name__, *([n, _skeleton(v)] for n, v in fields if v is not None and v != [])]
+    if isinstance(node, list):
+        return [_skeleton(part) for part in node]
+    return [type(node).__name__, repr(node)]
+
+
+def _imports(tree: ast.AST, package: str, without: frozenset[str]) -> Iterator[str]:
+    """Names of modules imported anywhere, but for type checking alone and in functions that are left out."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            yield from _imports(ast.Module(node.orelse, []), package, without)
+            continue
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name in without:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parts = package.split(".")
+                base = ".".join([*parts[: len(parts) - node.level + 1], *([node.module] if node.module else [])])
+            if base:
+                yield base
+                # ``from package import module`` names a module only if there is one; the caller looks.
+                yield from (f"{base}.{alias.name}" for alias in node.names if alias.name != "*")
+        else:
+            yield from _imports(node, package, without)

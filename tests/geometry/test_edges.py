@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmark.geometry.edges import edges_of, sides_of
+from tests.geometry.surfaces import flat_grid, sphere
+
+TRIANGLES = st.lists(st.tuples(*[st.integers(0, 9)] * 3), max_size=30)
+
+
+def test_a_pair_of_triangles_by_hand():
+    starts, ends = sides_of(np.array([[0, 1, 2], [2, 1, 5]]))
+    np.testing.assert_array_equal(starts, [0, 1, 2, 2, 1, 5])
+    np.testing.assert_array_equal(ends, [1, 2, 0, 1, 5, 2])
+    edges = edges_of(np.array([[0, 1, 2], [2, 1, 5]]))
+    np.testing.assert_array_equal(edges.ends, [[0, 1], [0, 2], [1, 2], [1, 5], [2, 5]])
+    np.testing.assert_array_equal(edges.counts, [1, 1, 2, 1, 1])
+    np.testing.assert_array_equal(edges.of_sides, [0, 2, 1, 2, 3, 4])
+    np.testing.assert_array_equal(edges.grouped_sides, [0, 2, 1, 3, 4, 5])
+    np.testing.assert_array_equal(edges.first, [0, 1, 2, 4, 5])
+    np.testing.assert_array_equal(edges.boundary, [[0, 1], [0, 2], [1, 5], [2, 5]])
+
+
+@given(TRIANGLES)
+def test_any_triangles(triangles):
+    """Against sorting rows; corners may repeat, faces may be doubled, edges may have many faces."""
+    faces = np.array(triangles, dtype=np.int32).reshape(-1, 3)
+    edges = edges_of(faces)
+    rows = np.sort(np.stack(sides_of(faces), axis=1), axis=1)
+    ends, of_sides, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
+    np.testing.assert_array_equal(edges.ends, ends)
+    np.testing.assert_array_equal(edges.of_sides, of_sides.reshape(-1))
+    np.testing.assert_array_equal(edges.counts, counts)
+    for edge, first in enumerate(edges.first):
+        members = edges.grouped_sides[first : first + counts[edge]]
+        np.testing.assert_array_equal(members, np.flatnonzero(edges.of_sides == edge))
+
+
+def test_indices_near_the_limit_of_the_faces_do_not_overflow():
+    last = np.iinfo(np.int32).max
+    edges = edges_of(np.array([[0, last - 1, last]], dtype=np.int32))
+    np.testing.assert_array_equal(edges.ends, [[0, last - 1], [0, last], [last - 1, last]])
+
+
+@pytest.mark.parametrize(("mesh", "edges", "boundary"), [(sphere(2), 480, 0), (flat_grid(5), 56, 16)])
+def test_closed_and_open_surfaces(mesh, edges, boundary):
+    found = edges_of(mesh.faces)
+    assert (len(found.ends), len(found.boundary)) == (edges, boundary)
+    assert found.counts.sum() == 3 * mesh.n_faces

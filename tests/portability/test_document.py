@@ -1,0 +1,65 @@
+"""The table is made of what the variants left, and the document of the committed figures."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.portability.document import DOCUMENT, SCORES, compared, document
+
+FORM = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 0.5]])
+
+
+def left_behind(folder, nn, digest, form):
+    folder.mkdir()
+    measures = {"nn": nn, "ft": 0.5, "st": 0.5, "dcg": 0.5}
+    (folder / "scores.json").write_text(json.dumps({"tried mesh": {"measures": measures, "digests": {"cat0": digest}}}))
+    np.savez(folder / "mesh-cat0.npz", **{"tried:form": form})
+    return folder
+
+
+def test_differences_are_taken_over_all_variants(tmp_path):
+    turned = FORM @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + 5
+    moved = FORM.copy()
+    moved[1, 0] += 1e-3
+    folders = {
+        "one": left_behind(tmp_path / "one", 0.70, "a", FORM),
+        "two": left_behind(tmp_path / "two", 0.70, "a", turned),
+        "three": left_behind(tmp_path / "three", 0.75, "b", moved),
+    }
+    found = compared(folders)
+    (row,) = found["rows"]
+    assert row["measures"]["nn"] == [0.70, 0.70, 0.75]
+    assert (row["shapes"], row["same"]) == (1, 0)
+    assert 1e-4 < row["form_moves"] < 1e-3
+    text = document(found)
+    assert "| tried | mesh | 0.0500 | 0.0000 | 0.0000 | 0.0000 | 0 of 1 |" in text
+    assert "Beyond the goal: tried (mesh)." in text
+    del folders["three"]
+    (row,) = compared(folders)["rows"]
+    assert row["same"] == 1
+    assert row["form_moves"] < 1e-12
+
+
+def test_the_document_is_that_of_the_committed_figures(pytestconfig):
+    root = pytestconfig.rootpath
+    assert (root / DOCUMENT).read_text() == document(json.loads((root / SCORES).read_text()))
+
+
+def test_every_method_that_does_not_learn_has_its_rows(pytestconfig):
+    from tests.portability._worker import INPUTS, METHODS
+
+    rows = json.loads((pytestconfig.rootpath / SCORES).read_text())["rows"]
+    assert [(row["method"], row["input"]) for row in rows] == [(name, i) for name in METHODS for i in INPUTS]
+
+
+def test_no_method_moves_a_measure_beyond_the_goal(pytestconfig):
+    assert "Beyond the goal" not in (pytestconfig.rootpath / DOCUMENT).read_text()
+
+
+@pytest.mark.parametrize("other", [None, FORM[:3]])
+def test_an_answer_that_is_missing_or_of_other_size_is_infinitely_far(tmp_path, other):
+    one = left_behind(tmp_path / "one", 0.7, "a", FORM)
+    two = left_behind(tmp_path / "two", 0.7, "a", FORM)
+    np.savez(two / "mesh-cat0.npz", **({} if other is None else {"tried:form": other}))
+    assert compared({"one": one, "two": two})["rows"][0]["form_moves"] == float("inf")

@@ -1,0 +1,88 @@
+"""Processors to be, by environment variables: which kernels BLAS, numba and numpy choose."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+#: Compiled code and results are kept here; nothing in it is worth a commit.
+FOLDER = Path("build/portability")
+
+AVX2 = frozenset({"avx2", "fma"})
+AVX512 = frozenset({"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"})
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to run the same program.
+
+    Parameters
+    ----------
+    name
+        One word.
+    environment
+        Variables that the numerical libraries read when they are loaded.
+    needs
+        Flags in ``/proc/cpuinfo`` without which the processor cannot run it.
+    cache
+        Name of the folder of numba's compiled code. A kernel of BLAS does not change that code.
+    """
+
+    name: str
+    environment: Mapping[str, str]
+    needs: frozenset[str] = field(default=frozenset())
+    cache: str = "numba"
+
+    def variables(self) -> dict[str, str]:
+        """All environment variables of a process of this variant."""
+        folder = str((FOLDER / self.cache).resolve())
+        return {**os.environ, **self.environment, "NUMBA_CACHE_DIR": folder}
+
+    def obstacle(self) -> str:
+        """Why the processor cannot run this variant; empty if it can."""
+        if "OPENBLAS_CORETYPE" in self.environment and platform.machine().lower() not in ("x86_64", "amd64"):
+            return "no x86-64 processor"
+        missing = sorted(self.needs - processor_flags())
+        return f"the processor has no {', '.join(missing)}" if missing else ""
+
+
+def processor_flags() -> frozenset[str]:
+    """Flags of the first processor in ``/proc/cpuinfo``; empty where that file is missing."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return frozenset()
+    flags = next((line for line in lines if line.startswith("flags")), ":")
+    return frozenset(flags.split(":", 1)[1].split())
+
+
+def without_numpy_dispatch() -> str:
+    """Names of all instruction sets that numpy chooses at run time on this processor."""
+    from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
+
+    return " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
+
+
+NEHALEM = Variant("Nehalem", {"OPENBLAS_CORETYPE": "Nehalem"})
+HASWELL = Variant("Haswell", {"OPENBLAS_CORETYPE": "Haswell"}, AVX2)
+ZEN = Variant("Zen", {"OPENBLAS_CORETYPE": "Zen"}, AVX2)
+SKYLAKEX = Variant("SkylakeX", {"OPENBLAS_CORETYPE": "SkylakeX"}, AVX512)
+GENERIC = Variant("generic", {"NUMBA_CPU_NAME": "generic"}, cache="numba-generic")
+#: Everything that can be switched to the instructions of 2008 at once.
+OLDEST = Variant(
+    "oldest",
+    {
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "NUMBA_CPU_NAME": "generic",
+        "NPY_DISABLE_CPU_FEATURES": without_numpy_dispatch(),
+    },
+    cache="numba-generic",
+)
+
+#: Under each of these the tests must pass.
+TESTED = (NEHALEM, HASWELL, ZEN, SKYLAKEX, GENERIC)
+#: Between these the scores are compared: the extremes, and what lies between.
+SCORED = (SKYLAKEX, HASWELL, OLDEST)
