@@ -207,9 +207,10 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
     results
         The records to show.
     tables
-        Identifiers of the tables to make; empty for all that the results belong to.
+        Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
     """
-    wanted = set(tables)
+    named = set(tables)
+    wanted = named | {table.identifier for table in TABLES if table.part_of in named}
     grouped: dict[tuple[str, str, bool], list[Result]] = {}
     for result in results:
         data = result.record["data"]
