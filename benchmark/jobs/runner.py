@@ -206,7 +206,8 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
         "wall_seconds": round(time.perf_counter() - start, 3),
         "environments": _environments(treated),
         "artefacts": sorted(
-            {a.key for t in treated for a in (t.prepared, t.answer)} | {*distances, treatment.preparation.frame_key}
+            {a.key for t in treated for a in (t.prepared, t.answer)}
+            | {key for key in (*distances, treatment.preparation.frame_key) if key}
         ),
         **_learning(order, treatment, entries, dataset.name),
     }
