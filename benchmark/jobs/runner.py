@@ -261,7 +261,6 @@ def _costs(treated: Sequence[Treated]) -> dict[str, Any]:
     return {
         "cost": {"seconds_per_shape": seconds, "shapes_timed": len(_settled(phases["canonicalise"]))},
         "peak_mib": round(max(peaks), 1) if peaks else None,
-        "from_cache": sum(each.answer.was_cached for each in treated),
     }
 
 

@@ -36,8 +36,8 @@ from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import complete, ranking
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.protocols.tables import Gallery, Table
-from benchmark.storage import keys
 from benchmark.storage.store import Store
+from benchmark.system import fingerprints
 from retrieval.cmbof import CMBOF
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +49,9 @@ CALLERS = frozenset(
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.
-NAMING = frozenset({"benchmark.jobs.recipes", "benchmark.storage.keys", "benchmark.methods.registry"})
+NAMING = frozenset(
+    {"benchmark.jobs.recipes", "benchmark.storage.keys", "benchmark.system.fingerprints", "benchmark.methods.registry"}
+)  # fmt: skip
 
 
 class Tracer:
@@ -96,7 +98,7 @@ class Tracer:
         file = code.co_filename
         if file not in self._modules:
             path = Path(file)
-            ours = path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in keys.FIRST_PARTY
+            ours = path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in fingerprints.FIRST_PARTY
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts) if ours else ""
             self._modules[file] = name.removesuffix(".__init__")
         return self._modules[file]
@@ -104,7 +106,7 @@ class Tracer:
     def modules(self, stage: str) -> set[str]:
         """Modules whose functions ran in a stage."""
         names = {self.module(code) for code in self.ran[stage] if code.co_name != "<module>"}
-        return names - keys.IGNORED - CALLERS - {""}
+        return names - fingerprints.IGNORED - CALLERS - {""}
 
 
 def few(dataset: Dataset, entries: tuple[Entry, ...], tracer: Tracer, fewer: Callable[[Any], Any]) -> Dataset:
