@@ -97,7 +97,7 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data_root: Path | None) -> None:
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
     from benchmark.datasets.catalogue import open_dataset
-    from benchmark.report.contact_sheet import contact_sheet
+    from benchmark.report.pictures.contact_sheet import contact_sheet
 
     dataset = open_dataset(name, data_root)
     drawn = contact_sheet(dataset, subjects, poses)

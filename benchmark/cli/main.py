@@ -161,9 +161,9 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
 def report(output: Path, **options: Any) -> None:
     """Write a static HTML page with the tables, and a figure of the canonical forms of each gallery."""
     from benchmark.report.content import contents
-    from benchmark.report.figures import forms_figures
     from benchmark.report.files import write
     from benchmark.report.page import page
+    from benchmark.report.pictures.forms import forms_figures
     from benchmark.storage.store import Store
 
     selection = Selection.of(options)

@@ -300,7 +300,7 @@ def test_tosca_is_whole_but_for_one_open_mesh(data_root):
     done = CliRunner().invoke(data, ["check", "tosca", "--data-root", str(data_root)])
     assert time.process_time() - start < 10
     assert done.exit_code == 0
-    lines = done.output.splitlines()
+    lines = done.stdout.splitlines()
     assert lines[0] == "tosca: 80 shapes, 9 classes, not a stand-in"
     assert [line for line in lines if line.startswith(("error", "warning"))] == [
         "warning  victoria10.off  20 boundary edges around 3 holes; close the surface for methods that need it closed"

@@ -1,4 +1,7 @@
-"""All methods on all shapes of TOSCA in one process, under the kernels that its environment variables name."""
+"""All methods on all shapes of TOSCA in one process, under the kernels that its environment variables name.
+
+First the forms, then, in another call, the scores of those rows in which the variants differ at all.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ pin_threads()
 
 import hashlib
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -41,27 +43,23 @@ SCORER = CMBOF()
 
 
 def main() -> None:
-    """Treat the shapes that are not yet in the folder, then score; arguments: data root, folder."""
-    dataset, folder = tosca(Path(sys.argv[1])), Path(sys.argv[2])
-    shared = folder.parent / "features"
-    for each in (folder, shared):
-        each.mkdir(parents=True, exist_ok=True)
+    """Treat the shapes that are not yet in the folder, or score rows; arguments: data root, folder, names of rows."""
+    dataset, folder, rows = tosca(Path(sys.argv[1])), Path(sys.argv[2]), sys.argv[3:]
+    folder.mkdir(parents=True, exist_ok=True)
+    if rows:
+        scores = {row: score(row, dataset, folder) for row in rows}
+        (folder / "scores.json").write_text(json.dumps(scores, indent=1) + "\n")
+        return
     half_width = max(fit_half_width([clean(dataset.load(e))[0]], dataset.camera(e)) for e in dataset.entries)
     for input_ in INPUTS:
         for number, entry in enumerate(dataset.entries):
             path = folder / f"{input_}-{entry.identifier}.npz"
             if not path.exists():
-                arrays = treat(prepared(dataset, entry, input_, half_width), shared)
+                arrays = treat(prepared(dataset, entry, input_, half_width))
                 part = path.with_suffix(".part.npz")
                 np.savez(part, **arrays)
                 part.replace(path)
                 print(f"{folder.name}: {input_} {number + 1} of {len(dataset.entries)}", flush=True)
-    scores = {
-        f"{name} {input_}": score(spec, [folder / f"{input_}-{e.identifier}.npz" for e in dataset.entries], dataset)
-        for name, spec in METHODS.items()
-        for input_ in INPUTS
-    }
-    (folder / "scores.json").write_text(json.dumps(scores, indent=1) + "\n")
 
 
 def prepared(dataset: FolderDataset, entry: Entry, input_: str, half_width: float) -> Shape:
@@ -75,8 +73,8 @@ def prepared(dataset: FolderDataset, entry: Entry, input_: str, half_width: floa
     return Shape(identifier=entry.identifier, mesh=mesh, depth=view.depth, source_area=area)
 
 
-def treat(shape: Shape, shared: Path) -> dict[str, Any]:
-    """Forms with their features, or descriptors, by method; nothing where a method refuses the shape."""
+def treat(shape: Shape) -> dict[str, Any]:
+    """Forms and what the scorer makes of their pose, or descriptors; nothing where a method refuses the shape."""
     arrays: dict[str, Any] = {}
     for name, spec in METHODS.items():
         method = spec.create()
@@ -87,55 +85,50 @@ def treat(shape: Shape, shared: Path) -> dict[str, Any]:
             form = method.canonicalise(shape).mesh
         except ShapeError:
             continue
-        arrays[f"{name}:form"] = form.vertices
-        arrays |= {f"{name}:{part}": array for part, array in features_of(form, shared).items()}
+        normal = normalise(form, SCORER.pose, SCORER.image_size)
+        arrays |= {
+            f"{name}:form": form.vertices,
+            f"{name}:normal": normal.vertices,
+            f"{name}:faces": normal.faces,
+        }
     return arrays
 
 
-def features_of(form: Mesh, shared: Path) -> dict[str, Any]:
-    """What the scorer sees of a form; computed once for all variants whose normalised forms are equal to the last bit.
+def score(row: str, dataset: FolderDataset, folder: Path) -> dict[str, float]:
+    """Mean measures of a method under an input over the codebooks."""
+    name, input_ = row.split()
+    found, labels = [], []
+    for entry in dataset.entries:
+        with np.load(folder / f"{input_}-{entry.identifier}.npz") as arrays:
+            if f"{name}:descriptor" in arrays:
+                found.append(arrays[f"{name}:descriptor"])
+            elif f"{name}:normal" in arrays:
+                found.append(features_of(arrays[f"{name}:normal"], arrays[f"{name}:faces"], folder.parent / "features"))
+            else:
+                continue
+        labels.append(entry.subject)
+    method = METHODS[name].create()
+    if isinstance(method, Descriptor):
+        matrices = [method.distances(found)]
+    else:
+        codebooks = [SCORER.train_codebook(found, seed) for seed in CODEBOOK_SEEDS]
+        matrices = [SCORER.distances([SCORER.quantise(each, book) for each in found]) for book in codebooks]
+    scores = [evaluate(matrix, labels) for matrix in matrices]
+    return {measure: float(np.mean([getattr(each, measure) for each in scores])) for measure in MEASURES}
 
-    That the scorer makes the same of equal forms under every variant is for ``test_scorer.py`` to show, on some forms.
-    """
-    normal = normalise(form, SCORER.pose, SCORER.image_size)
-    path = shared / f"{hashlib.sha256(normal.vertices.tobytes() + normal.faces.tobytes()).hexdigest()}.npz"
+
+def features_of(vertices: Any, faces: Any, shared: Path) -> Features:
+    """Features of a form in its pose; computed once for all variants that have it to the last bit."""
+    shared.mkdir(exist_ok=True)
+    path = shared / f"{hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()}.npz"
     if not path.exists():
-        images = render(normal, SCORER.image_size)
+        images = render(Mesh(vertices, faces), SCORER.image_size)
         features = detect_views(images, peak_threshold=SCORER.peak_threshold, background=BACKGROUND)
-        part = path.with_suffix(f".{os.getpid()}.npz")
+        part = path.with_suffix(".part.npz")
         np.savez(part, **features.to_arrays())
         part.replace(path)
     with np.load(path) as arrays:
-        return dict(arrays)
-
-
-def score(spec: MethodSpec, paths: list[Path], dataset: FolderDataset) -> dict[str, Any]:
-    """Mean measures over the codebooks, and a digest of what each shape was compared by."""
-    found, labels, digests = [], [], {}
-    for path, entry in zip(paths, dataset.entries, strict=True):
-        with np.load(path) as arrays:
-            parts = {
-                key.removeprefix(f"{spec.name}:"): arrays[key] for key in arrays if key.startswith(f"{spec.name}:")
-            }
-        parts.pop("form", None)
-        if parts:
-            found.append(parts)
-            labels.append(entry.subject)
-            digests[entry.identifier] = hashlib.sha256(b"".join(a.tobytes() for a in parts.values())).hexdigest()[:16]
-    method = spec.create()
-    if isinstance(method, Descriptor):
-        matrices = [method.distances([parts["descriptor"] for parts in found])]
-    else:
-        features = [Features.from_arrays(parts) for parts in found]
-        matrices = []
-        for seed in CODEBOOK_SEEDS:
-            codebook = SCORER.train_codebook(features, seed)
-            matrices.append(SCORER.distances([SCORER.quantise(each, codebook) for each in features]))
-    all_scores = [evaluate(matrix, labels) for matrix in matrices]
-    return {
-        "measures": {name: float(np.mean([getattr(each, name) for each in all_scores])) for name in MEASURES},
-        "digests": digests,
-    }
+        return Features.from_arrays(dict(arrays))
 
 
 if __name__ == "__main__":

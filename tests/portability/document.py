@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmark.methods.registry import BUILT_IN
+
 SCORES = Path("results/portability.json")
 DOCUMENT = Path("docs/portability.md")
 MEASURES = ("nn", "ft", "st", "dcg")
@@ -48,59 +50,70 @@ distances are equal in single precision is a decision that a margin would turn i
 SCORED = """\
 ## TOSCA
 
-All {shapes} shapes through every method under {n} sets of kernels: {names}. "Oldest" is BLAS for Nehalem, numba for
-no processor in particular, and numpy without any choice of instructions: everything that can be switched off at once.
-These are the extremes, with one between them. Each set is one process that prepares the shapes, measures geodesics,
-makes forms and scores them, over three codebooks. Features of forms that are equal to the last bit after rounding are
-computed once; that they do not depend on the kernels is tested apart.
+All {shapes} shapes through every method under {n} sets of kernels: {names}. "oldest" is BLAS for Nehalem, numba for
+no processor in particular, and numpy without any choice of instructions: everything that can be switched off at once,
+and so, with the kernels for AVX-512, one of two extremes. Each set is one process that prepares the shapes, measures
+geodesics, makes forms and normalises their pose. Where the rounded forms are the same bytes under all sets, so are
+their scores, and the difference is 0; the other rows are scored, over three codebooks. That the scorer makes the same
+of equal forms under all kernels is tested apart (`tests/portability/test_scorer.py`).
 
 The columns NN to DCG give the largest minus the smallest value; the goal is at most {goal:g}. "Same" counts the
-shapes whose features (or descriptor) are the same bytes under all sets; "form moves" is the largest move of a vertex
+shapes whose rounded form (or descriptor) is the same bytes under all sets; "form moves" is the largest move of a vertex
 relative to the size of the form, after rigid alignment (of a descriptor, the largest change relative to its largest
 number). Methods that learn have no row: models of TOSCA are not shipped.
 """
 
 
-def compared(folders: Mapping[str, Path]) -> dict[str, Any]:
-    """Compare what the variants left in their folders."""
-    scores = {name: json.loads((folder / "scores.json").read_text()) for name, folder in folders.items()}
-    first = next(iter(scores.values()))
-    rows = []
-    for row in first:
-        method, input_ = row.split()
-        measures = {measure: [found[row]["measures"][measure] for found in scores.values()] for measure in MEASURES}
-        digests = [found[row]["digests"] for found in scores.values()]
-        treated = sorted(set().union(*digests))
-        same = sum(len({digest.get(identifier) for digest in digests}) == 1 for identifier in treated)
-        moves = [
-            _move(method, [folder / f"{input_}-{identifier}.npz" for folder in folders.values()])
-            for identifier in treated
-        ]
-        rows.append(
-            {
-                "method": method,
-                "input": input_,
-                "measures": measures,
-                "shapes": len(treated),
-                "same": same,
-                "form_moves": max(moves),
-            }
-        )
+def compare(folders: Mapping[str, Path]) -> list[dict[str, Any]]:
+    """Compare the forms and descriptors that the variants left in their folders, row by row."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    first = next(iter(folders.values()))
+    for path in sorted(first.glob("*-*.npz")):
+        input_ = path.name.split("-")[0]
+        answers = [_answers(folder / path.name) for folder in folders.values()]
+        for method in dict.fromkeys(name for answer in answers for name in answer):
+            row = rows.setdefault(
+                (input_, method), {"method": method, "input": input_, "shapes": 0, "same": 0, "form_moves": 0.0}
+            )
+            found = [answer.get(method) for answer in answers]
+            row["shapes"] += 1
+            row["same"] += len({part and part["scored"].tobytes() for part in found}) == 1
+            row["form_moves"] = max(row["form_moves"], _move(found))
+    return [rows[key] for key in sorted(rows, key=lambda key: (list(BUILT_IN).index(key[1]), key[0]))]
+
+
+def with_scores(rows: list[dict[str, Any]], folders: Mapping[str, Path]) -> dict[str, Any]:
+    """Add the measures to the rows in which the variants differ; equal bytes have equal scores."""
+    found = {
+        name: json.loads((folder / "scores.json").read_text()) if (folder / "scores.json").exists() else {}
+        for name, folder in folders.items()
+    }
+    for row in rows:
+        if row["same"] < row["shapes"]:
+            scores = [scores[f"{row['method']} {row['input']}"] for scores in found.values()]
+            row["measures"] = {measure: [each[measure] for each in scores] for measure in MEASURES}
     return {"variants": list(folders), "rows": rows}
 
 
-def _move(method: str, paths: list[Path]) -> float:
+def _answers(path: Path) -> dict[str, dict[str, Any]]:
+    """By method: the answer, and what the scorer compares of it."""
+    found: dict[str, dict[str, Any]] = {}
+    with np.load(path) as arrays:
+        for key in arrays:
+            method, part = key.split(":")
+            if part in ("form", "descriptor"):
+                scored = arrays[f"{method}:normal"] if part == "form" else arrays[key]
+                found[method] = {"answer": arrays[key], "scored": scored}
+    return found
+
+
+def _move(found: list[dict[str, Any] | None]) -> float:
     """Largest difference between the first and any other answer; infinite if one has none or another shape."""
-    answers = []
-    for path in paths:
-        with np.load(path) as arrays:
-            answers.append(
-                next((arrays[f"{method}:{k}"] for k in ("form", "descriptor") if f"{method}:{k}" in arrays), None)
-            )
+    answers = [part["answer"] if part else None for part in found]
     first = answers[0]
-    if any(found is None or found.shape != first.shape for found in answers):
+    if first is None or any(answer is None or answer.shape != first.shape for answer in answers):
         return float("inf")
-    return max(_difference(first, found) for found in answers[1:])
+    return max(_difference(first, answer) for answer in answers[1:])
 
 
 def _difference(first: Any, other: Any) -> float:
@@ -121,7 +134,7 @@ def document(found: Mapping[str, Any]) -> str:
     lines = [" | ".join(head), " | ".join(["---", "---", *["---:"] * 6])]
     missed = []
     for row in found["rows"]:
-        spans = [max(values) - min(values) for values in row["measures"].values()]
+        spans = [max(values) - min(values) for values in row["measures"].values()] if "measures" in row else [0.0] * 4
         if max(spans) > GOAL:
             missed.append(f"{row['method']} ({row['input']})")
         cells = [row["method"], row["input"], *(f"{span:.4f}" for span in spans)]

@@ -5,17 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from tests.portability.document import DOCUMENT, SCORES, compared, document
+from tests.portability.document import DOCUMENT, SCORES, compare, document, with_scores
 
 FORM = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 0.5]])
 
 
-def left_behind(folder, nn, digest, form):
+def left_behind(folder, nn, form, normal=FORM):
     folder.mkdir()
-    measures = {"nn": nn, "ft": 0.5, "st": 0.5, "dcg": 0.5}
-    (folder / "scores.json").write_text(json.dumps({"tried mesh": {"measures": measures, "digests": {"cat0": digest}}}))
-    np.savez(folder / "mesh-cat0.npz", **{"tried:form": form})
+    (folder / "scores.json").write_text(json.dumps({"gps mesh": {"nn": nn, "ft": 0.5, "st": 0.5, "dcg": 0.5}}))
+    np.savez(folder / "mesh-cat0.npz", **{"gps:form": form, "gps:normal": normal, "gps:faces": np.array([[0, 1, 2]])})
     return folder
+
+
+def found_in(folders):
+    return with_scores(compare(folders), folders)
 
 
 def test_differences_are_taken_over_all_variants(tmp_path):
@@ -23,22 +26,32 @@ def test_differences_are_taken_over_all_variants(tmp_path):
     moved = FORM.copy()
     moved[1, 0] += 1e-3
     folders = {
-        "one": left_behind(tmp_path / "one", 0.70, "a", FORM),
-        "two": left_behind(tmp_path / "two", 0.70, "a", turned),
-        "three": left_behind(tmp_path / "three", 0.75, "b", moved),
+        "one": left_behind(tmp_path / "one", 0.70, FORM),
+        "two": left_behind(tmp_path / "two", 0.70, turned),
+        "three": left_behind(tmp_path / "three", 0.75, moved, moved),
     }
-    found = compared(folders)
+    found = found_in(folders)
     (row,) = found["rows"]
     assert row["measures"]["nn"] == [0.70, 0.70, 0.75]
     assert (row["shapes"], row["same"]) == (1, 0)
     assert 1e-4 < row["form_moves"] < 1e-3
     text = document(found)
-    assert "| tried | mesh | 0.0500 | 0.0000 | 0.0000 | 0.0000 | 0 of 1 |" in text
-    assert "Beyond the goal: tried (mesh)." in text
-    del folders["three"]
-    (row,) = compared(folders)["rows"]
+    assert "| gps | mesh | 0.0500 | 0.0000 | 0.0000 | 0.0000 | 0 of 1 |" in text
+    assert "Beyond the goal: gps (mesh)." in text
+
+
+def test_the_same_bytes_need_no_scores(tmp_path):
+    turned = FORM @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + 5
+    folders = {
+        "one": left_behind(tmp_path / "one", 0.7, FORM),
+        "two": left_behind(tmp_path / "two", 0.9, turned),
+    }
+    found = found_in(folders)
+    (row,) = found["rows"]
+    assert "measures" not in row
     assert row["same"] == 1
     assert row["form_moves"] < 1e-12
+    assert "| gps | mesh | 0.0000 | 0.0000 | 0.0000 | 0.0000 | 1 of 1 |" in document(found)
 
 
 def test_the_document_is_that_of_the_committed_figures(pytestconfig):
@@ -59,7 +72,8 @@ def test_no_method_moves_a_measure_beyond_the_goal(pytestconfig):
 
 @pytest.mark.parametrize("other", [None, FORM[:3]])
 def test_an_answer_that_is_missing_or_of_other_size_is_infinitely_far(tmp_path, other):
-    one = left_behind(tmp_path / "one", 0.7, "a", FORM)
-    two = left_behind(tmp_path / "two", 0.7, "a", FORM)
-    np.savez(two / "mesh-cat0.npz", **({} if other is None else {"tried:form": other}))
-    assert compared({"one": one, "two": two})["rows"][0]["form_moves"] == float("inf")
+    one, two = (left_behind(tmp_path / name, 0.7, FORM) for name in ("one", "two"))
+    np.savez(two / "mesh-cat0.npz", **({} if other is None else {"gps:form": other, "gps:normal": other}))
+    (row,) = compare({"one": one, "two": two})
+    assert row["form_moves"] == float("inf")
+    assert row["same"] == 0

@@ -67,5 +67,5 @@ def test_code_for_no_processor_in_particular_has_a_cache_of_its_own():
     assert GENERIC.variables()["PATH"] == os.environ["PATH"]
 
 
-def test_every_folder_of_numerical_tests_exists(pytestconfig):
-    assert [name for name in suite.NUMERICAL if not (pytestconfig.rootpath / name).is_dir()] == []
+def test_all_numerical_tests_exist(pytestconfig):
+    assert [name for name in suite.NUMERICAL if not (pytestconfig.rootpath / name).exists()] == []

@@ -82,7 +82,8 @@ OLDEST = Variant(
     cache="numba-generic",
 )
 
-#: Under each of these the tests must pass.
-TESTED = (NEHALEM, HASWELL, ZEN, SKYLAKEX, GENERIC)
+#: Under each of these the tests must pass. Two run side by side: the one that compiles for itself starts beside the one
+#: that compiles for all others.
+TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
 #: Between these the scores are compared: the extremes, and what lies between.
 SCORED = (SKYLAKEX, HASWELL, OLDEST)

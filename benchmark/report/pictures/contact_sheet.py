@@ -18,7 +18,7 @@ from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation
-from benchmark.report.drawing import SUPERSAMPLING, depth_picture, shaded
+from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
 
 #: Poses of each subject, unless told otherwise.
 POSES = 8

@@ -17,7 +17,7 @@ from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.tables import Gallery
 from benchmark.report.content import file_stem
-from benchmark.report.drawing import Image, depth_picture, principal_frame, shaded
+from benchmark.report.pictures.drawing import Image, depth_picture, principal_frame, shaded
 from benchmark.storage.store import Store
 
 if TYPE_CHECKING:

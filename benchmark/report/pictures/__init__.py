@@ -1,0 +1,1 @@
+"""Pictures of meshes, depth images, data sets and canonical forms."""
