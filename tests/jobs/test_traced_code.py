@@ -94,7 +94,7 @@ KERNELS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", [name for name in BUILT_IN if not name.startswith("learned")])
 def test_every_method_runs_what_its_recipe_names(rods, name):
     found = trace(rods, name, inputs=["mesh", "view"], size=40)
@@ -112,7 +112,7 @@ def test_every_learner_is_traced_or_has_no_model_to_be_traced_with():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LEARNERS)
 def test_every_learner_runs_what_its_recipe_names(name):
     found = trace("humans", name, inputs=["view"], compiled=True, size=500)
@@ -131,7 +131,7 @@ def test_the_scorer_runs_what_its_recipe_names(rods):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "generator"),
     [
@@ -154,7 +154,7 @@ def test_people_among_the_generated_animals_are_traced_too():
     assert {"david", "michael", "victoria"} <= set(subjects)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_all_subjects_of_the_generated_animals_run_what_their_recipes_name():
     found = trace("animals", "surface-area", inputs=["mesh"], compiled=True, size=200, subjects=9, poses=2)
     assert_named(found, source="benchmark.datasets.animals.people benchmark.datasets.animals.apes")
