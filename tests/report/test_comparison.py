@@ -18,7 +18,12 @@ def scored(nn, dcg, shapes=("cat0", "cat1", "dog0", "dog1"), **more):
     queries = {"NN": nn, "FT": halves, "ST": halves, "DCG": dcg}
     means = {name: sum(v for v in values if v is not None) / len(values) for name, values in queries.items()}
     return record(
-        per_query=queries, scores=means, shapes=list(shapes), labels=[s[:3] for s in shapes], n_shapes=len(shapes), **more
+        per_query=queries,
+        scores=means,
+        shapes=list(shapes),
+        labels=[s[:3] for s in shapes],
+        n_shapes=len(shapes),
+        **more,
     )
 
 
@@ -45,7 +50,9 @@ def test_a_record_equals_itself_and_its_like():
 
 
 def test_the_newest_scores_of_a_place_are_compared():
-    (found,) = compare_folders([FIRST, SECOND], [SECOND, failed(code="3", finished="2027-01-01T00:00:00+00:00")]).differences
+    (found,) = compare_folders(
+        [FIRST, SECOND], [SECOND, failed(code="3", finished="2027-01-01T00:00:00+00:00")]
+    ).differences
     assert found.changed == 0
 
 
