@@ -63,7 +63,7 @@ import importlib
 from benchmark.contracts import canonical_form
 
 
-@canonical_form(name="sly", title="Sly")
+@canonical_form(name="sly", title="Sly", inputs=("mesh",))
 def sly(shape):
     form = importlib.import_module("baselines.pca").PCA().canonicalise(shape)
     return form.vertices
