@@ -20,7 +20,7 @@ import copy
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import CodeType, FrameType
@@ -197,14 +197,16 @@ def decimated(target: int) -> Callable[[Any], Any]:
 
 def traced(
     dataset: str, chosen: list[str], inputs: list[str], plugins: list[str], size: int, image: int, data_root: str = "",
-    subjects: int = 2, poses: int = 2,
+    subjects: int = 2, poses: int = 2, also: Sequence[str] = (),
 ) -> dict[str, dict[str, list[str]]]:  # fmt: skip
     """Run methods on the first shapes of a data set.
 
     Parameters
     ----------
     dataset, data_root, subjects, poses
-        Which shapes.
+        Which shapes: those of the first subjects in a few poses.
+    also
+        Further subjects, of which one shape is enough.
     chosen, plugins, inputs
         Which methods on what.
     size
@@ -225,7 +227,8 @@ def traced(
     root = Path(data_root) if data_root else None
     full = open_dataset(dataset, root)
     first = list(dict.fromkeys(entry.subject for entry in full.entries))[:subjects]
-    entries = tuple(e for s in first for e in [e for e in full.entries if e.subject == s][:poses])
+    of = {subject: [e for e in full.entries if e.subject == subject] for subject in [*first, *also]}
+    entries = tuple(e for subject, all_of in of.items() for e in all_of[: 1 if subject in also else poses])
     files = [Path(plugin) for plugin in plugins]
     found: dict[str, dict[str, list[str]]] = {}
     for spec in select(chosen, methods(files), files):
