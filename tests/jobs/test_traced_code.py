@@ -94,7 +94,7 @@ KERNELS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", [name for name in BUILT_IN if not name.startswith("learned")])
 def test_every_method_runs_what_its_recipe_names(rods, name):
     found = trace(rods, name, inputs=["mesh", "view"], size=40)
@@ -112,7 +112,7 @@ def test_every_learner_is_traced_or_has_no_model_to_be_traced_with():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LEARNERS)
 def test_every_learner_runs_what_its_recipe_names(name):
     found = trace("humans", LEARNERS[name], inputs=["view"], compiled=True, size=500)
@@ -131,7 +131,7 @@ def test_the_scorer_runs_what_its_recipe_names(rods):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(
     ("name", "also", "generator"),

@@ -17,14 +17,8 @@ def scored(nn, dcg, shapes=("cat0", "cat1", "dog0", "dog1"), **more):
     halves = [0.5] * len(shapes)
     queries = {"NN": nn, "FT": halves, "ST": halves, "DCG": dcg}
     means = {name: sum(v for v in values if v is not None) / len(values) for name, values in queries.items()}
-    return record(
-        per_query=queries,
-        scores=means,
-        shapes=list(shapes),
-        labels=[s[:3] for s in shapes],
-        n_shapes=len(shapes),
-        **more,
-    )
+    labels = [shape[:3] for shape in shapes]
+    return record(per_query=queries, scores=means, shapes=list(shapes), labels=labels, n_shapes=len(shapes), **more)
 
 
 FIRST = scored([1.0, 0.0, 1.0, 1.0], [0.9, 0.5, 0.8, 1.0])
@@ -50,9 +44,8 @@ def test_a_record_equals_itself_and_its_like():
 
 
 def test_the_newest_scores_of_a_place_are_compared():
-    (found,) = compare_folders(
-        [FIRST, SECOND], [SECOND, failed(code="3", finished="2027-01-01T00:00:00+00:00")]
-    ).differences
+    later = failed(code="3", finished="2027-01-01T00:00:00+00:00")
+    (found,) = compare_folders([FIRST, SECOND], [SECOND, later]).differences
     assert found.changed == 0
 
 
