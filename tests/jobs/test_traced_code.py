@@ -141,7 +141,7 @@ def test_the_scorer_runs_what_its_recipe_names(rods):
         (
             "animals",
             ("horse", "gorilla", "david"),
-            "benchmark.datasets.animals.generate benchmark.datasets.animals.species benchmark.datasets.animals.people",
+            "benchmark.datasets.animals.generate benchmark.datasets.animals.anatomy benchmark.datasets.animals.people",
         ),
     ],
 )

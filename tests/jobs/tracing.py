@@ -281,7 +281,8 @@ def _run(
     dataset: Dataset, entries: tuple[Entry, ...], input_: Any, spec: MethodSpec, results: Path, root: Path | None
 ) -> None:
     store = Store.open(results)
-    table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2)
+    has_pairs = len(entries) == 2 * len({entry.subject for entry in entries})  # a split of lone shapes ranks nothing
+    table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2 if has_pairs else 0)
     gallery = Gallery(table, dataset.name, dataset, entries, data_root=root)
     (job,) = make_plan([gallery], [input_], [spec], store)
     if job.state != "missing":
