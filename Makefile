@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow lint speed tables check-tables publish figures clean boundscheck portability
+.PHONY: setup bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability
 
 setup: $(READY)
 
@@ -22,6 +22,10 @@ test: setup
 
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
+
+# What the other tests check on some, on every method, data set and seed: about half an hour.
+test-exhaustive: setup
+	$(BIN)/python -m pytest -m exhaustive
 
 # The compiled kernels with every index checked; two minutes, most of them to compile.
 boundscheck: setup

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,6 +14,7 @@ from benchmark.contracts import Interval
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, TrainingData, read_card
 from benchmark.parameters.values import checked
+from benchmark.threads import available_cores
 from learned import pictures
 from learned.checkpoint import CHECKPOINT
 from learned.configuration import configuration as configuration_named
@@ -92,7 +92,7 @@ def fit(
         say(f"{folder} holds this model already")
         return
     device = device_named(machine.device)
-    torch.set_num_threads(machine.threads or len(os.sched_getaffinity(0)))
+    torch.set_num_threads(machine.threads or available_cores())
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
     pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)

@@ -43,7 +43,7 @@ def record(
         "per_query": dict.fromkeys(MEASURES, queries), "chance": dict.fromkeys(MEASURES, 0.25),
         "shapes": list(SHAPES), "labels": ["cat", "cat", "dog", "dog"], "n_shapes": 4, "n_classes": 2,
         "unsupported": [], "notes": {}, "cost": {"seconds_per_shape": {"canonicalise": 1.5}}, "peak_mib": 100,
-        "wall_seconds": 1.0, "environments": [], "from_cache": 0, "artefacts": ["ab"],
+        "wall_seconds": 1.0, "environments": [], "artefacts": ["ab"],
     }  # fmt: skip
     found["data"] |= data or {}
     found |= more

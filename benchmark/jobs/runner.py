@@ -206,7 +206,8 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
         "wall_seconds": round(time.perf_counter() - start, 3),
         "environments": _environments(treated),
         "artefacts": sorted(
-            {a.key for t in treated for a in (t.prepared, t.answer)} | {*distances, treatment.preparation.frame_key}
+            {a.key for t in treated for a in (t.prepared, t.answer)}
+            | {key for key in (*distances, treatment.preparation.frame_key) if key}
         ),
         **_learning(order, treatment, entries, dataset.name),
     }
@@ -261,7 +262,6 @@ def _costs(treated: Sequence[Treated]) -> dict[str, Any]:
     return {
         "cost": {"seconds_per_shape": seconds, "shapes_timed": len(_settled(phases["canonicalise"]))},
         "peak_mib": round(max(peaks), 1) if peaks else None,
-        "from_cache": sum(each.answer.was_cached for each in treated),
     }
 
 

@@ -24,7 +24,8 @@ class Cell:
     record
         The record of the job; empty without one. For the mean of several jobs, what they tell together.
     deviation
-        Standard deviation (n - 1) of several jobs by measure; None for a single one.
+        Standard deviation (n - 1) by measure: of the galleries where there are several, else of the trainings; None
+        for a single job.
     n_averaged, n_wanted
         Jobs that the scores are the mean of, and jobs that there should be.
     outdated
@@ -67,7 +68,7 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
     if n_wanted == 1 and len(done) == 1:
         return Cell("ok", done[0].record, n_averaged=1, outdated=outdated)
     records = [result.record for result in done]
-    columns = {name: [record["scores"][name] for record in records] for name in records[0]["scores"]}
+    columns = _by_gallery(records)
     peaks = [record["peak_mib"] for record in records if record.get("peak_mib") is not None]
     told = [
         f"{result.record['gallery']}: {result.record.get('reason', result.record['status'])}"
@@ -88,8 +89,22 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
         "seen": _each_once(shape for record in records for shape in record.get("seen", ())),
         "notes": records[0].get("notes", {}),
     }
-    deviation = {name: statistics.stdev(values) for name, values in columns.items()} if len(done) > 1 else None
+    spread_over = columns if len(next(iter(columns.values()))) > 1 else _columns(records)
+    deviation = {name: statistics.stdev(values) for name, values in spread_over.items()} if len(done) > 1 else None
     return Cell("ok", merged, deviation, len(done), max(n_wanted, len(done)), outdated)
+
+
+def _by_gallery(records: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Scores of each gallery by measure, the mean over its trainings: galleries count alike however many they have."""
+    galleries: dict[str, list[Mapping[str, Any]]] = {}
+    for record in records:
+        galleries.setdefault(record["gallery"], []).append(record)
+    means = [{name: statistics.fmean(v) for name, v in _columns(found).items()} for found in galleries.values()]
+    return {name: [each[name] for each in means] for name in means[0]}
+
+
+def _columns(records: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    return {name: [record["scores"][name] for record in records] for name in records[0]["scores"]}
 
 
 def _medians(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -209,8 +209,8 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
     tables
         Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
     """
-    wanted = set(tables)
-    wanted |= {table.identifier for table in TABLES if table.part_of in wanted}
+    named = set(tables)
+    wanted = named | {table.identifier for table in TABLES if table.part_of in named}
     grouped: dict[tuple[str, str, bool], list[Result]] = {}
     for result in results:
         data = result.record["data"]

@@ -108,7 +108,9 @@ class Meter:
                 outer.peak = max(outer.peak, peak)
             above = None if frame.at_rest is None or not peak else max(0, peak - frame.at_rest) / _MIB
             if above is not None:
-                above += sum(part.resident_mib for part in frame.shared.values())
+                parts = frame.shared.values()
+                alone = (part.peak_mib for part in parts if part.peak_mib is not None)
+                above = max([above + sum(part.resident_mib for part in parts), *alone])
             cost = Cost(elapsed - frame.inner_seconds, above, work not in self._used, 0.0, frame.shared)
             self._used.add(work)
 

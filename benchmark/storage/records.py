@@ -31,10 +31,10 @@ OF_SCORED: Mapping[str, type] = {
 }  # fmt: skip
 
 #: Parts that say when and where a job was done, not what came out.
-CIRCUMSTANCES = frozenset({"finished", "wall_seconds", "environments", "cost", "peak_mib", "from_cache", "artefacts"})
+CIRCUMSTANCES = frozenset({"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"})
 
 #: Parts that have no meaning on another machine.
-LOCAL = frozenset({"artefacts", "from_cache"})
+LOCAL = frozenset({"artefacts"})
 
 
 @dataclass(frozen=True)

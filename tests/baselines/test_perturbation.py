@@ -63,7 +63,7 @@ def test_rounding_errors_do_not_change_the_answer(name, surface):
     check(name, shape(surface), 1)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", [2, 3, 4])
 @pytest.mark.parametrize("surface", SHAPES)
 @pytest.mark.parametrize("name", METHODS)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -71,13 +72,14 @@ def finished(rods, tmp_path_factory):
 
 
 def test_help_and_lists_answer_at_once():
-    # Best of three: the first call may write bytecode, and the machine may be busy.
+    # Time of the processor, for the machine may be busy; best of three, for the first call may write bytecode.
     for arguments, limit in (("--help",), 0.3), (("list", "methods"), 0.5):
         seconds = []
         for _ in range(3):
-            start = time.perf_counter()
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
             assert benchmark(*arguments).returncode == 0
-            seconds.append(time.perf_counter() - start)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            seconds.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
         assert min(seconds) < 2 * limit
 
 
@@ -86,6 +88,7 @@ def test_lists_speak_json():
     assert {"name", "title", "family", "state", "summary"} == set(rows[0])
     assert {row["table"] for row in json.loads(benchmark("list", "tables", "--json").stdout)} == {
         "I",
+        "I-whole",
         "II",
         "III",
         "III-held-out",

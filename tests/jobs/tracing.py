@@ -20,7 +20,7 @@ import copy
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import CodeType, FrameType
@@ -36,8 +36,8 @@ from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import complete, ranking
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.protocols.tables import Gallery, Table
-from benchmark.storage import keys
 from benchmark.storage.store import Store
+from benchmark.system import fingerprints
 from retrieval.cmbof import CMBOF
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +49,9 @@ CALLERS = frozenset(
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.
-NAMING = frozenset({"benchmark.jobs.recipes", "benchmark.storage.keys", "benchmark.methods.registry"})
+NAMING = frozenset(
+    {"benchmark.jobs.recipes", "benchmark.storage.keys", "benchmark.system.fingerprints", "benchmark.methods.registry"}
+)  # fmt: skip
 
 
 class Tracer:
@@ -96,7 +98,7 @@ class Tracer:
         file = code.co_filename
         if file not in self._modules:
             path = Path(file)
-            ours = path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in keys.FIRST_PARTY
+            ours = path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in fingerprints.FIRST_PARTY
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts) if ours else ""
             self._modules[file] = name.removesuffix(".__init__")
         return self._modules[file]
@@ -104,7 +106,7 @@ class Tracer:
     def modules(self, stage: str) -> set[str]:
         """Modules whose functions ran in a stage."""
         names = {self.module(code) for code in self.ran[stage] if code.co_name != "<module>"}
-        return names - keys.IGNORED - CALLERS - {""}
+        return names - fingerprints.IGNORED - CALLERS - {""}
 
 
 def few(dataset: Dataset, entries: tuple[Entry, ...], tracer: Tracer, fewer: Callable[[Any], Any]) -> Dataset:
@@ -195,14 +197,16 @@ def decimated(target: int) -> Callable[[Any], Any]:
 
 def traced(
     dataset: str, chosen: list[str], inputs: list[str], plugins: list[str], size: int, image: int, data_root: str = "",
-    subjects: int = 2, poses: int = 2,
+    subjects: int = 2, poses: int = 2, also: Sequence[str] = (),
 ) -> dict[str, dict[str, list[str]]]:  # fmt: skip
     """Run methods on the first shapes of a data set.
 
     Parameters
     ----------
     dataset, data_root, subjects, poses
-        Which shapes.
+        Which shapes: those of the first subjects in a few poses.
+    also
+        Further subjects, of which one shape is enough.
     chosen, plugins, inputs
         Which methods on what.
     size
@@ -223,7 +227,8 @@ def traced(
     root = Path(data_root) if data_root else None
     full = open_dataset(dataset, root)
     first = list(dict.fromkeys(entry.subject for entry in full.entries))[:subjects]
-    entries = tuple(e for s in first for e in [e for e in full.entries if e.subject == s][:poses])
+    of = {subject: [e for e in full.entries if e.subject == subject] for subject in [*first, *also]}
+    entries = tuple(e for subject, all_of in of.items() for e in all_of[: 1 if subject in also else poses])
     files = [Path(plugin) for plugin in plugins]
     found: dict[str, dict[str, list[str]]] = {}
     for spec in select(chosen, methods(files), files):
@@ -276,7 +281,8 @@ def _run(
     dataset: Dataset, entries: tuple[Entry, ...], input_: Any, spec: MethodSpec, results: Path, root: Path | None
 ) -> None:
     store = Store.open(results)
-    table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2)
+    has_pairs = len(entries) == 2 * len({entry.subject for entry in entries})  # a split of lone shapes ranks nothing
+    table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2 if has_pairs else 0)
     gallery = Gallery(table, dataset.name, dataset, entries, data_root=root)
     (job,) = make_plan([gallery], [input_], [spec], store)
     if job.state != "missing":

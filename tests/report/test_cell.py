@@ -97,7 +97,7 @@ def test_table_one_is_the_mean_of_the_folds_and_table_four_of_the_trainings_as_w
     assert list(found) == ["I", "IV"]
     one, four = (next(r for r in found[name].rows if r.method == "learned").cells["view"] for name in found)
     assert (one.scores["NN"], one.n_averaged) == (pytest.approx(0.5), 3)
-    assert (four.scores["NN"], four.n_averaged) == (pytest.approx(0.6), 4)
+    assert (four.scores["NN"], four.n_averaged) == (pytest.approx(1.7 / 3), 4)  # the first fold has .7 on average
     assert found["I"].n_galleries == 3
     assert "3 x 4 shapes, 2 classes" in markdown(found["I"])
 
@@ -107,14 +107,14 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     (line,) = [line for line in markdown(table).splitlines() if line.startswith("| Our")]
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     assert cells[0] == "Our (4 models)"
-    assert cells[5:] == ["**0.60** ± 0.22", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
+    assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
-    assert r"\textbf{0.60} $\pm$ 0.22 & \textbf{0.50} $\pm$ 0.00" in latex(table)
-    assert "<td><b>0.60</b> ± 0.22</td>" in page([table], {})
+    assert r"\textbf{0.57} $\pm$ 0.15 & \textbf{0.50} $\pm$ 0.00" in latex(table)
+    assert "<td><b>0.57</b> ± 0.15</td>" in page([table], {})
     (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
-    assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.6, "Our", 3)
-    # Deviations -.1, .3, 0 and -.2: (.01 + .09 + .04) / 3.
-    assert row["spread"] == {"NN": round((0.14 / 3) ** 0.5, 6), "FT": 0.0, "ST": 0.0, "DCG": 0.0}
+    assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.566667, "Our", 3)
+    # The folds have .7, .6 and .4: deviations 4/30, 1/30 and -5/30.
+    assert row["spread"] == {"NN": round((42 / 900 / 2) ** 0.5, 6), "FT": 0.0, "ST": 0.0, "DCG": 0.0}
     assert json.loads(json.dumps(row)) == row
     header, *lines = (line.split(",") for line in as_csv([table]).splitlines())
     (values,) = [line for line in lines if "learned" in line]

@@ -117,6 +117,25 @@ def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter):
         assert alone.peak_mib < 4
 
 
+@measures_memory
+def test_memory_does_not_depend_on_which_method_came_first(meter):
+    """What it takes to compute the shared matrix is charged to the second method as well, which finds it there."""
+    shared = _Shared(meter)
+
+    def compute():
+        eat(150)
+        return {"distances": np.ones(20 * MIB // 8)}
+
+    peaks = []
+    for method in ("first", "second"):
+        with meter.measured(method) as cost:
+            shared.get_or_compute("geodesics", {}, compute)
+            eat(30)
+        peaks.append(cost().peak_mib)
+    assert 145 <= peaks[0] <= 180
+    assert peaks[1] == pytest.approx(peaks[0], abs=15)
+
+
 def test_other_parameters_are_shared_apart(meter):
     shared = _Shared(meter)
     for solver in ("exact", "heat", "exact"):

@@ -122,7 +122,7 @@ def test_the_outcome_is_what_came_out_wherever_and_whenever():
 
 
 def test_what_travels_does_not_name_files_of_this_machine():
-    assert set(record()) - set(portable(record())) == {"artefacts", "from_cache"}
+    assert set(record()) - set(portable(record())) == {"artefacts"}
 
 
 def test_the_file_has_one_part_a_line_and_no_place_depends_on_the_order_of_writing(records):

@@ -13,7 +13,7 @@ from benchmark.datasets.tosca import tosca
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
-from benchmark.report import contact_sheet as sheets
+from benchmark.report.pictures import contact_sheet as sheets
 from benchmark.report.pictures.contact_sheet import WIDTH, contact_sheet, select
 from tests.toy import rod, write_rods
 

@@ -1,0 +1,100 @@
+"""Differences between records, counted by hand."""
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError
+from benchmark.report.comparison import compare_folders, compare_methods, lines
+from benchmark.storage.records import Records
+from tests.records import MEASURES, failed, record
+
+LATER = "2026-02-01T00:00:00+00:00"
+
+
+def scored(nn, dcg, shapes=("cat0", "cat1", "dog0", "dog1"), **more):
+    """A record whose queries have these NN and DCG, and FT and ST of one half."""
+    halves = [0.5] * len(shapes)
+    queries = {"NN": nn, "FT": halves, "ST": halves, "DCG": dcg}
+    means = {name: sum(v for v in values if v is not None) / len(values) for name, values in queries.items()}
+    labels = [shape[:3] for shape in shapes]
+    return record(per_query=queries, scores=means, shapes=list(shapes), labels=labels, n_shapes=len(shapes), **more)
+
+
+FIRST = scored([1.0, 0.0, 1.0, 1.0], [0.9, 0.5, 0.8, 1.0])
+# By hand: cat1 is better in both, dog0 worse in DCG alone, dog1 differs by less than a record holds, cat0 not at all.
+SECOND = scored([1.0, 1.0, 1.0, 1.0], [0.9, 0.7, 0.6, 1.0 - 4e-7], finished=LATER, code="2")
+
+
+def test_changed_queries_are_counted():
+    (found,) = compare_folders([FIRST], [SECOND]).differences
+    assert (found.changed, found.better, found.worse, found.n_queries) == (2, 1, 1, 4)
+    assert (found.first["NN"], found.second["NN"]) == (0.75, 1.0)
+    assert found.largest == pytest.approx(0.25)
+    assert lines(compare_folders([FIRST], [SECOND]), "a", "b") == [
+        "rods mesh classic-mds  NN 0.750 -> 1.000 (+0.250)  FT 0.500 -> 0.500 (+0.000)  ST 0.500 -> 0.500 (+0.000)  "
+        "DCG 0.800 -> 0.800 (-0.000)  2 of 4 queries changed, 1 better, 1 worse in DCG",
+        "0 of 1 pairs are equal",
+    ]
+
+
+def test_a_record_equals_itself_and_its_like():
+    again = compare_folders([FIRST], [{**FIRST, "finished": LATER}])
+    assert lines(again, "a", "b") == ["1 of 1 pairs are equal"]
+
+
+def test_the_newest_scores_of_a_place_are_compared():
+    later = failed(code="3", finished="2027-01-01T00:00:00+00:00")
+    (found,) = compare_folders([FIRST, SECOND], [SECOND, later]).differences
+    assert found.changed == 0
+
+
+def test_only_shapes_that_both_have_are_compared_whatever_their_order():
+    fewer = scored([1.0, 1.0, 0.0], [1.0, 0.9, 0.5], shapes=("dog1", "cat0", "cat1"))
+    (found,) = compare_folders([FIRST], [fewer]).differences
+    assert (found.n_queries, found.changed) == (3, 0)
+
+
+def test_the_only_one_of_a_class_has_no_query():
+    alone = scored([1.0, 0.0, 1.0, None], [0.9, 0.5, 0.8, None])
+    (found,) = compare_folders([alone], [alone]).differences
+    assert found.changed == 0
+
+
+def test_two_methods_are_compared_wherever_both_have_scores():
+    records = [
+        FIRST,
+        {**SECOND, "method": "gps", "key": "1" * 32},
+        {**SECOND, "method": "gps", "key": "2" * 32, "gallery": "cones"},
+        failed(gallery="cones"),
+    ]
+    found = compare_methods(records, "classic-mds", "gps")
+    assert [pair.where for pair in found.differences] == ["rods mesh"]
+    assert found.differences[0].changed == 2
+    assert (found.only_first, found.only_second) == ((), ("cones mesh",))
+
+
+def write(folder, *records):
+    for found in records:
+        Records(folder / "runs" / "records").write(found)
+
+
+def test_the_verb_compares_folders_and_methods(tmp_path):
+    write(tmp_path / "a", FIRST, record("pca"))
+    write(tmp_path / "b", SECOND, record("gps"))
+    done = CliRunner().invoke(cli, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
+    assert done.exit_code == 0
+    assert "2 of 4 queries changed, 1 better, 1 worse in DCG" in done.output
+    assert f"only {tmp_path / 'a'}: rods mesh pca" in done.output
+    assert f"only {tmp_path / 'b'}: rods mesh gps" in done.output
+    both = CliRunner().invoke(cli, ["compare", "classic-mds", "pca", "--results", str(tmp_path / "a")])
+    assert both.output.startswith("rods mesh  NN 0.750 -> 0.750")
+    none = CliRunner().invoke(cli, ["compare", "classic-mds", "random", "--results", str(tmp_path / "a")])
+    assert isinstance(none.exception, ConfigurationError)
+    assert "no gallery has scores of both" in str(none.exception)
+
+
+def test_measures_of_made_up_records_are_those_that_tables_print():
+    from retrieval.measures import PRINTED
+
+    assert MEASURES == PRINTED
