@@ -22,7 +22,7 @@ NUMERICAL = (
     "tests/geometry",
     *(f"tests/datasets/test_{name}.py" for name in ("animals", "humans", "humans_scanlike")),
 )
-COMMAND = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *NUMERICAL)
+COMMAND = (sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", *NUMERICAL)
 
 
 @dataclass(frozen=True)
