@@ -22,7 +22,9 @@ NUMERICAL = (
     "tests/geometry",
     *(f"tests/datasets/test_{name}.py" for name in ("animals", "humans", "humans_scanlike")),
 )
-COMMAND = (sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", *NUMERICAL)
+#: The first test that needs a kernel compiles it, which takes minutes on a busy machine.
+TIMEOUT = "--timeout=900"
+COMMAND = (sys.executable, "-m", "pytest", "-x", TIMEOUT, "-p", "no:cacheprovider", *NUMERICAL)
 
 
 @dataclass(frozen=True)
