@@ -178,7 +178,7 @@ class TableContent:
         return ""
 
 
-_OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself, and over trainings."
+_OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
 
 
 def _of_jobs(row: Row) -> Iterable[str]:

@@ -89,7 +89,7 @@ def test_table_one_needs_no_training(tmp_path: Path) -> None:
         [*command, "--results", str(tmp_path)], capture_output=True, text=True, cwd=ROOT, timeout=280, check=False
     )
     assert done.returncode == 0, done.stderr
-    (record,) = Store.open(tmp_path).records()
+    (record,) = Store.open(tmp_path).records
     assert record["n_shapes"] == 25
     assert record["seen"] == []
     card = read_card(Learned.shipped_models / "humans-fold-0" / "literal-seed0")

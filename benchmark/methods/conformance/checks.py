@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
 from benchmark.errors import UnsupportedShape
+from benchmark.learning import CARD
 from benchmark.methods.conformance.processes import check_fresh_process, check_other_processor
 from benchmark.methods.conformance.shapes import BENDS, awkward
 from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
@@ -33,10 +35,15 @@ def _listed(problems: list[str], praise: str) -> str:
 
 
 def check_requirements(trial: Trial) -> str:
-    """Whether the packages beyond the core are installed."""
+    """Whether the packages beyond the core are installed, and a model of a learner is at hand."""
     missing = trial.spec.missing_packages()
     if missing:
         raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
+    if trial.spec.learns:
+        folder = getattr(trial.spec.create(), "model_folder", None)
+        if isinstance(folder, Path) and not (folder / CARD).is_file():
+            mend = f"train one (python -m benchmark train {trial.spec.base_name}), put it there, then check again"
+            raise Skipped(f"unavailable: there is no model in {folder.parent.name}/{folder.name}; {mend}")
     return f"{', '.join(trial.info.requires)} installed" if trial.info.requires else "nothing beyond the core"
 
 
@@ -46,7 +53,9 @@ def _check_info(trial: Trial) -> str:
     if not _NAME.fullmatch(info.name):
         problems.append(f"name '{info.name}' is not lower-case words joined by hyphens; write it so")
     if info.name != trial.spec.base_name:
-        problems.append(f"info.name is '{info.name}' but the entry point is '{trial.spec.base_name}'; give both one name")
+        problems.append(
+            f"info.name is '{info.name}' but the entry point is '{trial.spec.base_name}'; give both one name"
+        )
     if not info.title.strip():
         problems.append("title is empty; say what the tables shall print")
     if not info.inputs or not set(info.inputs) <= set(get_args(Input)):
