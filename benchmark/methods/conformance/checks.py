@@ -46,7 +46,9 @@ def _check_info(trial: Trial) -> str:
     if not _NAME.fullmatch(info.name):
         problems.append(f"name '{info.name}' is not lower-case words joined by hyphens; write it so")
     if info.name != trial.spec.base_name:
-        problems.append(f"info.name is '{info.name}' but the entry point is '{trial.spec.base_name}'; give both one name")
+        problems.append(
+            f"info.name is '{info.name}' but the entry point is '{trial.spec.base_name}'; give both one name"
+        )
     if not info.title.strip():
         problems.append("title is empty; say what the tables shall print")
     if not info.inputs or not set(info.inputs) <= set(get_args(Input)):
