@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import data_root_option
+from benchmark.cli.options import data_root_option, plugin_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
 
@@ -32,7 +32,7 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.option("--threads", type=click.IntRange(min=1), metavar="N", help="Threads of a training on the CPU.")
 @click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Further options of the method.")
 @click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Bodies where they are sampled.")
-@click.option("--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE")
+@plugin_option
 @click.option(
     "--results",
     type=click.Path(path_type=Path),

@@ -81,7 +81,8 @@ def _treat(share: Share, tell: Tell) -> None:
     store = Store.open(first.results)
     treatments: dict[str, Treatment] = {}
     made: dict[str, list[str]] = {order.key: [] for order in share.orders}
-    dataset, by_identifier = _dataset(first)
+    dataset = open_dataset(first.dataset, first.data_root)
+    by_identifier = _by_identifier(dataset)
     preparation = Preparation(dataset, first.input, store)
     wanted = {order.key: frozenset(order.identifiers) for order in share.orders}
     for order in share.orders:
@@ -174,7 +175,7 @@ def _rank(order: Order) -> None:
 
 def _ranked(order: Order, store: Store) -> dict[str, Any]:
     start = time.perf_counter()
-    dataset, _ = _dataset(order)
+    dataset = open_dataset(order.dataset, order.data_root)
     _require_same_code(order, dataset)
     entries = _entries(order, dataset)
     treatment = _treatment(order, Preparation(dataset, order.input, store), store)
@@ -294,11 +295,10 @@ def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
     return summary
 
 
-def _dataset(order: Order) -> tuple[Dataset, dict[str, Entry]]:
-    dataset = open_dataset(order.dataset, order.data_root)
-    return dataset, {entry.identifier: entry for entry in dataset.entries}
+def _by_identifier(dataset: Dataset) -> dict[str, Entry]:
+    return {entry.identifier: entry for entry in dataset.entries}
 
 
 def _entries(order: Order, dataset: Dataset) -> list[Entry]:
-    by_identifier = {entry.identifier: entry for entry in dataset.entries}
+    by_identifier = _by_identifier(dataset)
     return [by_identifier[identifier] for identifier in order.identifiers]

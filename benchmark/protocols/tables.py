@@ -134,7 +134,12 @@ TABLES: tuple[Table, ...] = (
 TRAINING_SEEDS = (0, 1, 2)
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
-_ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+
+
+def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
+    """Name of a gallery in plans and records: the data set, the part of it, and whether poses were left out."""
+    return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
 
 
 @dataclass(frozen=True)
@@ -173,7 +178,7 @@ class Gallery:
     @property
     def name(self) -> str:
         """Name of the gallery in plans and records."""
-        return f"{self.dataset.name}{self.part and ' ' + self.part}{' (quick)' if self.quick else ''}"
+        return gallery_name(self.dataset.name, self.part, quick=self.quick)
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, a learner of an ablation once for each seed of which there is a model.
@@ -217,7 +222,7 @@ class Gallery:
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if spec.base_name in _ONLY_ABLATED:
+        if spec.base_name in ONLY_ABLATED:
             return False
         try:
             if self.table.split_size and spec.learns:

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from benchmark.contracts import Input
 from benchmark.methods.registry import BUILT_IN
-from benchmark.protocols.tables import INPUTS, TABLES, Table
+from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
@@ -273,10 +273,7 @@ def _belongs(table: Table, result: Result) -> bool:
     base = record["method"].partition("[")[0]
     if table.ablation:
         return base in {row.method for row in paper.ABLATION}
-    return TRAINING_SEED not in record["parameters"] and base not in _ONLY_IN_ABLATION
-
-
-_ONLY_IN_ABLATION = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+    return TRAINING_SEED not in record["parameters"] and base not in ONLY_ABLATED
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ from benchmark.jobs import recipes
 from benchmark.jobs.plan import data_recipe, difference
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.protocols.models import find_models
-from benchmark.protocols.tables import TABLES, Gallery, galleries
+from benchmark.protocols.tables import TABLES, Gallery, galleries, gallery_name
 from benchmark.storage import keys
 from benchmark.storage.records import Record, by_place
 from benchmark.storage.store import Store
@@ -139,12 +139,11 @@ class Results:
 @cache
 def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
     """Identifiers of the tables in which a gallery is shown; a set that no table uses has one of its own."""
-    suffix = " (quick)" if quick else ""
     names = tuple(
         table.identifier
         for table in TABLES
         if dataset in (table.dataset, table.stand_in)
-        and gallery in [f"{dataset}{part and ' ' + part}{suffix}" for part in table.parts]
+        and gallery in [gallery_name(dataset, part, quick=quick) for part in table.parts]
         and not (quick and table.ablation)
     )
     return names or (dataset,)
