@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from benchmark.cli.options import data_root_option
+from benchmark.cli.options import PathOption, data_root_option
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
@@ -59,7 +59,7 @@ def check(name: str, data_root: Path | None) -> None:
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="DIR",
     help="Folder to write; must be empty or new.",
 )
@@ -87,7 +87,7 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="FILE.png",
     help="File to write; by default sheet-NAME.png.",
 )
