@@ -18,6 +18,9 @@ from benchmark.system.workers import Worker, ending
 #: Seconds between two looks at what is said.
 _INTERVAL = 0.1
 
+#: Seconds that a process may take to begin, on a machine that is busy with other work.
+_BIRTH = 60.0
+
 #: Names that no exit, however early, leaves behind.
 _ANSWER, _LINES = "answer.json", "lines"
 
@@ -76,24 +79,22 @@ def call_apart(
             raise BrokenCall(
                 f"{what}: no process could be started ({error.strerror})", "end others, then try again"
             ) from error
-        deadline = None if limit is None else time.monotonic() + limit
-        heard = 0
+        begun, heard, last = False, 0, time.monotonic()
         try:
             while worker.exit_code is None:
-                wait([worker.sentinel], timeout=_INTERVAL if say else _left(deadline))
+                wait([worker.sentinel], timeout=_INTERVAL)
+                if not begun and (folder / _LINES).exists():
+                    begun, last = True, time.monotonic()  # starting a process is no fault of the function
                 if say and (now := _hear(folder / _LINES, heard, say)) > heard:
-                    heard, deadline = now, None if limit is None else time.monotonic() + limit
-                if worker.exit_code is None and deadline is not None and time.monotonic() > deadline:
+                    heard, last = now, time.monotonic()
+                patience = limit if limit is None or begun else limit + _BIRTH
+                if worker.exit_code is None and patience is not None and time.monotonic() > last + patience:
                     raise BrokenCall(f"{what} does not end: stopped after {limit:g} s", mend)
         finally:
             worker.end()
         if say:
             _hear(folder / _LINES, heard, say)
         return _told(folder / _ANSWER, worker.exit_code or 0, what, mend)
-
-
-def _left(deadline: float | None) -> float | None:
-    return None if deadline is None else max(deadline - time.monotonic(), 0.0) + _INTERVAL
 
 
 def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
@@ -127,11 +128,9 @@ def _told(path: Path, code: int, what: str, mend: str) -> Any:
 def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Path, speaks: bool) -> None:
     """Call the function, in its process, and leave behind what came of it."""
     try:
-        if speaks:
-            with (folder / _LINES).open("a", encoding="utf-8", buffering=1) as lines:
-                answer = function(*arguments, lambda text: _say(lines, text))
-        else:
-            answer = function(*arguments)
+        with (folder / _LINES).open("a", encoding="utf-8", buffering=1) as lines:
+            say = (lambda text: _say(lines, text),) if speaks else ()
+            answer = function(*arguments, *say)
         content = json.dumps({"answer": answer})
     except BenchmarkError as error:
         content = json.dumps({"kind": type(error).__name__, "problem": error.problem, "mend": error.mend})

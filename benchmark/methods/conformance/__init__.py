@@ -87,26 +87,23 @@ def check_apart(target: str, limit: float | None = None) -> Report:
         Seconds that one check may take; None for no limit.
     """
     findings: dict[str, list[Finding]] = {}
-    at: tuple[str, str] | None = None
+    at: list[str] = []
 
     def hear(line: str) -> None:
-        nonlocal at
         name, check_name, *found = json.loads(line)
-        at = name, check_name
+        at[:] = () if found else (name, check_name)
         if found:
-            at = None
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
-    broken: list[str] = []
+    what, mend = f"checking {target}", "mend the method: a shape that it cannot treat raises UnsupportedShape"
     while True:
         try:
-            what, mend = f"checking {target}", "mend the method: a shape that it cannot treat raises UnsupportedShape"
-            call_apart(_check_apart, target, broken, what=what, mend=mend, limit=limit, say=hear)
+            call_apart(_check_apart, target, list(findings), what=what, mend=mend, limit=limit, say=hear)
         except BrokenCall as error:
-            if at is None or at[0] in broken:
+            if not at:
                 raise
             findings.setdefault(at[0], []).append(Finding(at[1], "failed", str(error)))
-            broken.append(at[0])
+            at.clear()
         else:
             return Report({name: tuple(found) for name, found in findings.items()})
 
