@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from benchmark.cli.options import PathOption, data_root_option
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
@@ -39,7 +39,7 @@ def list_(as_json: bool, data_root: Path | None) -> None:
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
@@ -54,7 +54,7 @@ def check(name: str, data_root: Path | None) -> None:
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
@@ -83,7 +83,7 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",

@@ -34,6 +34,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all")
 FORMATS = ("latex", "markdown", "csv", "json")
 
+#: How the program is called in what it says.
+PROGRAM = "python -m benchmark"
+
 #: Exit code where whoever reads the output goes away, as shells tell of the signal for it.
 NOT_LISTENED = 141
 
@@ -248,7 +251,7 @@ def main() -> None:
     pin_threads()
     _open_streams()
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name=PROGRAM, standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(USAGE)
@@ -288,10 +291,8 @@ def _refuse(problem: str, code: int = USAGE) -> NoReturn:
 
 def _usage(error: click.ClickException) -> str:
     """What is wrong with a command line, and where to read how it is written."""
-    said = error.format_message().rstrip(".")
     context = getattr(error, "ctx", None)
-    verb = context.command_path.removeprefix(f"{cli.name} ") if context is not None else ""
-    return f"{said}; see 'python -m benchmark {verb} --help'".replace("  ", " ")
+    return f"{error.format_message().rstrip('.')}; see '{context.command_path if context else PROGRAM} --help'"
 
 
 def _plugin_in(error: BaseException) -> str:

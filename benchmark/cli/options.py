@@ -40,6 +40,17 @@ class PathOption(click.ParamType[Path]):
         return Path(value)
 
 
+class NameOrFolder(click.ParamType[str]):
+    """The name of a data set, or the path of a folder."""
+
+    name = "name"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Refuse what can be neither."""
+        require_path(str(value), param.opts[-1] if param else "name")
+        return str(value)
+
+
 def require_path(text: str, option: str) -> None:
     """Raise ``ConfigurationError`` if a text cannot be a path."""
     if not text:
@@ -110,15 +121,7 @@ class Selection:
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
-        """Take what belongs to a selection from the options of a verb.
-
-        Raises
-        ------
-        ConfigurationError
-            If a data set can be neither a name nor a path.
-        """
-        for name in options["datasets"]:
-            require_path(name, "--dataset")
+        """Take what belongs to a selection from the options of a verb."""
         return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
 
     def jobs(self, store: Store) -> list[Job]:
@@ -204,7 +207,15 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
         ),
         click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'; or all."),
-        click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
+        click.option(
+            "-d",
+            "--dataset",
+            "datasets",
+            multiple=True,
+            type=NameOrFolder(),
+            metavar="DATASET|FOLDER",
+            help="Set or folder.",
+        ),
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
         plugin_option,
         results_option,
