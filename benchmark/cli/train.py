@@ -32,6 +32,13 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.option("--threads", type=click.IntRange(min=1), metavar="N", help="Threads of a training on the CPU.")
 @click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Further options of the method.")
 @click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Bodies where they are sampled.")
+@click.option(
+    "--validation",
+    "n_validation",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Hold back N training subjects; curves and pictures show them in place of those that are tested.",
+)
 @plugin_option
 @results_option
 @data_root_option
@@ -41,6 +48,7 @@ def train(
     only: str | None,
     options: tuple[str, ...],
     n_sampled: int | None,
+    n_validation: int | None,
     plugins: tuple[Path, ...],
     results: Path,
     data_root: Path | None,
@@ -48,7 +56,7 @@ def train(
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.learning import Learner
-    from benchmark.protocols.trainings import SAMPLED_BODIES, find_training, trainings_of
+    from benchmark.protocols.trainings import SAMPLED_BODIES, find_training, trainings_of, with_validation
     from benchmark.storage.store import Store
     from benchmark.system.calls import call_apart
 
@@ -57,6 +65,8 @@ def train(
     if not isinstance(learner, Learner):
         raise _no_learner(method, plugins)
     trainings = [find_training(only)] if only else trainings_of(learner, table, data_root).values()
+    if n_validation:
+        trainings = [with_validation(training, n_validation) for training in trainings]
     schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
     store = Store.open(results)
     for training in trainings:
