@@ -75,11 +75,16 @@ def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Free what no record needs: artefacts of older code, and what killed processes left behind."""
+    from benchmark.jobs.claims import Claims
     from benchmark.storage.pruning import remove, unneeded
     from benchmark.storage.store import Store
 
-    paths = list(unneeded(Store.open(results)))
-    size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
+    store = Store.open(results)
+    with Claims.of(store) as claims:
+        if not (dry_run or claims.is_last()):
+            raise ConfigurationError(f"a run in {results} needs what would be freed", "wait until it has ended")
+        paths = list(unneeded(store))
+        size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     click.echo(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
