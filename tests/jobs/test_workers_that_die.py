@@ -88,6 +88,7 @@ ALL_OK = {"surface-area": "ok", "identity": "ok"}
         (BORN_DEAD,) * 5,
         (KILLED,),
         (KILLED, BORN_DEAD, BORN_DEAD),
+        ((Status("surface-area", 1, "b"), -signal.SIGTERM),),
         (DIED_AFTERWARDS,),
         (OSError(11, "Resource temporarily unavailable"),) * 5,
         (DONE, BORN_DEAD, BORN_DEAD),
