@@ -74,7 +74,7 @@ def train(
         call_apart(
             train_one, spec, training.name, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
             what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
-            say=click.echo,
+            all_memory=True, say=click.echo,
         )  # fmt: skip
         click.echo(f"the model is in {store.models / training.name / learner.model_name}")
 

@@ -19,9 +19,6 @@ from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from benchmark.system.workers import ending, memory_per_worker
 
-#: Share of the machine's memory that all workers together may take.
-MEMORY_SHARE = 0.85
-
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
 
@@ -139,7 +136,7 @@ class _Run:
     def records(self) -> Iterator[tuple[Order, Record]]:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
-        self.memory = memory_per_worker(self.workers, MEMORY_SHARE)
+        self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
         self._share_out(self.orders)
         try:

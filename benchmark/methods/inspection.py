@@ -12,14 +12,11 @@ from benchmark.methods.plugins import is_imported, require_file
 from benchmark.methods.registry import MethodSpec, plugin_methods
 from benchmark.storage import keys
 from benchmark.system.calls import BrokenCall, call_apart
-from benchmark.system.workers import memory_per_worker
 
 __all__ = ["LIMIT", "inspect"]
 
 #: Seconds that importing a file and making its methods may take.
 LIMIT = 30.0
-
-_MEMORY_SHARE = 0.85
 
 
 def inspect(paths: Iterable[Path]) -> None:
@@ -51,7 +48,6 @@ def inspect(paths: Iterable[Path]) -> None:
                 what=what,
                 mend=mend,
                 limit=LIMIT,
-                memory=memory_per_worker(1, _MEMORY_SHARE),
                 quiet=True,
             )
         except BrokenCall as error:
