@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from benchmark.cli.options import (
     Duration,
     Selection,
     data_root_option,
+    name_skipped,
     plugin_option,
     results_option,
     selection_options,
@@ -25,6 +27,7 @@ from benchmark.cli.options import (
 from benchmark.cli.results import compare, merge, prune, why
 from benchmark.cli.train import train
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.system.text import brief, clean, say, say_lines
 
 RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all")
 FORMATS = ("latex", "markdown", "csv", "json")
@@ -71,9 +74,10 @@ def run(
     galleries = {job.gallery.name for job in plan}
     inputs = {job.input for job in plan}
     results = Results(store, methods(selection.plugins), selection.data_root).all(selection.seed)
+    name_skipped(store)
     shown = [r for r in results if r.record["gallery"] in galleries and r.record["input"] in inputs]
     for table in contents(shown, {job.gallery.table.identifier for job in plan}):
-        click.echo("\n" + markdown(table), nl=False)
+        say_lines("\n" + markdown(table))
     sys.exit(OK if ok else NOT_OK)
 
 
@@ -86,10 +90,10 @@ def plan(everything: bool, **options: Any) -> None:
 
     selection = Selection.of(options)
     jobs = selection.jobs(Store.open(selection.results))
-    width = max(len(job.name) for job in jobs)
+    width = max(len(clean(job.name)) for job in jobs)
     for job in jobs:
-        click.echo(f"{job.state:<11}  {job.name:<{width}}  {job.reason}")
-    click.echo(f"{sum(job.to_run for job in jobs)} of {len(jobs)} jobs to run")
+        say(f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}")
+    say(f"{sum(job.to_run for job in jobs)} of {len(jobs)} jobs to run")
 
 
 @cli.command("list")
@@ -136,15 +140,15 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     content = contents(selection.recorded(store, fresh=fresh), selection.tables)
     if output is None:
         for text in render(content, formats or ("markdown",)).values():
-            click.echo(text, nl=False)
+            say_lines(text)
         return
     files = render(content, formats or FORMATS)
     if not check:
         write(files, output)
-        click.echo(f"wrote {', '.join(files)} to {output}")
+        say(f"wrote {', '.join(files)} to {output}")
         return
     different = stale(files, output)
-    click.echo(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
+    say(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
     sys.exit(NOT_OK if different else OK)
 
 
@@ -171,7 +175,7 @@ def report(output: Path, **options: Any) -> None:
     jobs = selection.jobs(store)
     figures = forms_figures(jobs, store, selection.seed, output)
     write({"index.html": page(contents(selection.recorded(store), selection.tables), figures)}, output)
-    click.echo(f"wrote {output / 'index.html'} and {len(figures)} figures")
+    say(f"wrote {output / 'index.html'} and {len(figures)} figures")
 
 
 @cli.command()
@@ -195,7 +199,7 @@ def canonicalise(method: str, source: Path, output: Path | None, plugins: tuple[
     facts = ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()
     )
-    click.echo(f"{target}: {len(form.vertices)} vertices{', ' + facts if facts else ''}")
+    say(f"{target}: {len(form.vertices)} vertices{', ' + facts if facts else ''}")
 
 
 @cli.command()
@@ -205,7 +209,7 @@ def check(target: str) -> None:
     from benchmark.methods.conformance import check_target
 
     report = check_target(target)
-    click.echo(str(report))
+    say_lines(str(report))
     sys.exit(OK if report else NOT_OK)
 
 
@@ -221,7 +225,7 @@ def new_method(name: str) -> None:
     from benchmark.methods import scaffold
 
     for path in scaffold.new_method(name):
-        click.echo(path)
+        say(path)
 
 
 for verb in (data, train, merge, compare, prune, why):
@@ -233,14 +237,17 @@ def main() -> None:
     from benchmark.threads import pin_threads
 
     pin_threads()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a character ends no run
     try:
         cli.main(standalone_mode=False)
     except click.UsageError as error:
         error.show()
         sys.exit(USAGE)
     except BenchmarkError as error:
-        click.echo(f"error: {error}", err=True)
+        say(f"error: {error}", err=True)
         sys.exit(USAGE)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted; finished jobs are kept", err=True)
+        say("interrupted; finished jobs are kept", err=True)
         sys.exit(INTERRUPTED)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.errors import ConfigurationError
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
@@ -44,6 +45,13 @@ plugin_option = click.option(
     metavar="FILE",
     help="Python file with methods.",
 )
+
+
+def name_skipped(*stores: Store) -> None:
+    """Tell on stderr, once, which files among the records are none."""
+    for store in stores:
+        for line in (*store.published.news(), *store.records.news()):
+            say(line, err=True)
 
 
 @dataclass(frozen=True)
@@ -86,7 +94,9 @@ class Selection:
         specs = select(self.methods, methods(self.plugins), self.plugins)
         chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        return require_jobs(make_plan(chosen, inputs, specs, store, self.seed, self.retry))
+        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        name_skipped(store)
+        return require_jobs(planned)
 
     def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
         """The records that the selection stands for, whether or not their data and models are here.
@@ -122,6 +132,7 @@ class Selection:
             )
 
         found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)
+        name_skipped(store)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
             raise ConfigurationError(

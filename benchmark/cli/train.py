@@ -11,6 +11,7 @@ import click
 from benchmark.cli.options import data_root_option, plugin_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec
@@ -68,10 +69,10 @@ def train(
     store = Store.open(results)
     for training in trainings:
         folder = store.models / training.name / learner.model_name
-        click.echo(f"{spec.name}, {training.name}")
-        data = training_data(training, store, data_root, click.echo, n_sampled or SAMPLED_BODIES)
-        learner.train(data, folder, schedule, click.echo)
-        click.echo(f"the model is in {folder}")
+        say(f"{spec.name}, {training.name}")
+        data = training_data(training, store, data_root, say, n_sampled or SAMPLED_BODIES)
+        learner.train(data, folder, schedule, say)
+        say(f"the model is in {folder}")
 
 
 def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed: int | None) -> MethodSpec:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -23,10 +22,11 @@ from rich.progress import (
 from benchmark.jobs.executors import make_executor
 from benchmark.jobs.orders import Order
 from benchmark.jobs.plan import Job, unavailable_record
-from benchmark.storage.environment import environment
+from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system.text import brief, clean, say
 from retrieval.measures import PRINTED
 
 #: Seconds between two lines about progress where there is no terminal.
@@ -58,19 +58,18 @@ def run_plan(
     # Two tables may hold the same job.
     jobs = list({job.key or job.name: job for job in jobs}.values())
     to_run = [job for job in jobs if job.to_run]
-    click.echo(
-        f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before"
-    )
+    say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
     for job in jobs:
         if job.state in ("failed", "unavailable"):
             again = "; --retry runs it again" if job.state == "failed" else ""
-            click.echo(f"{job.state:<11}  {job.name}  {job.reason}{again}")
+            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{again}")
         if job.state == "unavailable":
-            store.write_record({**unavailable_record(job), "environments": [environment()]})
+            made = {"environment": environment_text(), "artefacts": 0}
+            store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
     fine = all(job.state in _FINE for job in jobs if not job.to_run)
     for job in to_run:
-        store.records.remove(job.key)  # asked to retry: the failure of before must not stop the workers
+        store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
     orders = [Order.of(job, selection.results, selection.data_root, selection.seed) for job in to_run]
     with _Display(orders) as display:
         for order, record in make_executor(executor, workers, timeout).execute(orders, display.watch):
@@ -85,7 +84,7 @@ class _Display:
 
     def __init__(self, orders: Sequence[Order]) -> None:
         self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
@@ -102,12 +101,12 @@ class _Display:
 
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show which jobs are at work, and how many shapes are done."""
-        self._bar.update(self._task, completed=done, description=", ".join(names) or "waiting")
+        self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
             left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
-            click.echo(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
+            say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
 
     def ended(self, order: Order, record: Record) -> None:
         """Print the line of a job that has ended."""
@@ -116,8 +115,8 @@ class _Display:
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
-            said = f"{record['status']:<11}  {order.name}  {record['reason']}"
+            said = f"{record['status']:<11}  {order.name}  {brief(record['reason'])}"
         if self._bar.disable:
-            click.echo(said, err=True)
+            say(said, err=True)
         else:
-            self._bar.console.print(said, highlight=False, markup=False, soft_wrap=True)
+            self._bar.console.print(clean(said), highlight=False, markup=False, soft_wrap=True)
