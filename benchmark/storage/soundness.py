@@ -85,7 +85,8 @@ _RECORD: Kind = {
     "key": str, "gallery": str, "input": _is_input, "method": str, "title": str, "family": str, "parameters": dict,
     "target": str, "status": str, "reason?": str, "traceback?": str, "finished?": str,
     "recipe": {
-        "seed?": _is_seed, "unavailable?": str, "parameters?": dict, "models?": _are_named_texts, "code?": {...: _STAGE},
+        "seed?": _is_seed, "unavailable?": str, "parameters?": dict, "models?": _are_named_texts,
+        "code?": {...: _STAGE},
     },
     "data": {
         "name": str, "title": str, "stand_in_for": str, "source": str, "module": str, "quick": bool,
