@@ -1,0 +1,143 @@
+"""The fault program: a short round of it, a long one, and whether it would notice what it looks for."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.faults.cases import Border, Case, Crossing, Outcome
+from tests.faults.program import run
+from tests.faults.report import as_json, as_text
+from tests.faults.scene import INNOCENT, Scene
+from tests.faults.sections import SECTIONS, all_cases
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_names_tell_cases_apart_and_the_seed_their_order():
+    cases = all_cases(200)
+    assert len({case.name for case in cases}) == len(cases)
+    assert {case.section for case in cases} == set(SECTIONS)
+    mixed = [case.name for case in all_cases(200, 1, shuffled=True)]
+    assert mixed == [case.name for case in all_cases(200, 1, shuffled=True)]
+    assert sorted(mixed) == sorted(case.name for case in cases)
+    assert {name.partition("/")[0] for name in mixed[: len(mixed) // 4]} == set(SECTIONS)
+
+
+def test_a_short_round():
+    """One case of each kind that takes no more than a few seconds."""
+    chosen = ("arguments/00", "readers/off-0", "folders/set-manifest-twice")
+    cases = [case for case in all_cases(1) if case.name in chosen]
+    outcomes = run(cases, seed=0)
+    assert [outcome.name for outcome in outcomes] == [case.name for case in cases]
+    assert [crossing for outcome in outcomes for crossing in outcome.crossings] == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_long_round_crosses_no_border(tmp_path):
+    """Three minutes of everything, mixed; another part of it every time that the code of the suite changes."""
+    command = [sys.executable, "-m", "tests.faults", "--seconds", "180", "--output", tmp_path / "report.json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert {row["section"] for row in report["sections"]} == {*SECTIONS, "all"}
+    assert all(row["crossed"] == 0 for row in report["sections"])
+
+
+# Would it notice? ----------------------------------------------------------------------------------------------------
+
+
+def leaves_a_process():
+    subprocess.Popen(["sleep", "600"], start_new_session=True, env={})
+
+
+def raises():
+    raise ValueError(1)
+
+
+def stands_still():
+    subprocess.run(["sleep", "600"], check=False)
+
+
+def exits_oddly():
+    sys.exit(7)
+
+
+def says_nothing():
+    sys.exit(1)
+
+
+def _act(function, **options):
+    return lambda scene: scene.command(target=f"{__name__}:{function.__name__}", **options) and None
+
+
+def _loses_a_record(scene: Scene) -> None:
+    scene.check_scores(INNOCENT)
+
+
+def _leaves_half_a_record(scene: Scene) -> None:
+    folder = scene.results / "runs" / "records"
+    folder.mkdir(parents=True)
+    (folder / "a.json").write_text('{"key": "a", "status": "o')
+    scene.records()
+
+
+def _changes_scores(scene: Scene) -> None:
+    done = scene.command("run", *scene.selection(INNOCENT), "-j", 1)
+    assert done.code == 0
+    (path,) = (scene.results / "runs" / "records").glob("*.json")
+    record = json.loads(path.read_text())
+    scene.check_scores(INNOCENT)
+    assert scene.outcome.crossings == []
+    record["scores"]["NN"] /= 2
+    path.write_text(json.dumps(record))
+    scene.check_scores(INNOCENT)
+
+
+def test_it_notices_what_it_looks_for():
+    wanted = {
+        "orphan": (_act(leaves_a_process), {Border.ORPHAN}),
+        "traceback": (_act(raises), {Border.TRACEBACK}),
+        "stall": (_act(stands_still, seconds=0.5), {Border.STALL}),
+        "code": (_act(exits_oddly), {Border.EXIT_CODE, Border.SILENCE}),
+        "silence": (_act(says_nothing), {Border.SILENCE}),
+        "lost": (_loses_a_record, {Border.LOST}),
+        "half": (_leaves_half_a_record, {Border.HALF}),
+        "scores": (_changes_scores, {Border.SCORES}),
+        "error": (lambda scene: 1 / 0, {Border.PROGRAM}),
+    }
+    outcomes = run([Case(f"own/{name}", act) for name, (act, _) in wanted.items()], seed=0)
+    found = {outcome.name: {crossing.border for crossing in outcome.crossings} for outcome in outcomes}
+    assert found == {f"own/{name}": borders for name, (_, borders) in wanted.items()}
+
+
+# The report ----------------------------------------------------------------------------------------------------------
+
+OUTCOMES = [
+    Outcome("kills/000", tried=5, recoveries=[1.0, 3.0], seconds=9.0),
+    Outcome("kills/001", tried=5, crossings=[Crossing(Border.LOST, "a.json")], recoveries=[2.0], seconds=8.0),
+    Outcome("disks/two-runs", tried=1, seconds=4.0),
+]
+
+
+def test_the_report_counts_by_section_and_says_how_to_do_it_again():
+    text = as_text(OUTCOMES, seed=3, seconds=21.4)
+    assert "| kills | 2 | 10 | 1 | 1 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
+    assert "| disks | 1 | 1 | 0 | 0 | 0 | 0 | 0 |  |  |" in text
+    assert "| all | 3 | 11 | 1 | 1 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
+    assert "kills/001: a finished record was lost or changed\n    a.json\n" in text
+    assert "python -m tests.faults --only kills/001 --seed 3" in text
+
+
+def test_the_report_as_json():
+    found = json.loads(json.dumps(as_json(OUTCOMES, seed=3, seconds=21.4)))
+    assert [row["section"] for row in found["sections"]] == ["kills", "disks", "all"]
+    assert found["sections"][-1]["lost"] == 1
+    assert found["crossings"] == [{"case": "kills/001", "border": "lost", "said": "a.json"}]
