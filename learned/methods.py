@@ -49,6 +49,9 @@ class Learned(CheckedParameters):
     smoothing
         Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
         The paper has none; a schedule shorter than the paper's leaves noise that this takes away.
+    jump
+        Depth discontinuity at which the predicted surface is cut: the largest depth difference along one of its edges,
+        as a share of half the frame (the view input has 0.05). None: the predicted mask alone says what is surface.
 
     Attributes
     ----------
@@ -75,6 +78,7 @@ class Learned(CheckedParameters):
     training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
     training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
     smoothing: Annotated[float, Interval(0, MOST_SMOOTHING)] = 0.0
+    jump: Annotated[float, Interval(0, closed="neither")] | None = None
     model: Path | None = field(default=None, init=False)
 
     @property
@@ -129,7 +133,7 @@ class Learned(CheckedParameters):
             raise UnsupportedShape("the learned network needs a depth image", "use the view input")
         from learned.prediction import canonical_surface
 
-        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing)
+        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing, self.jump)
         return CanonicalForm(surface.vertices, surface.faces, notes)
 
 

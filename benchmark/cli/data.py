@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from benchmark.cli.options import data_root_option
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
@@ -39,7 +39,7 @@ def list_(as_json: bool, data_root: Path | None) -> None:
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
@@ -54,12 +54,12 @@ def check(name: str, data_root: Path | None) -> None:
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="DIR",
     help="Folder to write; must be empty or new.",
 )
@@ -83,11 +83,11 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="FILE.png",
     help="File to write; by default sheet-NAME.png.",
 )

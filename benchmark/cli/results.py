@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, Selection, plugin_option, results_option, selection_options
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    PathOption,
+    Selection,
+    plugin_option,
+    results_option,
+    selection_options,
+)
 from benchmark.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -20,7 +28,7 @@ _SHORTEST_KEY = 6
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.argument("folders", nargs=-1, required=True, type=PathOption(), metavar="DIR...")
 @click.option(
     "--published", is_flag=True, help="Into RESULTS/records, which is committed; quick runs and own data are left out."
 )

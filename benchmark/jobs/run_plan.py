@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Protocol
+from contextlib import suppress
 
 import click
 from rich.console import Console
@@ -20,8 +19,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from benchmark.jobs.claims import Claims
 from benchmark.jobs.executors import make_executor
-from benchmark.jobs.orders import Order
+from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment
 from benchmark.storage.pruning import sweep_leftovers
@@ -36,17 +36,8 @@ _SILENCE = 15.0
 _FINE = ("cached", "unsupported")
 
 
-class _Selection(Protocol):
-    @property
-    def results(self) -> Path: ...
-    @property
-    def data_root(self) -> Path | None: ...
-    @property
-    def seed(self) -> int: ...
-
-
 def run_plan(
-    jobs: Sequence[Job], store: Store, selection: _Selection, executor: str, workers: int, timeout: float | None
+    jobs: Sequence[Job], store: Store, scope: Scope, executor: str, workers: int, timeout: float | None
 ) -> bool:
     """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
 
@@ -69,14 +60,17 @@ def run_plan(
             store.write_record({**unavailable_record(job), "environments": [environment()]})
     sweep_leftovers(store)
     fine = all(job.state in _FINE for job in jobs if not job.to_run)
-    for job in to_run:
-        store.records.remove(job.key)  # asked to retry: the failure of before must not stop the workers
-    orders = [Order.of(job, selection.results, selection.data_root, selection.seed) for job in to_run]
-    with _Display(orders) as display:
-        for order, record in make_executor(executor, workers, timeout).execute(orders, display.watch):
+    orders = [Order.of(job, scope) for job in to_run]
+    with Claims.of(store) as claims, _Display(orders) as display:
+        for order in orders:
+            if claims.take(order.key):
+                store.records.remove(order.key)  # asked to retry: the failure of before must not stop the workers
+                claims.release(order.key)
+        for order, record in make_executor(executor, workers, timeout, claims).execute(orders, display.watch):
             display.ended(order, record)
             fine &= record["status"] == "ok"
-    store.drop_scratch()
+        if claims.is_last():
+            store.drop_scratch()
     return fine
 
 
@@ -107,7 +101,8 @@ class _Display:
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
             left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
-            click.echo(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
+            at = "" if done or not names else f", {names[0]}"
+            _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
     def ended(self, order: Order, record: Record) -> None:
         """Print the line of a job that has ended."""
@@ -118,6 +113,12 @@ class _Display:
         else:
             said = f"{record['status']:<11}  {order.name}  {record['reason']}"
         if self._bar.disable:
-            click.echo(said, err=True)
+            _say(said)
         else:
             self._bar.console.print(said, highlight=False, markup=False, soft_wrap=True)
+
+
+def _say(text: str) -> None:
+    """Tell how it goes; a run does not end because nobody listens."""
+    with suppress(OSError):
+        click.echo(text, err=True)
