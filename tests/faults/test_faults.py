@@ -30,13 +30,22 @@ def test_names_tell_cases_apart_and_the_seed_their_order():
     assert {name.partition("/")[0] for name in mixed[: len(mixed) // 4]} == set(SECTIONS)
 
 
-def test_a_short_round():
-    """One case of each kind that takes no more than a few seconds."""
-    chosen = ("arguments/00", "readers/off-0", "folders/set-manifest-twice")
-    cases = [case for case in all_cases(1) if case.name in chosen]
-    outcomes = run(cases, seed=0)
-    assert [outcome.name for outcome in outcomes] == [case.name for case in cases]
-    assert [crossing for outcome in outcomes for crossing in outcome.crossings] == []
+#: One case of each kind that takes no more than a few seconds.
+SHORT = ("arguments/00", "readers/off-0", "folders/set-manifest-twice")
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """Of a short round, and of cases that cross borders themselves, by name: one program, for its start takes long."""
+    cases = [case for case in all_cases(1) if case.name in SHORT]
+    cases += [Case(name, act) for name, (act, _) in CROSSING.items()]
+    return {outcome.name: outcome for outcome in run(cases, seed=0)}
+
+
+def test_a_short_round_crosses_no_border(outcomes):
+    assert [outcomes[name].crossings for name in SHORT] == [[], [], []]
+    assert outcomes["arguments/00"].tried > 10
+    assert outcomes["readers/off-0"].tried > 100
 
 
 @pytest.mark.slow
@@ -101,21 +110,23 @@ def _changes_scores(scene: Scene) -> None:
     scene.check_scores(INNOCENT)
 
 
-def test_it_notices_what_it_looks_for():
-    wanted = {
-        "orphan": (_act(leaves_a_process), {Border.ORPHAN}),
-        "traceback": (_act(raises), {Border.TRACEBACK}),
-        "stall": (_act(stands_still, seconds=0.5), {Border.STALL}),
-        "code": (_act(exits_oddly), {Border.EXIT_CODE, Border.SILENCE}),
-        "silence": (_act(says_nothing), {Border.SILENCE}),
-        "lost": (_loses_a_record, {Border.LOST}),
-        "half": (_leaves_half_a_record, {Border.HALF}),
-        "scores": (_changes_scores, {Border.SCORES}),
-        "error": (lambda scene: 1 / 0, {Border.PROGRAM}),
-    }
-    outcomes = run([Case(f"own/{name}", act) for name, (act, _) in wanted.items()], seed=0)
-    found = {outcome.name: {crossing.border for crossing in outcome.crossings} for outcome in outcomes}
-    assert found == {f"own/{name}": borders for name, (_, borders) in wanted.items()}
+#: What each does, and the borders that the program must see crossed.
+CROSSING = {
+    "own/orphan": (_act(leaves_a_process), {Border.ORPHAN}),
+    "own/traceback": (_act(raises), {Border.TRACEBACK}),
+    "own/stall": (_act(stands_still, seconds=0.5), {Border.STALL}),
+    "own/code": (_act(exits_oddly), {Border.EXIT_CODE, Border.SILENCE}),
+    "own/silence": (_act(says_nothing), {Border.SILENCE}),
+    "own/lost": (_loses_a_record, {Border.LOST}),
+    "own/half": (_leaves_half_a_record, {Border.HALF}),
+    "own/scores": (_changes_scores, {Border.SCORES}),
+    "own/error": (lambda scene: 1 / 0, {Border.PROGRAM}),
+}
+
+
+@pytest.mark.parametrize("name", CROSSING)
+def test_it_notices_what_it_looks_for(outcomes, name):
+    assert {crossing.border for crossing in outcomes[name].crossings} == CROSSING[name][1]
 
 
 # The report ----------------------------------------------------------------------------------------------------------
