@@ -60,6 +60,22 @@ def test_a_long_round_crosses_no_border(tmp_path):
     assert all(row["crossed"] == 0 for row in report["sections"])
 
 
+#: Bad methods that are tried whatever the long round draws: each ends its worker, or leaves something, in its own way.
+EVERY_TIME = (
+    "exits", "interrupts", "ends-process-0", "exit-handler-raises", "exit-handler-hang", "thread", "daemon",
+    "children-of-a-crash", "memory", "nan",
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_bad_methods_cost_themselves_alone():
+    names = [f"plugins/method-{name}" for name in EVERY_TIME]
+    outcomes = run([case for case in all_cases(1) if case.name in names], seed=0)
+    assert sorted(outcome.name for outcome in outcomes) == sorted(names)
+    assert [crossing for outcome in outcomes for crossing in outcome.crossings] == []
+
+
 # Would it notice? ----------------------------------------------------------------------------------------------------
 
 
