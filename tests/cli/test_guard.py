@@ -225,7 +225,7 @@ def test_a_report_draws_what_can_be_drawn(call, rods, tmp_path):
 
 def test_a_figure_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(BenchmarkError, match="cannot write .*: Not a directory; choose another folder with -o"):
+    with pytest.raises(BenchmarkError, match="cannot write .*; choose another folder with -o"):
         save(Figure(), tmp_path / "file" / "forms.png")
 
 
