@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmark.storage.records import is_record
+from benchmark.storage.soundness import fault_of
 from tests.faults.cases import Border, Case, Crossing, Outcome
 from tests.faults.commands import BENCHMARK, Done, Launcher, Running
 
@@ -160,7 +160,7 @@ class Scene:
                 record = json.loads(content)
             except ValueError:
                 record = None
-            if is_record(record):
+            if not fault_of(record):
                 found[record["method"]] = record
             else:
                 self.cross(Border.HALF, f"{name}: {content[:80]!r} ...")
