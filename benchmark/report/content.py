@@ -228,8 +228,7 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
         for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
             if not wanted or table in wanted:
                 grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
-    known = {table.identifier: table for table in TABLES}
-    order = {name: place for place, name in enumerate(known)}
+    order = {table.identifier: number for number, table in enumerate(TABLES)}
     places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
     made = (_content(_table(*place[:2]), grouped[place]) for place in places)
     return [table for table in made if table.rows]
