@@ -265,9 +265,12 @@ def main() -> None:
         _refuse(str(error))
     except (click.Abort, KeyboardInterrupt):
         _refuse("interrupted; finished jobs are kept", INTERRUPTED)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody reads on, and what is left in the buffer harms nobody
-        sys.exit(NOT_LISTENED)
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # click has taken care of what is left in the buffer
+            sys.exit(NOT_LISTENED)
+        raise
+    except OSError as error:
+        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; make room or choose another place")
     except Exception as error:
         culprit = _plugin_in(error)
         if not culprit:

@@ -89,13 +89,17 @@ def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Free what no record needs: artefacts of older code, and what killed processes left behind."""
+    from benchmark.jobs.claims import Claims
     from benchmark.storage.pruning import remove, unneeded
     from benchmark.storage.store import Store
 
     store = Store.open(results)
-    paths = list(unneeded(store))
+    with Claims.of(store) as claims:
+        if not (dry_run or claims.is_last()):
+            raise ConfigurationError(f"a run in {results} needs what would be freed", "wait until it has ended")
+        paths = list(unneeded(store))
+        size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     name_skipped(store)
-    size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     say(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
