@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.contracts import Shape
 from benchmark.storage.store import Store
 from tests.toy import RADII, rod, write_off
 
@@ -15,7 +16,7 @@ PLUGIN = """
 from benchmark.contracts import MethodInfo
 
 class Rude:
-    info = MethodInfo(name="rude", title="|R\\x1b[31mude_$\\n{", inputs=("mesh",))
+    info = MethodInfo(name="rude", title="|Rude_$<b>{", inputs=("mesh",))
 
     def canonicalise(self, shape):
         raise RuntimeError("\\x1b[2J\\x00no\\n| way " + "x" * 1000)
@@ -33,7 +34,7 @@ def hostile(tmp_path_factory):
     plugin = base / "rude.py"
     plugin.write_text(PLUGIN)
     selection = ("-d", os.fspath(folder), "--input", "mesh", "--results", os.fspath(base / "results"))
-    methods = ("-m", "surface-area", "-m", "random", "-m", "rude", "--plugin", os.fspath(plugin))
+    methods = ("-m", "surface-area", "-m", "shape-dna", "-m", "rude", "--plugin", os.fspath(plugin))
     done = call("run", *selection, *methods, "--executor", "serial", code=1)
     return base, selection, methods, done
 
@@ -85,4 +86,12 @@ def test_tables_of_hostile_names_are_files_that_can_be_read(hostile, tmp_path):
     for kind in ("markdown", "latex", "csv", "json"):
         fit_to_be_shown(call("tables", *selection[-2:], "--format", kind).stdout)
     assert call("merge", os.fspath(base / "results"), "--results", os.fspath(tmp_path / "all")).exit_code == 0
-    fit_to_be_shown(call("compare", "surface-area", "random", *selection[-2:]).stdout)
+    fit_to_be_shown(call("compare", "surface-area", "shape-dna", *selection[-2:]).stdout)
+
+
+def test_a_shape_whose_name_is_no_text_has_random_numbers_of_its_own():
+    mesh = rod(0.1, 0.0)
+    first, second, again = (
+        Shape(identifier=name, mesh=mesh).random().random() for name in ("\udcfe", "\udcff", "\udcfe")
+    )
+    assert first == again != second
