@@ -16,7 +16,7 @@ from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.runner import failure, keep, work
 from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
+from benchmark.storage.store import StorageError, Store
 from benchmark.system.workers import ending, memory_per_worker
 
 #: Seconds between two looks at the workers.
@@ -245,6 +245,11 @@ class _Run:
     def _died(self, worker: TaskWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
+        if not self.store.progress.is_dir():
+            raise StorageError(
+                f"{self.store.root} vanished during the run",
+                "bring it back or choose another --results DIR, and run again",
+            )
         if not status.job:
             self.stillborn += 1
             if self.stillborn >= _BIRTHS:

@@ -49,18 +49,18 @@ def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
 
 
-def leftovers(folder: Path) -> Iterator[Path]:
-    """Temporary files below a folder whose writers are no longer alive."""
-    for path in folder.rglob(f".*-*{_SUFFIX}"):
+def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:
+    """Temporary files in a folder, and in those below it, whose writers are no longer alive."""
+    for path in (folder.rglob if deep else folder.glob)(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
         if writer.isdecimal() and not is_alive(int(writer)):
             yield path
 
 
-def sweep(folder: Path) -> int:
-    """Remove what killed writers left below a folder; returns the number of files."""
+def sweep(folder: Path, *, deep: bool = True) -> int:
+    """Remove what killed writers left in a folder, and in those below it; returns the number of files."""
     count = 0
-    for path in leftovers(folder):
+    for path in leftovers(folder, deep=deep):
         with contextlib.suppress(OSError):
             path.unlink()
             count += 1

@@ -67,3 +67,11 @@ def test_only_what_dead_writers_left_is_swept(tmp_path):
 def test_a_number_that_no_process_has_is_dead(tmp_path):
     (tmp_path / f".{10**30}-x.tmp").write_text("")
     assert sweep(tmp_path) == 1
+
+
+def test_a_folder_alone_is_swept_without_those_below_it(tmp_path):
+    (tmp_path / "below").mkdir()
+    for folder in (tmp_path, tmp_path / "below"):
+        (folder / ".99999999-x.tmp").write_text("")
+    assert sweep(tmp_path, deep=False) == 1
+    assert [path.name for path in (tmp_path / "below").iterdir()] == [".99999999-x.tmp"]
