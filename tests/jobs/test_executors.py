@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -194,13 +195,15 @@ def told(place, name):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the system cannot be asked")
-def test_workers_die_with_the_harness(place):
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_workers_and_what_they_started_die_with_the_harness(place, number):
     arguments = only(place, "hang")
     process = start(place, *arguments, "-j", 1)
     wait_until(lambda: (place / "notes" / "hang").exists() and told(place, "hang"))
-    process.kill()
-    process.wait()
-    wait_until(lambda: not alive(place / "notes", "hang"), seconds=2)
+    assert alive(place / "notes", "children-of-hang")
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    wait_until(lambda: not alive(place / "notes", "hang") + alive(place / "notes", "children-of-hang"))
     again = benchmark("run", *selection(place, "surface-area"), notes=place / "notes")
     assert again.returncode == 0
     assert list((place / "results" / "runs" / "progress").iterdir()) == []
@@ -230,6 +233,43 @@ def test_an_interrupt_while_workers_start_is_as_quiet(place):
     output, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in output + error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fate", ["lives", "is killed"])
+def test_a_second_run_waits_for_the_jobs_of_the_first_and_takes_over_what_it_leaves(place, fate):
+    arguments = only(place, "slow", "waits-once")
+    first = start(place, *arguments, "-j", 2)
+    wait_until((place / "notes" / "waits-once").exists)
+    second = start(place, *arguments, "-j", 1)
+    time.sleep(2)  # it may plan and look for work, and finds all of it taken
+    if fate == "lives":
+        os.kill(int((place / "notes" / "waits-once").read_text().split()[0]), signal.SIGKILL)
+    else:
+        first.kill()
+    outputs = [first.communicate(timeout=200)[1], second.communicate(timeout=200)[1]]
+    assert second.returncode == 0, outputs[1]
+    assert first.returncode == (0 if fate == "lives" else -signal.SIGKILL)
+    found = {name: record["status"] for name, record in records(place / "results").items()}
+    assert found == {"slow": "ok", "waits-once": "ok", "surface-area": "ok"}
+    if fate == "lives":
+        assert len(told(place, "slow")) == 4  # each shape once
+    assert list((place / "results" / "runs" / "scratch").iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("redirection", "code"), [("2>&-", 0), (">&-", 0), ("<&-", 0), ("2>&1 | head -1", 141), ("| head -1", 141)]
+)
+def test_a_run_needs_nobody_to_listen(place, redirection, code):
+    words = command("run", *selection(place, "surface-area"), "-j", 1)
+    script = f"set -o pipefail; {shlex.join(words)} {redirection}"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=280, check=False
+    )  # fmt: skip
+    assert done.returncode == code
+    assert "Traceback" not in done.stdout + done.stderr
+    assert {name: r["status"] for name, r in records(place / "results").items()} == {"surface-area": "ok"}
 
 
 @pytest.mark.slow
