@@ -2,12 +2,14 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 from benchmark.contracts import UnsupportedShape, canonical_form
 
-#: Where methods say which processes they are.
+#: Where methods say which processes they are and have started.
 NOTES = Path(os.environ["FAULTS_NOTES"])
 
 
