@@ -145,7 +145,7 @@ class Scene:
     def record_files(self, results: Path | None = None) -> dict[str, bytes]:
         """Content of the records by file name."""
         found = {}
-        for path in ((results or self.results) / "runs" / "records").glob("*.json"):
+        for path in filter(Path.is_file, ((results or self.results) / "runs" / "records").glob("*.json")):
             try:
                 found[path.name] = path.read_bytes()
             except FileNotFoundError:
@@ -158,7 +158,7 @@ class Scene:
         for name, content in self.record_files(results).items():
             try:
                 record = json.loads(content)
-            except ValueError:
+            except (ValueError, RecursionError):
                 record = None
             if is_record(record):
                 found[record["method"]] = record
