@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmark.storage.records import is_record
+from benchmark.storage.soundness import fault_of
 from tests.faults.cases import Border, Case, Crossing, Outcome
 from tests.faults.commands import BENCHMARK, Done, Launcher, Running
 
@@ -160,10 +160,10 @@ class Scene:
                 record = json.loads(content)
             except (ValueError, RecursionError):
                 record = None
-            if is_record(record):
-                found[record["method"]] = record
+            if fault := fault_of(record):
+                self.cross(Border.HALF, f"{name}: {fault}; {content[:80]!r} ...")
             else:
-                self.cross(Border.HALF, f"{name}: {content[:80]!r} ...")
+                found[record["method"]] = record
         return found
 
     def check_scores(self, *methods: str, results: Path | None = None) -> None:
