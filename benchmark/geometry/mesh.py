@@ -73,7 +73,7 @@ class Mesh:
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return the same triangles over other positions of the same vertices."""
-        return Mesh(np.asarray(vertices, dtype=np.float64), self.faces)
+        return Mesh(vertices, self.faces)  # type: ignore[arg-type]
 
 
 def _read_only(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:

@@ -72,7 +72,8 @@ class Meter:
     """Measures stages that may call each other.
 
     Memory is the high-water mark of the process itself, set back when a stage begins: the mark that the system keeps
-    for child processes survives the start of a new program and tells of the parent.
+    for child processes survives the start of a new program and tells of the parent. Pages of files are taken off, for
+    the system drops those of idle libraries and reads them again as it likes: only what the work itself took counts.
     """
 
     def __init__(self) -> None:
@@ -121,20 +122,21 @@ class Meter:
 
 
 def _high_water() -> int | None:
-    return _field("VmHWM:")
+    return _without_files("VmHWM")
 
 
 def _resident() -> int | None:
-    return _field("VmRSS:")
+    return _without_files("VmRSS")
 
 
-def _field(name: str) -> int | None:
-    """A size of this process in bytes; None where the system does not tell."""
+def _without_files(name: str) -> int | None:
+    """A size of this process in bytes, less the pages of files; None where the system does not tell."""
     try:
-        line = next(line for line in _STATUS.read_text().splitlines() if line.startswith(name))
-        return int(line.split()[1]) * 1024
-    except (OSError, StopIteration, ValueError, IndexError):
+        fields = dict(line.split(":", 1) for line in _STATUS.read_text().splitlines())
+        size, files, shared = (int(fields[each].split()[0]) for each in (name, "RssFile", "RssShmem"))
+    except (OSError, KeyError, ValueError, IndexError):
         return None
+    return (size - files - shared) * 1024
 
 
 def _reset_high_water() -> None:

@@ -105,7 +105,7 @@ def test_what_stays_on_the_disk_is_small(large_run):
     for path, size in files.items():
         room = path.relative_to(results / "runs").parts[0]
         by_room[room] = by_room.get(room, 0) + size
-    assert set(by_room) == {"artefacts", "records"}
+    assert set(by_room) == {"artefacts", "claims", "records"}
     n_places = 6 * 2
     # A form of 2000 vertices in single precision is 24 kB before it is packed, a prepared shape 96 kB, a view with its
     # image some more. Geodesics would be 16 MB.

@@ -24,6 +24,8 @@ def note(name, *processes):
 
 @canonical_form(name="hang", title="Hang")
 def hang(shape):
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"], start_new_session=True)
+    note("children-of-hang", child.pid)
     note("hang", os.getpid())
     time.sleep(3600)
 
@@ -125,6 +127,13 @@ def waits_once(shape):
     if not (NOTES / "waits-once").exists():
         note("waits-once", os.getpid())
         time.sleep(3600)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="slow", title="Slow")
+def slow(shape):
+    note("slow", os.getpid())
+    time.sleep(0.2)
     return shape.mesh.vertices
 
 
