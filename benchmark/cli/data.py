@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import click
 
 from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
 
+#: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
+COLUMNS = ("name", "state", "shapes", "classes", "source")
 
-def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
-    """Print what a list verb found, in columns or as JSON."""
+
+def print_rows(rows: list[dict[str, str]], as_json: bool, columns: Collection[str] = ()) -> None:
+    """Print what a list verb found, as JSON or in columns, with a heading where only some of them are shown."""
     if as_json:
         import json
 
         click.echo(json.dumps(rows, indent=1))
         return
+    if columns:
+        rows = [{key: key for key in columns}, *({key: row[key] for key in columns} for row in rows)]
     widths = [max(len(row[key]) for row in rows) for key in rows[0]]
     for row in rows:
         cells = (cell.ljust(width) for cell, width in zip(row.values(), widths, strict=True))
@@ -35,7 +41,7 @@ def list_(as_json: bool, data_root: Path | None) -> None:
     """List the data sets: official or generated, present or absent."""
     from benchmark.cli import listing
 
-    print_rows(listing.datasets(data_root), as_json)
+    print_rows(listing.datasets(data_root), as_json, COLUMNS)
 
 
 @data.command()

@@ -14,7 +14,7 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest
-from benchmark.datasets.tosca import tosca
+from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import depth_surface
