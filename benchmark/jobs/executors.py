@@ -25,6 +25,9 @@ MEMORY_SHARE = 0.85
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
 
+#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
+_BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
+
 #: Deaths by somebody else's hand after which a job is not tried again.
 _LIVES = 2
 
@@ -253,7 +256,7 @@ class _Run:
                     "find out what ends them, or run with --executor serial; finished jobs are kept",
                 )
             self._again(worker, without="")
-        elif code == -signal.SIGKILL:
+        elif -code in _BY_HAND:
             self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
             if self.deaths[status.job] < _LIVES:
                 self._again(worker, without="")

@@ -149,6 +149,12 @@ TABLES: tuple[Table, ...] = (
 #: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
 TRAINING_SEEDS = (0, 1, 2)
 
+#: Variants that have rows beside their method where it was not asked for by name.
+VARIANTS = {
+    name: tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
+    for name in ("classic-mds", "least-squares-mds")
+}
+
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
@@ -197,7 +203,9 @@ class Gallery:
         return gallery_name(self.dataset.name, self.part, quick=self.quick)
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
-        """Methods that are tested on it, a learner of an ablation once for each seed of which there is a model.
+        """Methods that are tested on it, some in several variants.
+
+        In an ablation, there is one for each seed of which a learner has a model.
 
         Parameters
         ----------
@@ -207,7 +215,8 @@ class Gallery:
             Folder of the models that were trained here, looked at beside the shipped ones.
         """
         if not self.table.ablation:
-            return [spec for spec in methods if spec.named or self._has_row(spec)]
+            chosen = [spec for spec in methods if spec.named or self._has_row(spec)]
+            return list({row.name: row for spec in chosen for row in _with_variants(spec)}.values())
         printed = {row.method for row in paper.ABLATION}
         return [
             variant
@@ -246,6 +255,11 @@ class Gallery:
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
         except ConfigurationError:
             return True  # what cannot be imported says so in its row
+
+
+def _with_variants(spec: MethodSpec) -> list[MethodSpec]:
+    further = () if spec.named or spec.parameters else VARIANTS.get(spec.base_name, ())
+    return [spec, *(spec.with_parameters(parameters) for parameters in further)]
 
 
 def galleries(

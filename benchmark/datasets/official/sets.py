@@ -13,7 +13,7 @@ from benchmark.datasets.official.layouts import Classed, Layout, Listed, Named
 from benchmark.datasets.settings import with_settings
 from benchmark.geometry.camera import Camera
 
-_ACADEMIC = "academic research; cite"
+_UNSTATED = "not stated; ask its makers, and cite"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class OfficialSet:
     origin: str
     url: str
     citation: str
-    terms: str = _ACADEMIC
+    terms: str = _UNSTATED
     camera_for: Callable[[Entry], Camera] | None = None
     other_use: str = ""
 
@@ -154,6 +154,7 @@ SETS: Mapping[str, OfficialSet] = {
         layout=_blocks("{}", _counted(15), 20),
         origin="Cardiff",
         url=_CARDIFF,
+        terms="academic research; cite",
         citation="pickup2014shrec",
     ),
     "shrec14-real": OfficialSet(
@@ -162,6 +163,7 @@ SETS: Mapping[str, OfficialSet] = {
         layout=_blocks("{}", _counted(40), 10),
         origin="Cardiff",
         url=_CARDIFF,
+        terms="academic research; cite",
         citation="pickup2014shrec",
     ),
     "shrec07": OfficialSet(
@@ -211,6 +213,7 @@ SETS: Mapping[str, OfficialSet] = {
         layout=Listed(10, 10, prefix=""),
         origin="Cardiff",
         url=_CARDIFF,
+        terms="academic research; cite",
         citation="pickup2015canonical",
     ),
     "shrec16-cuts": OfficialSet(
