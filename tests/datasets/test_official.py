@@ -160,7 +160,7 @@ FAULTS = {
     "a missing file": (
         "shrec07",
         lambda f: (f / "7.off").unlink(),
-        "holds 399 shapes, not the official 400: 7 is missing",
+        "holds 399 shapes, not the official 400: shape '7' is missing",
     ),
     "a file too many": (
         "shrec07",
@@ -180,11 +180,19 @@ FAULTS = {
     "no scan 51": (
         "scape",
         lambda f: move(f, "mesh003.ply", "mesh051.ply"),
-        "holds 71 .* not the official 71: mesh003 is",
+        "holds 71 .* not the official 71: shape 'mesh003' is",
     ),
-    "a null shape": ("kids", lambda f: (f / "0002.null.0.off").unlink(), "holds 31 .* 32: 0002.null.0 is missing"),
-    "topology": ("topkids", lambda f: (f / "off" / "kid25.off").unlink(), "holds 25 .* 26: kid25 is missing"),
-    "nothing": ("faust", lambda f: [p.unlink() for p in f.rglob("*.ply")], "holds 0 .* 100: tr_reg_000 is missing"),
+    "a null shape": (
+        "kids",
+        lambda f: (f / "0002.null.0.off").unlink(),
+        "holds 31 .* 32: shape '0002.null.0' is missing",
+    ),
+    "topology": ("topkids", lambda f: (f / "off" / "kid25.off").unlink(), "holds 25 .* 26: shape 'kid25' is missing"),
+    "nothing": (
+        "faust",
+        lambda f: [p.unlink() for p in f.rglob("*.ply")],
+        "holds 0 .* 100: shape 'tr_reg_000' is missing",
+    ),
     "nothing listed": (
         "shrec15",
         lambda f: [p.unlink() for p in f.rglob("*.off")],
@@ -431,4 +439,4 @@ def test_a_present_set_fills_the_extended_table(tmp_path):
     (tmp_path / "kids" / "0002.isometry.4.off").unlink()
     done = benchmark("plan", *arguments)
     assert done.returncode == 2
-    assert "holds 31 shapes, not the official 32: 0002.isometry.4 is missing" in done.stderr
+    assert "holds 31 shapes, not the official 32: shape '0002.isometry.4' is missing" in done.stderr

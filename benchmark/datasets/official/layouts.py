@@ -75,7 +75,7 @@ class Named:
         missing = [stem for key, stem in stems.items() if key not in files]
         surplus = [path for key, path in files.items() if key not in stems]
         if missing or surplus:
-            what = f"{missing[0]} is missing" if missing else f"{surplus[0].name} is one too many"
+            what = f"shape '{missing[0]}' is missing" if missing else f"{surplus[0].name} is one too many"
             raise DatasetError(
                 f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {what}",
                 _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
