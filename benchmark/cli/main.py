@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from benchmark import __version__
-from benchmark.cli.data import data, print_rows
+from benchmark.cli.data import COLUMNS, data, print_rows
 from benchmark.cli.options import (
     INTERRUPTED,
     NOT_OK,
@@ -119,7 +119,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
         "tables": lambda: listing.tables(data_root),
         "models": lambda: listing.models(results),
     }[what]()
-    print_rows(rows, as_json)
+    print_rows(rows, as_json, COLUMNS if what == "datasets" else ())
 
 
 @cli.command()
