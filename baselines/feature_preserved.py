@@ -31,7 +31,7 @@ class FeaturePreserved(CheckedParameters):
 
     1. Seeds are spread over the surface by farthest-point sampling, each vertex belongs to the seed nearest along it,
        and the seams shift to where the parts fit m better.
-    2. Part c moves by the rigid motion that brings it nearest to m,
+    2. Part c moves by the rigid motion that brings it and the vertices next to it nearest to m,
        :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then shift so that they meet
        at their seams (:func:`baselines._kernels.rigid_parts.close_gaps`).
     3. The seams are smoothed over a narrow band; beyond it a part keeps its shape to the last detail
@@ -104,7 +104,7 @@ class FeaturePreserved(CheckedParameters):
         divided = [self._divided(surface, image, masses, seeds) for image in images]
         kept = int(divided[1][1] < (1 - MIRROR_MARGIN) * divided[0][1])
         parts = divided[kept][0]
-        rotations, translations = rigid_motions(surface.rest, images[kept], masses, parts)
+        rotations, translations = rigid_motions(surface, images[kept], masses, parts)
         translations = close_gaps(surface, masses, parts, rotations, translations)
         placed = np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts]
         width = self.seam * float(np.sqrt(masses.sum()))
@@ -135,6 +135,6 @@ class FeaturePreserved(CheckedParameters):
         from baselines._kernels.rigid_parts import refit_parts, rigid_motions
 
         parts = refit_parts(surface, targets, masses, parts, self.rounds)
-        rotations, translations = rigid_motions(surface.rest, targets, masses, parts)
+        rotations, translations = rigid_motions(surface, targets, masses, parts)
         moved = np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts]
         return parts, float(masses @ ((moved - targets) ** 2).sum(axis=1))

@@ -21,18 +21,29 @@ def nearest_seed(distances: FloatArray) -> NDArray[np.int64]:
     ----------
     distances
         From each seed to all vertices, shape (k, n).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n,), from 0 without gaps: a seed at the place of an earlier one has no part.
     """
-    return np.asarray((distances <= distances.min(axis=0) + TIE * distances.max()).argmax(axis=0), dtype=np.int64)
+    nearest = (distances <= distances.min(axis=0) + TIE * distances.max()).argmax(axis=0)
+    return np.asarray(np.unique(nearest, return_inverse=True)[1].reshape(-1), dtype=np.int64)
 
 
 def rigid_motions(
-    rest: FloatArray, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]
+    surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
     """Rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
 
+    The neighbours of a part count as its own: neighbouring parts then agree on their seam, and not even a part of a
+    single vertex may turn freely.
+
     Parameters
     ----------
-    rest, targets
+    surface
+        Rest positions and edges.
+    targets
         Positions, shape (n, 3).
     masses
         Weight of each vertex, shape (n,), positive.
@@ -48,8 +59,10 @@ def rigid_motions(
     """
     count = int(parts.max()) + 1
     rotations, translations = np.empty((count, 3, 3)), np.empty((count, 3))
+    rest = surface.rest
     for part in range(count):
         members = parts == part
+        members |= surface.weights @ members.astype(np.float64) > 0
         weights = masses[members] / masses[members].sum()
         centre, goal = weights @ rest[members], weights @ targets[members]
         nearest_rotation(((rest[members] - centre) * weights[:, None]).T @ (targets[members] - goal), rotations[part])
@@ -67,14 +80,14 @@ def refit_parts(
     """Shift the seams to where the parts fit the targets better, vertex by vertex.
 
     In each round every vertex at a seam goes to that part of a neighbour whose rigid motion brings it nearest to its
-    target, unless that would leave a part with fewer than half of the vertices that it began with.
+    target, but from a part that would be left with fewer than half of the vertices that it began with none goes.
     """
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
     least = np.bincount(parts) // 2
     threshold = CLEARER * masses.sum()
     for _ in range(rounds):
-        rotations, translations = rigid_motions(surface.rest, targets, masses, parts)
+        rotations, translations = rigid_motions(surface, targets, masses, parts)
         moved = np.einsum("kab,nb->kna", rotations, surface.rest) + translations[:, None]
         misses = ((moved - targets) ** 2).sum(axis=2)
         offered = np.full(misses.shape, np.inf)
@@ -83,7 +96,9 @@ def refit_parts(
         best = offered.min(axis=0)
         wanted = (offered <= best + threshold).argmax(axis=0)
         changed = np.where(best < own - threshold, wanted, parts)
-        if (changed == parts).all() or (np.bincount(changed, minlength=len(least)) < least).any():
+        depleted = np.bincount(changed, minlength=len(least)) < least
+        changed = np.where(depleted[parts], parts, changed)
+        if (changed == parts).all():
             break
         parts = changed
     return parts
