@@ -53,6 +53,15 @@ class UnsupportedShape(ShapeError):
     """A method cannot treat this shape; the message says why."""
 
 
+def one_line(error: BaseException) -> str:
+    """Class and message of an exception, on one line."""
+    try:
+        said = " ".join(str(error).split())
+    except Exception:
+        said = "its message cannot be read"
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
     """Build the error for an unknown name, with the nearest known ones.
 

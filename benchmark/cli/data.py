@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from benchmark.cli.options import data_root_option
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
+from benchmark.system.text import clean, say
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
@@ -17,10 +18,11 @@ def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
 
         click.echo(json.dumps(rows, indent=1))
         return
-    widths = [max(len(row[key]) for row in rows) for key in rows[0]]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row.values(), widths, strict=True))
-        click.echo("  ".join(cells).rstrip())
+    lines = [[clean(value) for value in row.values()] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        cells = (cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        say("  ".join(cells).rstrip())
 
 
 @click.group()
@@ -39,7 +41,7 @@ def list_(as_json: bool, data_root: Path | None) -> None:
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
@@ -49,17 +51,17 @@ def check(name: str, data_root: Path | None) -> None:
     with counting(f"checking {name}") as watched:
         report = check_source(name, data_root, watched)
     for line in report.lines():
-        click.echo(line)
+        say(line)
     sys.exit(0 if report.usable else 1)
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="DIR",
     help="Folder to write; must be empty or new.",
 )
@@ -79,15 +81,15 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 
     with counting(f"writing {name}") as watched:
         files = write(open_dataset(name, data_root), output, layout, force=force, watched=watched)
-    click.echo(f"wrote {len(files)} files to {output}; use them with -d {output}")
+    say(f"wrote {len(files)} files to {output}; use them with -d {output}")
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="FILE.png",
     help="File to write; by default sheet-NAME.png.",
 )
@@ -102,7 +104,7 @@ def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data
     dataset = open_dataset(name, data_root)
     drawn = contact_sheet(dataset, subjects, poses)
     for problem in drawn.problems:
-        click.echo(f"not drawn: {problem}", err=True)
+        say(f"not drawn: {problem}", err=True)
     target = output or Path(f"sheet-{dataset.name}.png")
     drawn.save(target)
-    click.echo(f"wrote {target}")
+    say(f"wrote {target}")

@@ -59,7 +59,7 @@ def tables(data_root: Path | None) -> Rows:
 
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
-    from benchmark.learning import CARD, Learner, read_card
+    from benchmark.learning import CARD, Learner, card_digest, read_card
     from benchmark.storage.store import Store
 
     folders = {Store(results / "runs").models: "trained here"}
@@ -70,14 +70,18 @@ def models(results: Path) -> Rows:
     rows = []
     for folder, origin in folders.items():
         for path in sorted(folder.glob(f"*/*/{CARD}")):
-            card = read_card(path.parent)
+            try:
+                card = read_card(path.parent)
+                digest, schedule = card_digest(card)[:12], str(card.get("schedule_in_words", ""))
+            except ConfigurationError as error:
+                digest, schedule = "", f"unusable: {error}"
             rows.append(
                 {
                     "training": path.parent.parent.name,
                     "model": path.parent.name,
                     "origin": origin,
-                    "digest": str(card["digest"])[:12],
-                    "schedule": str(card.get("schedule_in_words", "")),
+                    "digest": digest,
+                    "schedule": schedule,
                 }
             )
     return rows

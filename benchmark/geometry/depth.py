@@ -37,6 +37,9 @@ JUMP = 0.05
 FILL = 0.9
 """Share of the frame that the largest shape of a data set fills."""
 
+_TIE = 1e-6
+"""Depths that differ by less count as equal where a diagonal is chosen: ten times the rounding error of an image."""
+
 SPECK = 8
 """Pieces of fewer vertices than this are dropped: they are slivers at grazing silhouettes, not limbs."""
 
@@ -295,7 +298,7 @@ def _triangulate(samples: Points, jump: float) -> Faces:
     # A diagonal through the background is no choice: the triangle of the other three corners must survive.
     along_ac = np.where(seen[a] & seen[c], np.abs(z[a] - z[c]), np.inf)
     along_bd = np.where(seen[b] & seen[d], np.abs(z[b] - z[d]), np.inf)
-    split_ac = (along_ac <= along_bd)[:, np.newaxis]
+    split_ac = (along_ac <= along_bd + _TIE)[:, np.newaxis]
     first = np.where(split_ac, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     second = np.where(split_ac, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
     faces = np.stack([first, second], axis=1).reshape(-1, 3)

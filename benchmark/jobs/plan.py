@@ -167,7 +167,7 @@ def _job(
         if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
             return job("cached" if status == "ok" else "failed", _told(record), recipe)
         return job("stale", f"{status} before, asked to retry", recipe)
-    if key in store.published:
+    if store.published.read(key) is not None:
         return job("published", "finished elsewhere; a run makes it anew here", recipe)
     older = before.get((gallery.name, input_, spec.name, seed))
     if not older:

@@ -195,6 +195,16 @@ def test_edges_across_a_jump_are_cut_and_bridged() -> None:
     assert report.pieces == 1
 
 
+def test_rounding_errors_choose_no_diagonal() -> None:
+    # In a plane that both diagonals climb equally, each block is a tie.
+    tie = np.add.outer(np.zeros(40), np.linspace(0.4, 0.6, 40)).astype(np.float32)
+    surface, _ = back_project(tie, 1.0, stride=4)
+    noise = np.random.default_rng(0).uniform(-1.2e-7, 1.2e-7, tie.shape)
+    noisy, _ = back_project((tie + noise).astype(np.float32), 1.0, stride=4)
+    assert not np.array_equal(surface.vertices, noisy.vertices)
+    np.testing.assert_array_equal(surface.faces, noisy.faces)
+
+
 def test_specks_are_dropped_and_counted() -> None:
     image = np.zeros((80, 80), dtype=np.float32)
     image[:40, :40] = 0.5  # 10 x 10 samples

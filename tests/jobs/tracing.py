@@ -23,7 +23,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import CodeType, FrameType
+from types import CodeType, FrameType, SimpleNamespace
 from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
@@ -287,7 +287,7 @@ def _run(
     (job,) = make_plan([gallery], [input_], [spec], store)
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
-    order = Order.of(job, results, root, 0)
+    order = Order.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
     runner.work(Share((order,), order.identifiers), lambda *_: None)
     runner.work(Ranking((order,)), lambda *_: None)
     record = store.records.read(order.key) or {}

@@ -133,7 +133,7 @@ def test_all_methods_and_some_more():
         ("non-metric-mds", ["rtol=1e-3", "rtol=.001", " rtol = 0.0010 ", "max_iterations=100.0", "", "solver=default"]),
         ("non-metric-mds", [f"solver={DEFAULT_SOLVER}", "solver=default,rtol=1e-3"]),
         ("constrained-mds", ["first_pull=1", "first_pull=1.00", "start=mesh"]),
-        ("learned", ["smoothing=0", "smoothing=-0", "training=", "training_seed=0"]),
+        ("learned", ["smoothing=0", "smoothing=-0", "jump=none", "training_seed=0"]),
     ],
 )
 def test_every_way_to_write_the_defaults_is_the_method_itself(base, ways):
@@ -178,6 +178,7 @@ LEARNED = {
     "training_seed": ["-1", str(2**63), "0.5"],
     "training": ["../elsewhere"],
     "smoothing": ["-1", "nan", "51"],
+    "jump": ["0", "-0.05", "nan", "inf"],
 }
 
 METRIC = {"metric": ["geodesics"], "time": ["0", "inf"], "eigenfunctions": ["9"]}
