@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset
+from benchmark.datasets.base import Dataset, printable
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
 Loader = Callable[[Path], Dataset]
@@ -120,7 +120,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
 
 def folder_name(folder: Path) -> str:
     """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
-    name = folder.resolve().name
+    name = printable(folder.resolve().name)
     return f"{name}-folder" if name in CATALOGUE else name
 
 
