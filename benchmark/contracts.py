@@ -238,7 +238,8 @@ class Shape:
         """Random generator that depends on the seed, the shape and the purpose alone, never on the order of work."""
         import hashlib
 
-        digest = hashlib.sha256(f"{self.seed}|{self.identifier}|{purpose}".encode()).digest()
+        name = f"{self.seed}|{self.identifier}|{purpose}"
+        digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()  # file names hold any bytes
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
     def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:

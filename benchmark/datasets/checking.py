@@ -11,27 +11,21 @@ from pathlib import Path
 from typing import Literal
 
 from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import all_mesh_files, sub_folders
 from benchmark.datasets.inspection import Inspection, flaws, inspect
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, read_manifest
+from benchmark.datasets.official.sets import SETS
+from benchmark.datasets.official.tosca import CLASS_SIZES
 from benchmark.datasets.settings import SETTINGS_FILE
-from benchmark.datasets.shrec14 import SIZES
-from benchmark.datasets.tosca import CLASS_SIZES
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_width
 
 Severity = Literal["error", "warning"]
 
-#: Shapes of each class of the official sets, by the name of the set.
-OFFICIAL_SIZES: dict[str, dict[str, int]] = {
-    "tosca": CLASS_SIZES,
-    **{
-        f"shrec14-{part}": {str(subject): poses for subject in range(count // poses)}
-        for part, (poses, count) in SIZES.items()
-    },
-}
+#: Shapes of each class of the official sets that can be opened with fewer, by the name of the set.
+OFFICIAL_SIZES: dict[str, dict[str, int]] = {"tosca": CLASS_SIZES}
 
 
 @dataclass(frozen=True)
@@ -145,7 +139,7 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     anomalies = list(_of_classes(dataset))
     folder = dataset.folder if isinstance(dataset, FolderDataset) else None
     if folder is not None:
-        anomalies += _of_files(folder, dataset.entries)
+        anomalies += _of_files(folder, dataset.entries, numbers_known=dataset.name in SETS)
     inspections, of_shapes = _inspect_all(dataset, folder, watched)
     if folder is not None:
         anomalies += _of_manifest(folder, dataset.entries, inspections)
@@ -173,6 +167,11 @@ def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Wat
 
 def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
     try:
+        check_ranked(dataset)
+    except DatasetError as error:
+        yield Anomaly("warning", dataset.name, error.problem, error.mend)
+        return
+    try:
         check_retrievable(dataset)
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.mend)
@@ -190,7 +189,7 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
             )
 
 
-def _of_files(folder: Path, entries: Sequence[Entry]) -> Iterator[Anomaly]:
+def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = False) -> Iterator[Anomaly]:
     used = {entry.path for entry in entries}
     places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
     for place in places:
@@ -210,7 +209,8 @@ def _of_files(folder: Path, entries: Sequence[Entry]) -> Iterator[Anomaly]:
             if path not in used:
                 what = "is none of the shapes of this data set"
                 yield Anomaly("warning", _relative(path, folder), what, "remove it, or list it if it belongs here")
-        yield from _of_numbers(place, by_stem, folder)
+        if not numbers_known:
+            yield from _of_numbers(place, by_stem, folder)
 
 
 def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Anomaly]:
