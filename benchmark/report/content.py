@@ -189,7 +189,7 @@ class TableContent:
                 )
 
     def _noted(self, name: str, input_: Input) -> Mapping[str, float] | None:
-        """Mean and maximum of what preparation noted; all rows tell the same, but for the shapes that they leave out."""
+        """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
         for row in self.rows:
             cell = row.cells.get(input_)
             found = cell.record.get("notes", {}).get(name) if cell else None
