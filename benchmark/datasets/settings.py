@@ -141,6 +141,8 @@ def _vector(value: Any) -> tuple[float, float, float]:
 
 
 def _y_up(camera: Camera) -> Camera:
-    """The same camera for shapes whose y points up and who face +z."""
+    """The same camera for shapes whose y points up and who face +z; one that has y up already stays."""
+    if camera.up == (0.0, 1.0, 0.0):
+        return camera
     (x, y, z), (a, b, c) = camera.direction, camera.up
     return Camera((x, z, -y), (a, c, -b))

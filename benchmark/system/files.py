@@ -18,7 +18,8 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     Parameters
     ----------
     path
-        The file; its folder is made if need be. It gets the rights that the umask leaves.
+        The file; its folder is made if need be. It gets the rights that the umask leaves. A device or a pipe, which
+        holds nothing to keep, is written to and not replaced.
     write
         Called with the binary file to write to.
     durable
@@ -29,6 +30,10 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     OSError
         If the file cannot be written; nothing is left behind then.
     """
+    if path.is_char_device() or path.is_fifo():
+        with path.open("wb") as file:
+            write(file)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     # The name says who writes, so that what a killed process leaves behind can be told from what is being written.
     temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"

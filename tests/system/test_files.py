@@ -26,6 +26,14 @@ def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
     assert path.read_bytes() == "new ünd whole".encode()
 
 
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    link = tmp_path / "nothing"
+    link.symlink_to(os.devnull)
+    write_text(link, "text")
+    assert link.is_symlink()
+    assert list(tmp_path.iterdir()) == [link]
+
+
 def test_an_interrupt_leaves_nothing_behind(tmp_path):
     def interrupted(_):
         raise KeyboardInterrupt

@@ -9,7 +9,7 @@ from PIL import Image
 from benchmark.cli.data import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.tosca import tosca
+from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
