@@ -169,6 +169,7 @@ class _Run:
 
     def _refused(self, task: Task, error: OSError) -> None:
         """The system starts no process now: ask again later, when others may have ended."""
+        self._require_folder()
         if isinstance(task, Ranking):
             self.to_rank += task.orders
         else:
@@ -180,6 +181,13 @@ class _Run:
                 f"the system starts no process: {error.strerror}",
                 "end other programs or run with --executor serial; finished jobs are kept",
             ) from error
+
+    def _require_folder(self) -> None:
+        if not self.store.progress.is_dir():
+            raise StorageError(
+                f"{self.store.root} vanished during the run",
+                "bring it back or choose another --results DIR, and run again",
+            )
 
     def _next_share(self) -> Share | None:
         """The next share, without the jobs that another run is at."""
@@ -241,11 +249,7 @@ class _Run:
     def _died(self, worker: TaskWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
-        if not self.store.progress.is_dir():
-            raise StorageError(
-                f"{self.store.root} vanished during the run",
-                "bring it back or choose another --results DIR, and run again",
-            )
+        self._require_folder()
         if not status.job:
             self.stillborn += 1
             if self.stillborn >= _BIRTHS:
