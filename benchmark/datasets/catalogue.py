@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset
+from benchmark.datasets.base import Dataset, printable
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
@@ -155,7 +155,7 @@ def check_ranked(dataset: Dataset) -> None:
 
 def folder_name(folder: Path) -> str:
     """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
-    name = folder.resolve().name
+    name = printable(folder.resolve().name)
     return f"{name}-folder" if name in CATALOGUE else name
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,13 +16,10 @@ from benchmark.jobs.runner import failure, keep, work
 from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.workers import ending, memory_per_worker
+from benchmark.system.workers import BY_HAND, ending, memory_per_worker
 
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
-
-#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
-_BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _LIVES = 2
@@ -258,7 +254,7 @@ class _Run:
                     "find out what ends them, or run with --executor serial; finished jobs are kept",
                 )
             self._again(worker, without="")
-        elif -code in _BY_HAND:
+        elif -code in BY_HAND:
             self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
             if self.deaths[status.job] < _LIVES:
                 self._again(worker, without="")

@@ -13,12 +13,15 @@ from benchmark.learning import Split
 from benchmark.methods.plugins import is_imported, require_file
 from benchmark.methods.registry import MethodSpec, plugin_methods
 from benchmark.storage import keys
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, KilledCall, call_apart
 
 __all__ = ["LIMIT", "inspect"]
 
 #: Seconds that importing a file and making its methods may take.
 LIMIT = 30.0
+
+#: Deaths by somebody else's hand after which a file is blamed for them.
+_LIVES = 3
 
 
 #: Modules that the whole suite relies on: a plugin may use them, but not change them.
@@ -53,17 +56,13 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
             continue
         require_file(found)
         what, mend = f"plugin {path}", "mend the file: importing it and making its methods must end at once"
-        try:
-            call_apart(
-                describe,
-                found,
-                what=what,
-                mend=mend,
-                limit=LIMIT,
-                quiet=True,
-            )
-        except BrokenCall as error:
-            raise ConfigurationError(error.problem, error.mend) from error
+        for lives in reversed(range(_LIVES)):
+            try:
+                call_apart(describe, found, made, what=what, mend=mend, limit=LIMIT, quiet=True)
+                break
+            except BrokenCall as error:
+                if not (lives and isinstance(error, KilledCall)):
+                    raise ConfigurationError(error.problem, error.mend) from error
 
 
 def describe(path: str, made: bool = True) -> list[dict[str, Any]]:

@@ -131,7 +131,7 @@ class TableContent:
             lines.append(f"Not run: {', '.join(not_run)}.")
         if bridges := self._bridges():
             lines.append(bridges)
-        return lines
+        return [*lines, *self._lost()]
 
     def _left_out(self) -> Iterable[str]:
         for row in self.rows:
@@ -173,13 +173,33 @@ class TableContent:
         return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
 
     def _bridges(self) -> str:
-        for row in self.rows:
-            cell = row.cells.get("view")
-            found = cell.record.get("notes", {}).get("bridges") if cell else None
-            if found and {"mean", "max"} <= found.keys():  # a method may note something else by this name
-                return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
+        if found := self._noted("bridges", "view"):
+            return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
         return ""
 
+    def _lost(self) -> Iterable[str]:
+        """How much of the shapes was lost before any method saw them, where it is worth telling."""
+        for input_ in self.inputs:
+            found = self._noted("lost_area", input_)
+            if found and found["max"] > _WORTH_TELLING:
+                what = "of what the camera sees" if input_ == "view" else "of the area"
+                yield (
+                    f"{input_.capitalize()} input: preparation lost {found['mean']:.1%} {what} per shape on average, "
+                    f"{found['max']:.1%} at most."
+                )
+
+    def _noted(self, name: str, input_: Input) -> Mapping[str, float] | None:
+        """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
+        for row in self.rows:
+            cell = row.cells.get(input_)
+            found = cell.record.get("notes", {}).get(name) if cell else None
+            if found and {"mean", "max"} <= found.keys():  # a method may note something else by this name
+                return cast(Mapping[str, float], found)
+        return None
+
+
+#: Share of the largest loss from which on a table tells how much was lost.
+_WORTH_TELLING = 0.01
 
 #: Characters of a file name, which has room for 255 bytes.
 _LONGEST_NAME = 60

@@ -13,7 +13,7 @@ from typing import Any
 from benchmark import errors
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.system.files import write_text
-from benchmark.system.workers import Worker, ending, memory_per_worker
+from benchmark.system.workers import BY_HAND, Worker, ending, memory_per_worker
 
 #: Seconds between two looks at what is said.
 _INTERVAL = 0.1
@@ -27,6 +27,10 @@ _ANSWER, _LINES = "answer.json", "lines"
 
 class BrokenCall(BenchmarkError):
     """Code that was called in a process of its own crashed, hung, ended its process, or raised what it should not."""
+
+
+class KilledCall(BrokenCall):
+    """Somebody else may have ended the process."""
 
 
 def call_apart(
@@ -119,13 +123,14 @@ def _told(path: Path, code: int, what: str, mend: str) -> Any:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise BrokenCall(f"{what} ended its process ({ending(code)})", mend) from None
+        kind = KilledCall if -code in BY_HAND else BrokenCall
+        raise kind(f"{what} ended its process ({ending(code)})", mend) from None
     if "answer" in found:
         return found["answer"]
     if "raised" in found:
         raise BrokenCall(f"{what} raises {found['raised']}", mend)
-    kind = getattr(errors, found["kind"], BenchmarkError)
-    raise kind(found["problem"], found["mend"])
+    error: type[BenchmarkError] = getattr(errors, found["kind"], BenchmarkError)
+    raise error(found["problem"], found["mend"])
 
 
 def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Path, speaks: bool) -> None:

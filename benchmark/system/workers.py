@@ -24,6 +24,9 @@ GRACE = 5.0
 #: Share of the machine's memory that all workers together may take.
 MEMORY_SHARE = 0.85
 
+#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
+BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
+
 _numbers = itertools.count()
 
 

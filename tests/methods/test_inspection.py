@@ -81,6 +81,15 @@ def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(fa
     assert not plugins.is_imported(str(path))
 
 
+def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
+    once = "path = __file__ + '.seen'; seen = os.path.exists(path); open(path, 'w').close()\n"
+    path = write_plugin(tmp_path / "tried.py", on_import=once + "seen or os.kill(os.getpid(), signal.SIGKILL)")
+    inspect([path])
+    path = write_plugin(tmp_path / "always.py", on_import="os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ConfigurationError, match="ended its process .SIGKILL.; mend the file"):
+        inspect([path])
+
+
 @pytest.mark.slow
 def test_packages_of_others_may_be_imported(tmp_path):
     imports = "import numba, torch, trimesh, igl, pymeshlab, sklearn.cluster, pandas, matplotlib.pyplot, scipy.optimize"

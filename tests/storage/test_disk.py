@@ -111,6 +111,7 @@ def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_pat
         monkeypatch.setattr(Store, "open", classmethod(lambda cls, results: cls(results / "runs")))
         executor = real(*arguments)
         shutil.rmtree(tmp_path / "runs" / "progress")
+        (tmp_path / "runs" / "progress").write_text("something else")
         return executor
 
     monkeypatch.setattr(run_plan, "make_executor", vanishing)
