@@ -36,9 +36,9 @@ touch the scores of an undisturbed run. It ends with exit code 1 if any of these
 command that tries the case again. `--seconds` mixes the sections and begins no further case after that time; a short
 round is part of the tests, one of three minutes of the slow ones. It needs Linux.
 
-- **kills**: KILL, TERM, HUP and INT to the harness, its session, its workers and the programs that methods run, five in
-  a results folder, at ages of a worker from 0 to 4 s, half of them in the first second. Where the harness dies the same
-  command is given again, with `--retry all`. Recovery is the time from a kill until some worker is at work again.
+- **kills**: KILL, TERM, HUP and INT to the harness, its session, its workers and the programs that methods run, eight
+  in a results folder, at ages of a worker from 0 to 4 s, half of them in the first second. Where the harness dies the
+  same command is given again, with `--retry all`. Recovery is the time from a kill until some worker is at work again.
 - **plugins**: plugin files that exit, crash, hang, fork, eat memory, answer nonsense, or name themselves oddly, when
   imported, made, or at work; in `run` beside a method that must keep its scores, and in `plan`, `list`, `check`,
   `canonicalise`, `report` and `why`. A file that cannot be used at all is refused in one line before any work begins.
