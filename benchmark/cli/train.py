@@ -75,7 +75,7 @@ def train(
         call_apart(
             train_one, spec, training.name, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
             what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
-            say=say,
+            all_memory=True, say=say,
         )  # fmt: skip
         say(f"the model is in {store.models / training.name / learner.model_name}")
 

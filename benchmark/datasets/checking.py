@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import statistics
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -20,7 +20,7 @@ from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.official.tosca import CLASS_SIZES
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
-from benchmark.geometry.depth import FILL
+from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_width
 
 Severity = Literal["error", "warning"]
 
@@ -236,7 +236,7 @@ def _inspect_all(
     inspections: dict[str, Inspection] = {}
     anomalies: list[Anomaly] = []
     first_with: dict[str, str] = {}
-    widest, widest_file = 0.0, ""
+    extents: dict[str, float] = {}
     for entry in watched(dataset.entries):
         file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
         try:
@@ -251,13 +251,31 @@ def _inspect_all(
         twin = first_with.setdefault(found.digest, file)
         if twin != file:
             anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
-        if found.extent > widest:
-            widest, widest_file = found.extent, file
-    if dataset.half_width is not None and widest >= dataset.half_width:
-        what = f"extends to {widest:.6g}, beyond the camera's half width of {dataset.half_width:.6g}"
-        mend = f"set half_width = {widest / FILL:.6g} in {SETTINGS_FILE}, or remove it"
-        anomalies.append(Anomaly("error", widest_file, what, mend))
-    return inspections, anomalies
+        if found.extent:
+            extents[file] = found.extent
+    return inspections, [*anomalies, *_of_frame(dataset, extents)]
+
+
+def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomaly]:
+    """Shapes that are too large for the camera's frame, or of which too few pixels would show."""
+    if not extents:
+        return
+    declared = dataset.half_width
+    widest = max(extents, key=extents.__getitem__)
+    if declared is not None and extents[widest] >= declared:
+        what = f"extends to {extents[widest]:.6g}, beyond the camera's half width of {declared:.6g}"
+        mend = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
+        yield Anomaly("error", widest, what, mend)
+    fitted = common_half_width(list(extents.values())) / FILL
+    for file, extent in extents.items():
+        where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
+        if declared is None and extent >= fitted:
+            what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
+            mend = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
+            yield Anomaly("warning", file, what, mend)
+        elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
+            what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
+            yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
 
 
 def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, Inspection]) -> Iterator[Anomaly]:

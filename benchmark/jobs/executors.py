@@ -16,11 +16,8 @@ from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.runner import failure, keep, work
 from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
+from benchmark.storage.store import StorageError, Store
 from benchmark.system.workers import ending, memory_per_worker
-
-#: Share of the machine's memory that all workers together may take.
-MEMORY_SHARE = 0.85
 
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
@@ -139,7 +136,7 @@ class _Run:
     def records(self) -> Iterator[tuple[Order, Record]]:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
-        self.memory = memory_per_worker(self.workers, MEMORY_SHARE)
+        self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
         self._share_out(self.orders)
         try:
@@ -248,6 +245,11 @@ class _Run:
     def _died(self, worker: TaskWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
+        if not self.store.progress.is_dir():
+            raise StorageError(
+                f"{self.store.root} vanished during the run",
+                "bring it back or choose another --results DIR, and run again",
+            )
         if not status.job:
             self.stillborn += 1
             if self.stillborn >= _BIRTHS:

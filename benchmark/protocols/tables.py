@@ -149,10 +149,13 @@ TABLES: tuple[Table, ...] = (
 #: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
 TRAINING_SEEDS = (0, 1, 2)
 
+FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
+
 #: Variants that have rows beside their method where it was not asked for by name.
 VARIANTS = {
-    name: tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
-    for name in ("classic-mds", "least-squares-mds")
+    "classic-mds": FURTHER_METRICS,
+    "least-squares-mds": FURTHER_METRICS,
+    "euclidean-distance": ({"points": "local"},),
 }
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.

@@ -13,7 +13,7 @@ from typing import Any
 from benchmark import errors
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.system.files import write_text
-from benchmark.system.workers import Worker, ending
+from benchmark.system.workers import Worker, ending, memory_per_worker
 
 #: Seconds between two looks at what is said.
 _INTERVAL = 0.1
@@ -35,7 +35,7 @@ def call_apart(
     what: str,
     mend: str,
     limit: float | None = None,
-    memory: int | None = None,
+    all_memory: bool = False,
     quiet: bool = False,
     say: Callable[[str], None] | None = None,
 ) -> Any:
@@ -53,8 +53,10 @@ def call_apart(
         What to do if it breaks.
     limit
         Seconds that it may take, from one line that it says to the next; None for no limit.
-    memory, quiet
-        See :class:`benchmark.system.workers.Worker`.
+    all_memory
+        Whether it may take more than most of the machine's memory.
+    quiet
+        Whether nothing that it prints is seen.
     say
         Told what the function says while it is at work; with it, the function is given one more argument, to say a line
         to.
@@ -73,6 +75,7 @@ def call_apart(
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as name:
         folder = Path(name)
+        memory = None if all_memory else memory_per_worker()
         try:
             worker = Worker(_answer, function, arguments, folder, say is not None, memory=memory, quiet=quiet)
         except OSError as error:

@@ -120,7 +120,9 @@ def test_parts_that_hang_together_by_nothing_are_refused():
     # Two tetrahedra, and a triangle without area from one to the other.
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    mesh = Mesh(np.concatenate([corners, corners + [5, 0, 0]]), np.concatenate([sides, sides + 4, [[0, 1, 4]]]))
+    mesh = Mesh(
+        np.concatenate([corners, corners + np.array([5, 0, 0])]), np.concatenate([sides, sides + 4, [[0, 1, 4]]])
+    )
     with pytest.raises(UnsupportedShape, match="triangles without area"):
         ClassicMDS(metric="biharmonic").canonicalise(shape_of(mesh))
 
