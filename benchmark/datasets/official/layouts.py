@@ -75,9 +75,10 @@ class Named:
         missing = [stem for key, stem in stems.items() if key not in files]
         surplus = [path for key, path in files.items() if key not in stems]
         if missing or surplus:
-            what = f"shape '{missing[0]}' is missing" if missing else f"{surplus[0].name} is one too many"
+            what = [f"shape '{stem}' is missing" for stem in missing[:1]]
+            what += [f"{path.name} is one too many" for path in surplus[:1]]
             raise DatasetError(
-                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {what}",
+                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
                 _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
             )
         _check_copies(files.values())
