@@ -104,11 +104,3 @@ def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):
     with pytest.raises(ConfigurationError, match="none.py is not a Python file"):
         inspect([tmp_path / "none.py"])
     del sys.modules[plugins._module_name(str(path))]
-
-
-def test_a_look_that_somebody_kills_is_tried_again(tmp_path):
-    once = f"p = {str(tmp_path / 'been')!r}; os.path.exists(p) or (open(p, 'w'), os.kill(os.getpid(), signal.SIGKILL))"
-    inspect([write_plugin(tmp_path / "tried.py", name="tried-once", on_import=once)])
-    always = write_plugin(tmp_path / "always.py", name="tried-twice", on_import="os.kill(os.getpid(), signal.SIGTERM)")
-    with pytest.raises(ConfigurationError, match=r"always.py ended its process \(SIGTERM\)"):
-        inspect([always])

@@ -28,7 +28,7 @@ METHODS = (INNOCENT, "light-size", "light-children")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 TARGETS = ("worker", "worker", "worker", "harness", "session", "child")
 
-#: Exit codes of a run that was struck: a plugin file is refused if the process that looks at it is killed twice.
+#: Exit codes of a run that was struck: a plugin file is refused if all processes that look at it are killed.
 _ENDS = (OK, NOT_OK, USAGE)
 
 #: Repetitions after which jobs that nobody disturbs must be done.
