@@ -97,6 +97,12 @@ class Learned(CheckedParameters):
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """See :class:`benchmark.learning.ChecksOptions`."""
+        from learned.fitting import checked_options
+
+        checked_options(self.configuration, options)
+
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.
 
