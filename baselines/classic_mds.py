@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
 from baselines._kernels.spectral import Metric, spectral_embedding
 from benchmark.contracts import (
@@ -69,12 +69,14 @@ class ClassicMDS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the shape has fewer than four vertices, under another metric five, no face, or several pieces, or too
+            many vertices for the distances of all pairs.
         """
         from baselines._kernels.smacof import normalised_stress
 
         if self.metric == "geodesic":
             require_vertices(shape)
+            require_pairs(shape)
             distances = shape.geodesics(self.solver)
             points, ratios = oriented_classic_scaling(shape.mesh, distances)
             notes = {"stress": normalised_stress(points, distances)}

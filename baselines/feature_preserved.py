@@ -76,7 +76,8 @@ class FeaturePreserved(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices or no face, or is in several pieces.
+            If the shape has fewer than four vertices or no face, is in several pieces, or has too many vertices for
+            the distances of all pairs.
         """
         from baselines.least_squares_mds import LeastSquaresMDS
 
@@ -126,7 +127,7 @@ class FeaturePreserved(CheckedParameters):
         from baselines._kernels.sampling import farthest_points
 
         seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
-        return nearest_seed(shape.geodesics_from(seeds))
+        return nearest_seed(shape.geodesics()[seeds])
 
     def _divided(
         self, surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.spectral import Metric, distances_under
 from benchmark.contracts import (
@@ -72,11 +72,13 @@ class LeastSquaresMDS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
+            distances of all pairs.
         """
         from baselines._kernels.smacof import smacof
 
         require_vertices(shape)
+        require_pairs(shape)
         distances = distances_under(shape, self.metric, self.time, self.eigenfunctions, self.solver)
         scaling = smacof(
             distances,
