@@ -97,13 +97,12 @@ class Learned(CheckedParameters):
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
-<<<<<<< HEAD
     def check_options(self, options: Mapping[str, Any]) -> None:
         """See :class:`benchmark.learning.ChecksOptions`."""
         from learned.fitting import checked_options
 
         checked_options(self.configuration, options)
-=======
+
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
         from learned.card import network_of
@@ -113,7 +112,6 @@ class Learned(CheckedParameters):
             raise ConfigurationError(
                 f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
             )
->>>>>>> main
 
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.

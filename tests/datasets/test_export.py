@@ -18,7 +18,7 @@ from benchmark.datasets.manifest import read_manifest
 from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.depth import depth_surface
+from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_rods
 
@@ -63,9 +63,9 @@ def test_the_same_shapes_come_back(tmp_path, layout):
         assert first.vertices.tobytes() == second.vertices.tobytes()
         assert first.faces.tobytes() == second.faces.tobytes()
         views = [
-            depth_surface(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
+            render_depth(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
         ]
-        assert views[0].depth.tobytes() == views[1].depth.tobytes()
+        assert views[0].tobytes() == views[1].tobytes()
 
 
 def test_the_layouts_have_the_names_and_the_classes_of_the_official_sets(tmp_path):
