@@ -19,7 +19,7 @@ from benchmark.contracts import (
     UnsupportedShape,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.learning import Split, TrainingData
+from benchmark.learning import Split, TrainingData, read_card
 from learned.configuration import CONFIGURATIONS
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
@@ -103,6 +103,16 @@ class Learned(CheckedParameters):
 
         checked_options(self.configuration, options)
 
+    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
+        from learned.card import network_of
+
+        found = network_of(card, folder).configuration.name
+        if found != self.configuration:
+            raise ConfigurationError(
+                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
+            )
+
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.
 
@@ -113,12 +123,8 @@ class Learned(CheckedParameters):
         """
         from learned.model import load_model
 
-        _, card = load_model(folder)
-        found = card["configuration"]["name"]
-        if found != self.configuration:
-            raise ConfigurationError(
-                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
-            )
+        self.check_card(read_card(folder), folder)
+        load_model(folder)
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
         return loaded

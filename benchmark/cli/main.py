@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
@@ -13,7 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from benchmark import __version__
-from benchmark.cli.data import data, print_rows
+from benchmark.cli.data import COLUMNS, data, print_rows
 from benchmark.cli.options import (
     INTERRUPTED,
     NOT_OK,
@@ -22,6 +23,7 @@ from benchmark.cli.options import (
     PathOption,
     Selection,
     data_root_option,
+    name_skipped,
     plugin_option,
     results_option,
     selection_options,
@@ -30,6 +32,7 @@ from benchmark.cli.options import (
 from benchmark.cli.results import compare, merge, prune, why
 from benchmark.cli.train import train
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.system.text import brief, clean, say, say_lines
 
 RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all")
 FORMATS = ("latex", "markdown", "csv", "json")
@@ -78,9 +81,10 @@ def run(
     galleries = {job.gallery.name for job in plan}
     inputs = {job.input for job in plan}
     results = Results(store, methods(selection.plugins), selection.data_root).all(selection.seed)
+    name_skipped(store)
     shown = [r for r in results if r.record["gallery"] in galleries and r.record["input"] in inputs]
     for table in contents(shown, {job.gallery.table.identifier for job in plan}):
-        click.echo("\n" + markdown(table), nl=False)
+        say_lines("\n" + markdown(table))
     sys.exit(OK if ok else NOT_OK)
 
 
@@ -93,10 +97,10 @@ def plan(everything: bool, **options: Any) -> None:
 
     selection = Selection.of(options)
     jobs = selection.jobs(Store.open(selection.results))
-    width = max(len(job.name) for job in jobs)
+    width = max(len(clean(job.name)) for job in jobs)
     for job in jobs:
-        click.echo(f"{job.state:<11}  {job.name:<{width}}  {job.reason}")
-    click.echo(f"{sum(job.to_run for job in jobs)} of {len(jobs)} jobs to run")
+        say(f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}")
+    say(f"{sum(job.to_run for job in jobs)} of {len(jobs)} jobs to run")
 
 
 @cli.command("list")
@@ -115,7 +119,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
         "tables": lambda: listing.tables(data_root),
         "models": lambda: listing.models(results),
     }[what]()
-    print_rows(rows, as_json)
+    print_rows(rows, as_json, COLUMNS if what == "datasets" else ())
 
 
 @cli.command()
@@ -143,15 +147,15 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     content = contents(selection.recorded(store, fresh=fresh), selection.tables)
     if output is None:
         for text in render(content, formats or ("markdown",)).values():
-            click.echo(text, nl=False)
+            say_lines(text)
         return
     files = render(content, formats or FORMATS)
     if not check:
         write(files, output)
-        click.echo(f"wrote {', '.join(files)} to {output}")
+        say(f"wrote {', '.join(files)} to {output}")
         return
     different = stale(files, output)
-    click.echo(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
+    say(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
     sys.exit(NOT_OK if different else OK)
 
 
@@ -179,7 +183,7 @@ def report(output: Path, timeout: float, **options: Any) -> None:
     jobs = selection.jobs(store)
     figures = forms_figures(jobs, store, selection, output, timeout)
     write({"index.html": page(contents(selection.recorded(store), selection.tables), figures)}, output)
-    click.echo(f"wrote {output / 'index.html'} and {len(figures)} figures")
+    say(f"wrote {output / 'index.html'} and {len(figures)} figures")
 
 
 @cli.command()
@@ -210,7 +214,7 @@ def canonicalise(
     facts = ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in notes.items()
     )
-    click.echo(f"{target}: {n_vertices} vertices{', ' + facts if facts else ''}")
+    say(f"{target}: {n_vertices} vertices{', ' + facts if facts else ''}")
 
 
 @cli.command()
@@ -221,7 +225,7 @@ def check(target: str, timeout: float) -> None:
     from benchmark.methods.conformance import check_apart
 
     report = check_apart(target, timeout)
-    click.echo(str(report))
+    say_lines(str(report))
     sys.exit(OK if report else NOT_OK)
 
 
@@ -237,7 +241,7 @@ def new_method(name: str) -> None:
     from benchmark.methods import scaffold
 
     for path in scaffold.new_method(name):
-        click.echo(path)
+        say(path)
 
 
 for verb in (data, train, merge, compare, prune, why):
@@ -251,7 +255,10 @@ def main() -> None:
     pin_threads()
     _open_streams()
     try:
-        cli.main(prog_name=PROGRAM, standalone_mode=False)
+        with cli.make_context(PROGRAM, sys.argv[1:]) as context:
+            cli.invoke(context)
+    except click.exceptions.Exit as end:
+        sys.exit(end.exit_code)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(USAGE)
@@ -262,8 +269,11 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt):
         _refuse("interrupted; finished jobs are kept", INTERRUPTED)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody reads on, and what is left in the buffer harms nobody
+        for number in (1, 2):  # what is left in their buffers goes nowhere, without a word
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
         sys.exit(NOT_LISTENED)
+    except OSError as error:
+        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; make room or choose another place")
     except Exception as error:
         culprit = _plugin_in(error)
         if not culprit:
@@ -280,12 +290,15 @@ def _open_streams() -> None:
             os.dup2(os.open(os.devnull, mode), number)
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a character ends no run
 
 
 def _refuse(problem: str, code: int = USAGE) -> NoReturn:
     """End with one line."""
     with suppress(OSError):
-        click.echo(problem if code == INTERRUPTED else f"error: {' '.join(problem.split())}", err=True)
+        say(problem if code == INTERRUPTED else f"error: {problem}", err=True)
     sys.exit(code)
 
 

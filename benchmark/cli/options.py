@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.errors import ConfigurationError
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
@@ -104,6 +105,13 @@ plugin_option = click.option(
 )
 
 
+def name_skipped(*stores: Store) -> None:
+    """Tell on stderr, once, which files among the records are none."""
+    for store in stores:
+        for line in (*store.published.news(), *store.records.news()):
+            say(line, err=True)
+
+
 @dataclass(frozen=True)
 class Selection:
     """What the options of ``run``, ``plan``, ``tables`` and others select."""
@@ -133,7 +141,9 @@ class Selection:
         specs = select(self.methods, methods(self.plugins), self.plugins)
         chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        return require_jobs(make_plan(chosen, inputs, specs, store, self.seed, self.retry))
+        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        name_skipped(store)
+        return require_jobs(planned)
 
     def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
         """The records that the selection stands for, whether or not their data and models are here.
@@ -169,6 +179,7 @@ class Selection:
             )
 
         found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)
+        name_skipped(store)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
             raise ConfigurationError(

@@ -11,6 +11,7 @@ import click
 from benchmark.cli.options import data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec
@@ -73,13 +74,13 @@ def train(
     schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
     store = Store.open(results)
     for training in trainings:
-        click.echo(f"{spec.name}, {training.name}")
+        say(f"{spec.name}, {training.name}")
         call_apart(
             train_one, spec, training, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
             what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
-            say=click.echo,
+            all_memory=True, say=say,
         )  # fmt: skip
-        click.echo(f"the model is in {store.models / training.name / learner.model_name}")
+        say(f"the model is in {store.models / training.name / learner.model_name}")
 
 
 def train_one(

@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 
-import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -23,10 +22,11 @@ from benchmark.jobs.claims import Claims
 from benchmark.jobs.executors import make_executor
 from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job, unavailable_record
-from benchmark.storage.environment import environment
+from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system.text import brief, clean, say
 from retrieval.measures import PRINTED
 
 #: Seconds between two lines about progress where there is no terminal.
@@ -49,22 +49,21 @@ def run_plan(
     # Two tables may hold the same job.
     jobs = list({job.key or job.name: job for job in jobs}.values())
     to_run = [job for job in jobs if job.to_run]
-    click.echo(
-        f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before"
-    )
+    say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
     for job in jobs:
         if job.state in ("failed", "unavailable"):
             again = "; --retry runs it again" if job.state == "failed" else ""
-            click.echo(f"{job.state:<11}  {job.name}  {job.reason}{again}")
+            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{again}")
         if job.state == "unavailable":
-            store.write_record({**unavailable_record(job), "environments": [environment()]})
+            made = {"environment": environment_text(), "artefacts": 0}
+            store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
     fine = all(job.state in _FINE for job in jobs if not job.to_run)
     orders = [Order.of(job, scope) for job in to_run]
     with Claims.of(store) as claims, _Display(orders) as display:
         for order in orders:
             if claims.take(order.key):
-                store.records.remove(order.key)  # asked to retry: the failure of before must not stop the workers
+                store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
                 claims.release(order.key)
         for order, record in make_executor(executor, workers, timeout, claims).execute(orders, display.watch):
             display.ended(order, record)
@@ -79,7 +78,7 @@ class _Display:
 
     def __init__(self, orders: Sequence[Order]) -> None:
         self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
@@ -96,7 +95,7 @@ class _Display:
 
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show which jobs are at work, and how many shapes are done."""
-        self._bar.update(self._task, completed=done, description=", ".join(names) or "waiting")
+        self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
@@ -111,14 +110,14 @@ class _Display:
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
-            said = f"{record['status']:<11}  {order.name}  {record['reason']}"
+            said = f"{record['status']:<11}  {order.name}  {brief(record['reason'])}"
         if self._bar.disable:
             _say(said)
         else:
-            self._bar.console.print(said, highlight=False, markup=False, soft_wrap=True)
+            self._bar.console.print(clean(said), highlight=False, markup=False, soft_wrap=True)
 
 
 def _say(text: str) -> None:
     """Tell how it goes; a run does not end because nobody listens."""
     with suppress(OSError):
-        click.echo(text, err=True)
+        say(text, err=True)

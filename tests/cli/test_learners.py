@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.cli.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.learning import card_digest
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
@@ -91,7 +92,7 @@ def test_models_are_listed_with_what_made_them(trained, results):
         "training": "tosca-III",
         "model": "plain-seed0",
         "origin": "trained here",
-        "digest": card["digest"][:12],
+        "digest": card_digest(card)[:12],
         "schedule": card["schedule_in_words"],
     }
 
@@ -167,6 +168,49 @@ def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
     told = call("plan", *selection, "--input", "view")
     assert told.startswith("unavailable")
     assert "names no digest of the weights; train the model again" in told
+
+
+@pytest.mark.parametrize(
+    ("card", "said"),
+    [
+        ({"subjects": None}, "does not list the subjects that the model has seen; train the model again"),
+        ({"subjects": []}, "does not list the subjects"),
+        ({"identifiers": ["dog0", 7]}, "does not list the identifiers"),
+        ({"digest": "abc"}, "names no digest of the weights"),
+        ({"data": "tosca-III "}, "was trained on 'tosca-III '; put it into the folder of its training data"),
+        ({"extra_data": "no"}, "says 'extra_data' is 'no'"),
+        ({"note": float("nan")}, "is no JSON: NaN is not JSON"),
+    ],
+)
+def test_a_card_that_says_too_little_or_nonsense_is_named_before_any_shape_is_treated(root, tmp_path, card, said):
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, **card)
+    selection = ("-t", "III-held-out", "-m", "mean-target", "--results", tmp_path, "--data-root", root)
+    told = call("plan", *selection, "--input", "view")
+    assert told.startswith("unavailable")
+    assert said in told
+
+
+def test_the_list_of_models_names_one_that_cannot_be_used_and_shows_the_others(tmp_path):
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7)
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed1", 0.7, subjects=())
+    rows = json.loads(call("list", "models", "--json", "--results", tmp_path))
+    good, bad = (row for row in rows if row["training"] == "tosca-III")
+    assert (good["schedule"], len(good["digest"])) == ("one pass", 12)
+    assert bad["digest"] == ""
+    assert "does not list the subjects" in bad["schedule"]
+
+
+def test_another_card_is_another_model_though_the_weights_are_the_same(root, tmp_path):
+    """A model that claims to have seen other subjects may not be tested on the same ones."""
+    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
+    arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
+    write_model(folder, 0.7)
+    run("III-held-out", tmp_path, root)
+    assert call("plan", *arguments, "--results", tmp_path).startswith("cached")
+    write_model(folder, 0.7, ("somebody0", "somebody1"))
+    told = call("plan", *arguments, "--results", tmp_path)
+    assert told.startswith("stale")
+    assert "models changed: tosca-III" in told
 
 
 def test_an_unknown_training_is_an_error_of_the_command_line(root, tmp_path):

@@ -141,7 +141,7 @@ def test_one_character_in_a_reader_of_files_is_named_for_every_file_and_for_noth
     _records_without_work(suite, from_files, generated)
     assert [set(planned(arguments)[0]) for arguments in (from_files, generated)] == [{"cached"}, {"cached"}]
 
-    path = suite / "benchmark" / "geometry" / "mesh_formats.py"
+    path = suite / "benchmark" / "geometry" / "formats" / "stl.py"
     text = path.read_text()
 
     def edit(old, new):
@@ -154,7 +154,7 @@ def test_one_character_in_a_reader_of_files_is_named_for_every_file_and_for_noth
     edit(">= 84", ">= 85")
     states, lines, last = planned(from_files)
     assert states == ["stale"] * 4
-    assert all(line.endswith("code of benchmark.geometry.mesh_formats changed") for line in lines)
+    assert all(line.endswith("code of benchmark.geometry.formats.stl changed") for line in lines)
     assert last == "4 of 4 jobs to run"
     states, _, last = planned(generated)
     assert states == ["cached"] * 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import time
 from fnmatch import fnmatch
@@ -13,7 +14,7 @@ import click
 from benchmark.threads import pin_threads
 from tests.faults.cases import Outcome
 from tests.faults.program import run
-from tests.faults.report import as_json, as_text
+from tests.faults.report import DOCUMENT, as_json, as_text, publish
 from tests.faults.sections import SECTIONS, all_cases
 
 
@@ -24,6 +25,7 @@ from tests.faults.sections import SECTIONS, all_cases
 @click.option("--only", "patterns", multiple=True, metavar="NAME", help="A case, a section, or a pattern with *.")
 @click.option("--workers", type=click.IntRange(1, 2), default=1, show_default=True, help="Cases at a time.")
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write the report as JSON, too.")
+@click.option("--publish", "is_published", is_flag=True, help=f"Write {DOCUMENT} anew with what was tried.")
 @click.option("--list", "names_only", is_flag=True, help="Print the names of the cases.")
 def main(
     seed: int,
@@ -32,10 +34,12 @@ def main(
     patterns: tuple[str, ...],
     workers: int,
     output: Path | None,
+    is_published: bool,
     names_only: bool,
 ) -> None:
     """Try the suite with faults of every kind, and report what they cost."""
     pin_threads()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # reports what was tried, and leaves nothing behind
     begun = time.monotonic()
     cases = [
         case
@@ -51,12 +55,16 @@ def main(
     def tell(outcome: Outcome) -> None:
         said = ", ".join(crossing.border.name.lower() for crossing in outcome.crossings) or "ok"
         click.echo(f"{outcome.seconds:6.1f} s  {outcome.name:<32}  {said}", err=True)
+        for crossing in outcome.crossings:
+            click.echo(f"          {crossing.said}", err=True)
 
     outcomes = run(cases, seed, seconds=seconds, workers=workers, tell=tell)
-    taken = time.monotonic() - begun
-    click.echo(as_text(outcomes, seed, taken), nl=False)
+    report = as_json(outcomes, seed, time.monotonic() - begun)
+    click.echo(as_text(report), nl=False)
     if output:
-        output.write_text(json.dumps(as_json(outcomes, seed, taken), indent=1) + "\n")
+        output.write_text(json.dumps(report, indent=1) + "\n")
+    if is_published:
+        publish(report)
     sys.exit(any(outcome.crossings for outcome in outcomes))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -83,8 +83,3 @@ class Outcome:
     def section(self) -> str:
         """Name of the section of the case."""
         return self.name.partition("/")[0]
-
-
-def crossed(outcomes: Iterable[Outcome], border: Border) -> int:
-    """How often a border was crossed."""
-    return sum(crossing.border is border for outcome in outcomes for crossing in outcome.crossings)

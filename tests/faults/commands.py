@@ -70,6 +70,7 @@ class Launcher:
         variables: Mapping[str, str] | None = None,
         limits: Mapping[str, int] | None = None,
         ordinary_rights: bool = False,
+        output: str = "",
     ) -> Running:
         """Start a command.
 
@@ -87,10 +88,14 @@ class Launcher:
             Limits of resources by their names in :mod:`resource`.
         ordinary_rights
             Whether permissions count even if this program is run by root.
+        output
+            Where its standard output goes instead of a file in the folder.
         """
+        for name in ("stdout", "stderr"):
+            (folder / name).write_bytes(b"")
         request = {
             "arguments": arguments, "folder": str(folder), "target": target,
-            "output": str(folder / "stdout"), "error": str(folder / "stderr"),
+            "output": output or str(folder / "stdout"), "error": str(folder / "stderr"),
             "environment": environment() | dict(variables or {}), "limits": dict(limits or {}),
             "ordinary_rights": ordinary_rights,
         }  # fmt: skip

@@ -13,8 +13,10 @@ import os
 import resource
 import signal
 import sys
-from pathlib import Path
 from typing import Any
+
+#: In place of a file to write to: a pipe whose reader has gone.
+CLOSED = "closed"
 
 #: What the verbs import.
 PRELOADED = (
@@ -61,7 +63,7 @@ def _become(request: dict[str, Any]) -> None:
     _control(_DEATH_SIGNAL, signal.SIGKILL)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for number, name in ((1, "output"), (2, "error")):
-        os.dup2(os.open(request[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
+        os.dup2(_opened(request[name]), number)
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
@@ -77,6 +79,14 @@ def _become(request: dict[str, Any]) -> None:
     called = getattr(importlib.import_module(module), function)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     called()
+
+
+def _opened(path: str) -> int:
+    if path != CLOSED:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    reading, writing = os.pipe()
+    os.close(reading)
+    return writing
 
 
 def _bury() -> None:
@@ -102,7 +112,3 @@ def _drop_rights() -> None:
     for place in (0, 1, 2):  # effective, permitted, inheritable
         rights[place] &= mask
     library.capset(header, rights)
-
-
-if __name__ == "__main__":
-    sys.exit(f"{Path(__file__).name} is started by tests.faults.commands")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 #: Two descriptors that need no more than numpy; the second one runs programs, and leaves some behind in sessions of
 #: their own.
-LIGHT = '''\
+LIGHT = """\
 import subprocess
 import time
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Children(Size):
         subprocess.Popen(["sleep", "600"], start_new_session=True)
         subprocess.run(["sleep", "0.2"], check=False)
         return shape.mesh.vertices.std(axis=0)
-'''
+"""
 
 _METHOD = """\
 import os, sys, time, signal, threading, subprocess, ctypes, atexit, builtins, warnings

@@ -19,7 +19,7 @@ from tests.faults.plugin_files import LIGHT
 from tests.faults.scene import INNOCENT, INTERRUPTED, NOT_OK, OK, STALL, Scene
 
 #: Kills in one results folder, after which its jobs are brought to their end.
-PER_CASE = 5
+PER_CASE = 8
 
 #: Longest age at which a worker is struck, in seconds; most live less long.
 LIFE = 4.0
@@ -115,10 +115,8 @@ class _Siege:
                 os.kill(victim, stroke.number)
         self.struck.update(self.births)
         self.struck_at = time.time()
-        if stroke.fells_harness:
-            ended = {-stroke.number, 128 + stroke.number, INTERRUPTED}
-            # It may have come to its end in the very moment.
-            self._look_at_end((*ended, OK, NOT_OK) if self.running.has_ended() else (*ended, OK))
+        if stroke.fells_harness:  # it may have come to its end in the very moment
+            self._look_at_end((-stroke.number, 128 + stroke.number, INTERRUPTED, OK, NOT_OK))
 
     def _victim(self, stroke: Stroke, age: float) -> int | None:
         """Number of the process to strike, if it is there and the youngest worker is of the right age."""

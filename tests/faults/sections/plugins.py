@@ -7,10 +7,10 @@ from pathlib import Path
 
 from tests.faults.cases import Border, Case
 from tests.faults.plugin_files import BadPlugin, bad_plugins
-from tests.faults.scene import INNOCENT, NOT_OK, OK, USAGE, Scene
+from tests.faults.scene import INNOCENT, OK, USAGE, Scene
 
-#: Limit of a job, in seconds: short, for some never end, but enough to start on a busy machine.
-_TIMEOUT = 15
+#: Limit of a job, a form or a check: short, for some never end, but enough to start on a busy machine.
+_LIMIT = ("--timeout", "15s")
 
 
 def cases() -> list[Case]:
@@ -24,14 +24,14 @@ def _try(scene: Scene, plugin: BadPlugin) -> None:
     selection = scene.selection(INNOCENT, plugin=path)
     _other_verbs(scene, plugin, path, selection)
     _run(scene, plugin, selection)
-    scene.command("report", *selection, "-o", scene.folder / "report")
+    scene.command("report", *selection, "-o", scene.folder / "report", *_LIMIT)
     scene.command("why", INNOCENT, *selection, may_trace=True)
     scene.outcome.tried = 7
 
 
 def _run(scene: Scene, plugin: BadPlugin, selection: list[str]) -> None:
     """The innocent method keeps its scores whatever the other one does, unless the file is refused before the run."""
-    done = scene.command("run", *selection, "-j", 1, "--timeout", f"{_TIMEOUT}s")
+    done = scene.command("run", *selection, "-j", 1, *_LIMIT)
     found = scene.records()
     if done.code == USAGE and not plugin.statuses:
         _require_refusal(scene, done.error, found)
@@ -67,11 +67,18 @@ def _require_refusal(scene: Scene, said: str, found: dict[str, object]) -> None:
 def _other_verbs(scene: Scene, plugin: BadPlugin, path: Path, selection: list[str]) -> None:
     scene.command("list", "methods", "--plugin", path)
     scene.command("plan", *selection)
-    scene.command("check", path)
+    scene.command("check", path, *_LIMIT)
     mesh = next(iter(sorted(scene.rods.glob("*.off"))))
     done = scene.command(
-        "canonicalise", "-m", plugin.method or INNOCENT, mesh, "-o", scene.folder / "form.off", "--plugin", path,
-        codes=(OK, NOT_OK, USAGE),
-    )  # fmt: skip
+        "canonicalise",
+        "-m",
+        plugin.method or INNOCENT,
+        mesh,
+        "-o",
+        scene.folder / "form.off",
+        "--plugin",
+        path,
+        *_LIMIT,
+    )
     whole = (scene.folder / "form.off").is_file()
     scene.require(whole == (done.code == OK), Border.HALF, f"canonicalise: {done.code}, file written: {whole}")
