@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: setup bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability
+.PHONY: setup bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability faults
 
 setup: $(READY)
 
@@ -33,6 +33,10 @@ boundscheck: setup
 
 portability: setup
 	$(BIN)/python -m tests.portability.suite
+
+# Kills, bad plugins, damaged files, full disks, odd command lines; about an hour, or give ARGS="--seconds 300".
+faults: setup
+	$(BIN)/python -m tests.faults $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

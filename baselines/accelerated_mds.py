@@ -8,12 +8,11 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import canonical_signs, vertex_areas
+from baselines._kernels.low_rank import low_rank_scaling
 from baselines.least_squares_mds import start_positions
 from benchmark.contracts import (
     CanonicalForm,
     CheckedParameters,
-    FloatArray,
     GeodesicSolver,
     Interval,
     MethodInfo,
@@ -38,8 +37,10 @@ class AcceleratedMDS(CheckedParameters):
     .. math:: D \circ D \approx P F + F^\top P^\top - P W P^\top \qquad \text{("interpolated")},
 
     which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
-    costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, and the thin
-    factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`.
+    costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, see
+    :func:`baselines._kernels.low_rank.low_rank_scaling`. For the same idea in a few eigenfunctions see
+    :class:`baselines.spectral_mds.SpectralMDS`, and for one that asks the distances alone
+    :class:`baselines.nystrom_mds.NystromMDS`.
 
     ``"rre"`` is stress majorisation with reduced-rank extrapolation, see
     :func:`baselines._kernels.extrapolation.extrapolated_smacof`; it needs all pairs.
@@ -102,12 +103,11 @@ class AcceleratedMDS(CheckedParameters):
         between = rows[:, samples] ** 2
         between = (between + between.T) / 2
         if self.variant == "samples":
-            points = _low_rank_scaling(interpolation, between)
+            points = low_rank_scaling(shape.mesh, interpolation, between)
         else:
             identity = np.eye(len(samples))
             coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
-            points = _low_rank_scaling(np.hstack([interpolation, rows.T**2]), coupling)
-        points *= canonical_signs(points, vertex_areas(shape.mesh), shape.mesh.vertices)
+            points = low_rank_scaling(shape.mesh, np.hstack([interpolation, rows.T**2]), coupling)
         return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
 
     def _extrapolated(self, shape: Shape) -> CanonicalForm:
@@ -122,10 +122,3 @@ class AcceleratedMDS(CheckedParameters):
             rtol=self.rtol,
         )
         return shape.form(scaling.points, stress=scaling.stress[-1], iterations=scaling.iterations)
-
-
-def _low_rank_scaling(columns: FloatArray, coupling: FloatArray) -> FloatArray:
-    """Classic scaling of the squared distances ``columns @ coupling @ columns.T``."""
-    orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
-    values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
-    return np.asarray(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(np.maximum(values[:-4:-1], 0.0))))

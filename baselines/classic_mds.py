@@ -1,15 +1,25 @@
-"""Classic scaling of the geodesic distances: the bending-invariant form of Elad and Kimmel."""
+"""Classic scaling of distances on the surface: the bending-invariant form of Elad and Kimmel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
-from benchmark.contracts import CanonicalForm, CheckedParameters, FloatArray, GeodesicSolver, Mesh, MethodInfo, Shape
+from baselines._kernels.spectral import Metric, spectral_embedding
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    GeodesicSolver,
+    Interval,
+    Mesh,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +34,18 @@ class ClassicMDS(CheckedParameters):
     positive area-weighted third moment. Elad and Kimmel (2003), "On bending invariant signatures for surfaces";
     Torgerson (1952), "Multidimensional scaling: I. Theory and method".
 
+    Another ``metric`` takes the place of the geodesic one: D then has the diffusion, commute-time or biharmonic
+    distances, see :func:`baselines._kernels.spectral.spectral_embedding`. Those are Euclidean distances between points
+    in a space of many dimensions, whose principal axes are the classic scaling, so that D itself is never made.
+
     Parameters
     ----------
+    metric
+        ``"geodesic"``, ``"diffusion"``, ``"commute-time"`` or ``"biharmonic"``.
+    time
+        Time of the diffusion, in units of the area of the surface.
+    eigenfunctions
+        Largest number of eigenfunctions that the other three are summed over.
     solver
         Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
     """
@@ -38,24 +58,37 @@ class ClassicMDS(CheckedParameters):
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
     )
 
+    metric: Metric = "geodesic"
+    time: Annotated[float, Interval(0, closed="neither")] = 0.05
+    eigenfunctions: Annotated[int, Interval(10)] = 100
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the geodesic distances.
+        """Return the classic scaling of the distances.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the shape has fewer than four vertices, under another metric five, no face, or several pieces, or too
+            many vertices for the distances of all pairs.
         """
         from baselines._kernels.smacof import normalised_stress
 
-        require_vertices(shape)
-        distances = shape.geodesics(self.solver)
-        points, ratios = oriented_classic_scaling(shape.mesh, distances)
+        if self.metric == "geodesic":
+            require_vertices(shape)
+            require_pairs(shape)
+            distances = shape.geodesics(self.solver)
+            points, ratios = oriented_classic_scaling(shape.mesh, distances)
+            notes = {"stress": normalised_stress(points, distances)}
+        else:
+            require_vertices(shape, 5)
+            embedding = spectral_embedding(shape, self.metric, self.time, self.eigenfunctions)
+            points, ratios = principal_scaling(embedding)
+            points = oriented(shape.mesh, points, ratios)
+            notes = {"eigenfunctions": embedding.shape[1]}
         return shape.form(
             points,
-            stress=normalised_stress(points, distances),
+            **notes,
             eigenvalue_ratio_2=ratios[1],
             eigenvalue_ratio_3=ratios[2],
             eigenvalue_ratio_4=ratios[3],
@@ -63,7 +96,7 @@ class ClassicMDS(CheckedParameters):
 
 
 def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatArray, list[float]]:
-    """Classic scaling of the vertices of a mesh, each axis towards positive area-weighted third moment.
+    """Classic scaling of the vertices of a mesh, with the axes of :func:`oriented`.
 
     Parameters
     ----------
@@ -80,8 +113,23 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
         As from :func:`classic_scaling`.
     """
     points, ratios = classic_scaling(distances)
+    return oriented(mesh, points, ratios), ratios
+
+
+def oriented(mesh: Mesh, points: FloatArray, ratios: list[float]) -> FloatArray:
+    """Settle what a scaling leaves open: axes of equal eigenvalues, and signs, towards positive third moments.
+
+    Parameters
+    ----------
+    mesh
+        Gives the vertex areas.
+    points
+        Positions along the axes, shape (n, 3).
+    ratios
+        Eigenvalues of the axes over the first, at least three.
+    """
     points = settled_axes(points, np.array(ratios[:3]), mesh.vertices)
-    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices), ratios
+    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices)
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:
@@ -105,3 +153,22 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:
 
     values, vectors = centred_eigenpairs(distances, 4, accurate=3)
     return vectors[:, :3] * np.sqrt(np.maximum(values[:3], 0.0)), [float(value / values[0]) for value in values]
+
+
+def principal_scaling(embedding: FloatArray) -> tuple[FloatArray, list[float]]:
+    """Classic scaling of the distances between points in a space of many dimensions: their principal axes.
+
+    Parameters
+    ----------
+    embedding
+        Positions, shape (n, k) with k at least 4.
+
+    Returns
+    -------
+    points : numpy.ndarray
+    ratios : list of float
+        As from :func:`classic_scaling`.
+    """
+    centred = embedding - embedding.mean(axis=0)
+    values, axes = np.linalg.eigh(centred.T @ centred)
+    return centred @ axes[:, :-4:-1], [float(value / values[-1]) for value in values[:-5:-1]]

@@ -1,4 +1,4 @@
-"""Least-squares scaling of the geodesic distances by stress majorisation."""
+"""Least-squares scaling of distances on the surface by stress majorisation."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypedDict
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.spectral import Metric, distances_under
 from benchmark.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -47,6 +48,8 @@ class LeastSquaresMDS(CheckedParameters):
         Largest number of Guttman transforms, each of which is one pass over all pairs.
     rtol
         Stop when a transform lowers the stress by less than this fraction.
+    metric, time, eigenfunctions
+        Which distances :math:`\delta` are, see :class:`baselines.classic_mds.ClassicMDS`.
     solver
         Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
     """
@@ -63,20 +66,25 @@ class LeastSquaresMDS(CheckedParameters):
     weights: Literal["uniform", "area"] = "uniform"
     max_iterations: Annotated[int, Interval(1)] = 100
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    metric: Metric = "geodesic"
+    time: Annotated[float, Interval(0, closed="neither")] = 0.05
+    eigenfunctions: Annotated[int, Interval(10)] = 100
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the least-squares scaling of the geodesic distances, centred at the origin.
+        """Return the least-squares scaling of the distances, centred at the origin.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
+            distances of all pairs.
         """
         from baselines._kernels.smacof import normalised_stress, smacof
 
         require_vertices(shape)
-        distances = shape.geodesics(self.solver)
+        require_pairs(shape)
+        distances = distances_under(shape, self.metric, self.time, self.eigenfunctions, self.solver)
         start = start_positions(shape, distances, self.start)
         limits: Limits = {"max_iterations": self.max_iterations, "rtol": self.rtol}
         if self.weights == "uniform":

@@ -49,8 +49,21 @@ class InvalidMesh(ShapeError):
     """A mesh was read but its content cannot be used: NaN, faces out of range, nothing left after cleaning."""
 
 
+class InvalidForm(ShapeError):
+    """A method returned what is no canonical form, or no descriptor, of a shape: the fault is the method's."""
+
+
 class UnsupportedShape(ShapeError):
     """A method cannot treat this shape; the message says why."""
+
+
+def one_line(error: BaseException) -> str:
+    """Class and message of an exception, on one line."""
+    try:
+        said = " ".join(str(error).split())
+    except Exception:
+        said = "its message cannot be read"
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,10 +24,13 @@ from benchmark.errors import ConfigurationError
 __all__ = [
     "CARD",
     "WEIGHTS",
+    "ChecksOptions",
     "Learner",
+    "MakesPairs",
     "Split",
     "TrainingData",
     "TrainingPair",
+    "card_digest",
     "checked_weights",
     "find_model",
     "read_card",
@@ -66,6 +70,14 @@ class TrainingPair:
     target: NDArray[np.float32]
 
 
+class MakesPairs(Protocol):
+    """What makes pairs anew, one at a time and always in the same order."""
+
+    def __call__(self, start: int = 0) -> Iterator[TrainingPair]:
+        """Make the pairs from a place on, without the work for those before it."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingData:
     """The pairs that one protocol allows for training.
@@ -85,9 +97,10 @@ class TrainingData:
     n_pairs
         Number of pairs.
     pairs
-        Makes the pairs anew, one at a time and in a fixed order.
+        Makes the pairs.
     unseen
-        Makes pairs of test subjects, for curves and pictures. Nothing is ever chosen by them.
+        Makes pairs of test subjects, for curves and pictures; nothing is ever chosen by them. Where subjects are held
+        back for validation, they are shown instead.
     """
 
     name: str
@@ -96,15 +109,17 @@ class TrainingData:
     subjects: tuple[str, ...]
     identifiers: tuple[str, ...]
     n_pairs: int
-    pairs: Callable[[], Iterator[TrainingPair]]
-    unseen: Callable[[], Iterator[TrainingPair]]
+    pairs: MakesPairs
+    unseen: MakesPairs
 
 
 @runtime_checkable
 class Learner(Protocol):
     """A method whose forms come from a trained model.
 
-    ``split`` says which data trains it, ``shipped_models`` is the folder of the models that come with the method.
+    ``split`` says which data trains it, ``shipped_models`` is the folder of the models that come with the method. A
+    learner may have a method ``check_card(card, folder)`` that raises ``ConfigurationError`` if the card is none of its
+    own; it is called before any shape is treated, and must not load the weights.
     """
 
     info: ClassVar[MethodInfo]
@@ -141,6 +156,15 @@ class Learner(Protocol):
         ...
 
 
+@runtime_checkable
+class ChecksOptions(Protocol):
+    """A learner that can tell whether options fit it before its training data is made, which may take long."""
+
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """Raise ``ConfigurationError`` if an option does not fit, or this machine lacks what it asks for."""
+        ...
+
+
 def find_model(folders: Iterable[Path], data_name: str, model_name: str) -> Path | None:
     """First folder that holds a finished model.
 
@@ -160,19 +184,53 @@ def find_model(folders: Iterable[Path], data_name: str, model_name: str) -> Path
 def read_card(folder: Path) -> dict[str, Any]:
     """Card of a model.
 
+    What the harness relies on is checked: the digest of the weights, the name of the training data, and the subjects
+    and shapes that were seen, without which nobody could tell what the model may be tested on. All further fields
+    belong to the learner, which checks them itself (:meth:`Learner.load`, and ``check_card`` where it has one).
+
     Raises
     ------
     ConfigurationError
-        If it is missing, is not JSON, or names no digest.
+        If it is missing, is not JSON, or lacks what every card says.
     """
     path = folder / CARD
+    mend = "train the model again"
     try:
-        card = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}", "train the model again") from error
-    if not isinstance(card, dict) or not isinstance(card.get("digest"), str):
-        raise ConfigurationError(f"{path} names no digest of the weights", "train the model again")
+        card = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", mend) from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path} is no JSON: {error}", mend) from error
+    if not isinstance(card, dict) or not re.fullmatch("[0-9a-f]{64}", str(card.get("digest"))):
+        raise ConfigurationError(f"{path} names no digest of the weights", mend)
+    if not isinstance(card.get("data"), str) or not card["data"]:
+        raise ConfigurationError(f"{path} does not name its training data", mend)
+    for name in ("subjects", "identifiers"):
+        seen = card.get(name)
+        if not isinstance(seen, list) or not seen or not all(isinstance(each, str) and each for each in seen):
+            raise ConfigurationError(f"{path} does not list the {name} that the model has seen", mend)
+    for name, kind in _OPTIONAL.items():
+        if not isinstance(card.get(name, kind()), kind):
+            raise ConfigurationError(f"{path} says '{name}' is {str(card[name])[:50]!r}", mend)
     return card
+
+
+_OPTIONAL: Mapping[str, type] = {"data_title": str, "schedule_in_words": str, "extra_data": bool}
+"""Fields that records show where a card has them."""
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")
+
+
+def card_digest(card: Mapping[str, Any]) -> str:
+    """What names a model: the digest of its card, which holds that of the weights; 64 hexadecimal digits.
+
+    A network with the same weights that is told to see another resolution, or to have seen other subjects, is another
+    model.
+    """
+    text = json.dumps(card, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def checked_weights(folder: Path) -> bytes:

@@ -19,7 +19,7 @@ from benchmark.contracts import (
     UnsupportedShape,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.learning import Split, TrainingData
+from benchmark.learning import Split, TrainingData, read_card
 from learned.configuration import CONFIGURATIONS
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
@@ -49,6 +49,9 @@ class Learned(CheckedParameters):
     smoothing
         Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
         The paper has none; a schedule shorter than the paper's leaves noise that this takes away.
+    jump
+        Depth discontinuity at which the predicted surface is cut: the largest depth difference along one of its edges,
+        as a share of half the frame (the view input has 0.05). None: the predicted mask alone says what is surface.
 
     Attributes
     ----------
@@ -75,6 +78,7 @@ class Learned(CheckedParameters):
     training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
     training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
     smoothing: Annotated[float, Interval(0, MOST_SMOOTHING)] = 0.0
+    jump: Annotated[float, Interval(0, closed="neither")] | None = None
     model: Path | None = field(default=None, init=False)
 
     @property
@@ -93,6 +97,22 @@ class Learned(CheckedParameters):
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """See :class:`benchmark.learning.ChecksOptions`."""
+        from learned.fitting import checked_options
+
+        checked_options(self.configuration, options)
+
+    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
+        from learned.card import network_of
+
+        found = network_of(card, folder).configuration.name
+        if found != self.configuration:
+            raise ConfigurationError(
+                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
+            )
+
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.
 
@@ -103,12 +123,8 @@ class Learned(CheckedParameters):
         """
         from learned.model import load_model
 
-        _, card = load_model(folder)
-        found = card["configuration"]["name"]
-        if found != self.configuration:
-            raise ConfigurationError(
-                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
-            )
+        self.check_card(read_card(folder), folder)
+        load_model(folder)
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
         return loaded
@@ -129,7 +145,7 @@ class Learned(CheckedParameters):
             raise UnsupportedShape("the learned network needs a depth image", "use the view input")
         from learned.prediction import canonical_surface
 
-        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing)
+        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing, self.jump)
         return CanonicalForm(surface.vertices, surface.faces, notes)
 
 

@@ -12,8 +12,8 @@ from safetensors.torch import load
 from torch import Tensor, nn
 
 from benchmark.errors import ConfigurationError
-from benchmark.learning import checked_weights, read_card
-from learned.configuration import from_card
+from benchmark.learning import card_digest, checked_weights, read_card
+from learned.card import network_of
 from learned.network import build
 
 
@@ -25,16 +25,15 @@ def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
     ConfigurationError
         If the weights are not those that the card describes, or belong to another configuration.
     """
-    return _load(folder, read_card(folder)["digest"])
+    return _load(folder, card_digest(read_card(folder)))
 
 
 @functools.lru_cache(maxsize=16)
 def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
     card = read_card(folder)
+    configuration = network_of(card, folder).configuration
     content = checked_weights(folder)
     try:
-        configuration = from_card(card["configuration"])
-        int(card["schedule"]["resolution"])
         tensors = {name: tensor.float() for name, tensor in load(content).items()}
     except (KeyError, TypeError, SafetensorError) as error:
         raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error

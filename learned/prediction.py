@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import torch
@@ -42,20 +43,48 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
     return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
 
 
-def canonical_surface(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> tuple[Mesh, dict[str, float | str]]:
-    """Surface behind the predicted image, of unit area, and facts about it.
+def canonical_surface(
+    folder: Path, depth: DepthImage, smoothing: float = 0.0, jump: float | None = None
+) -> tuple[Mesh, dict[str, float | str]]:
+    """Surface behind the predicted image, of unit area, and facts about it; see :func:`canonical_depth`.
 
-    The sampling is that of the view input: about 2000 vertices. See :func:`canonical_depth` for the parameters.
+    Parameters
+    ----------
+    folder, depth, smoothing
+        As there.
+    jump
+        Largest depth difference along an edge, as in :func:`surface_behind`.
 
     Raises
     ------
     UnsupportedShape
         If the network predicts an empty mask.
     """
-    predicted = canonical_depth(folder, depth, smoothing)
+    return surface_behind(canonical_depth(folder, depth, smoothing), jump)
+
+
+def surface_behind(predicted: DepthImage, jump: float | None = None) -> tuple[Mesh, dict[str, float | str]]:
+    """Surface behind a predicted image, of unit area, and facts about it; sampled like the view input.
+
+    A camera's image shows where one part hides another by a jump of its depth alone, so the view input is cut there. A
+    predicted image comes with a mask that was learned for saying what is surface, and its depth with a noise as large
+    as such jumps: cut there, it falls into shreds.
+
+    Parameters
+    ----------
+    predicted
+        Depth image, shape (500, 500), 0 outside the predicted mask.
+    jump
+        Largest depth difference along an edge, as a share of the half width; None cuts nowhere inside the mask.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the image is empty.
+    """
     if not predicted.any():
         raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
-    surface, report = back_project(predicted, 1.0)
+    surface, report = back_project(predicted, 1.0, jump=math.inf if jump is None else jump)
     notes: dict[str, float | str] = {
         "predicted_foreground": report.foreground,
         "predicted_pieces": report.pieces,

@@ -51,7 +51,11 @@ class MeanTarget:
 
 
 def write_model(
-    folder: Path, value: float, identifiers: tuple[str, ...] = (), subjects: tuple[str, ...] = (), **card: Any
+    folder: Path,
+    value: float,
+    identifiers: tuple[str, ...] = ("somebody0",),
+    subjects: tuple[str, ...] = ("somebody",),
+    **card: Any,
 ) -> None:
     """Put a finished model into a folder."""
     weights = repr(value).encode()
@@ -59,6 +63,7 @@ def write_model(
     (folder / WEIGHTS).write_bytes(weights)
     facts = {
         "digest": hashlib.sha256(weights).hexdigest(),
+        "data": folder.parent.name,
         "identifiers": identifiers,
         "subjects": subjects,
         "schedule_in_words": "one pass",

@@ -8,6 +8,9 @@ from benchmark.geometry.cleaning import connected_components
 MINIMUM_VERTICES = 4
 """Three coordinates and a residual need four points: any three points lie in a plane."""
 
+MOST_WITH_ALL_PAIRS = 20_000
+"""Vertices of which all pairs of distances, 3 GiB of them, fit into the memory of an ordinary machine a few times."""
+
 
 def require_vertices(shape: Shape, minimum: int = MINIMUM_VERTICES) -> None:
     """Raise ``UnsupportedShape`` unless the shape has at least ``minimum`` vertices and one face."""
@@ -31,4 +34,14 @@ def require_connected(shape: Shape) -> None:
         raise UnsupportedShape(
             f"{shape.identifier}: the surface is in {components} pieces",
             "keep the largest component or bridge the pieces first",
+        )
+
+
+def require_pairs(shape: Shape) -> None:
+    """Raise ``UnsupportedShape`` if the shape has too many vertices for a matrix of all their distances."""
+    if shape.mesh.n_vertices > MOST_WITH_ALL_PAIRS:
+        raise UnsupportedShape(
+            f"{shape.identifier}: {shape.mesh.n_vertices} vertices, where the distances of all pairs are kept of "
+            f"{MOST_WITH_ALL_PAIRS} at most",
+            "decimate the surface, or choose a method that needs a few rows: nystrom-mds or accelerated-mds",
         )

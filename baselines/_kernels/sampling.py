@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -30,7 +31,7 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
     list of int
         At most n vertex indices.
     """
-    graph, vertices = _edge_graph(shape), shape.mesh.vertices
+    graph, vertices = edge_graph(shape), shape.mesh.vertices
     return _spread(graph, vertices, _farthest_from_centre(graph, vertices), count)
 
 
@@ -40,7 +41,7 @@ def farthest_from_centre(shape: Shape) -> int:
     The centre is the vertex whose largest distance to four mutually far vertices is smallest: five rows of distances
     instead of all.
     """
-    return _farthest_from_centre(_edge_graph(shape), shape.mesh.vertices)
+    return _farthest_from_centre(edge_graph(shape), shape.mesh.vertices)
 
 
 def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
@@ -76,7 +77,13 @@ def _spread(graph: csr_array, vertices: FloatArray, first: int, count: int) -> l
     return chosen
 
 
-def _edge_graph(shape: Shape) -> csr_array:
+def within(graph: csr_array, centre: int, radius: float) -> NDArray[np.int64]:
+    """Vertices at most so far from one along the edges."""
+    return np.flatnonzero(np.isfinite(dijkstra(graph, indices=centre, limit=radius)))
+
+
+def edge_graph(shape: Shape) -> csr_array:
+    """Lengths of the edges of a shape, symmetric, shape (n, n)."""
     vertices, n = shape.mesh.vertices, shape.mesh.n_vertices
     ends = edges_of(shape.mesh.faces).ends
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmark.contracts import CanonicalForm, Method
 from benchmark.errors import ConfigurationError
-from benchmark.methods.registry import methods, select
+from benchmark.methods.registry import methods, variant
 
 
 def canonicalise_file(
@@ -42,7 +42,7 @@ def canonicalise_file(
     from benchmark.jobs.stages.complete import complete
     from benchmark.jobs.stages.view import half_width_of, seen
 
-    (spec,) = select([method], methods(plugins))
+    spec = variant(method, methods(plugins))
     maker = spec.create()
     if not isinstance(maker, Method):
         raise ConfigurationError(
@@ -53,3 +53,12 @@ def canonicalise_file(
     form = maker.canonicalise(shape_of(arrays, source.stem, seed))
     write_mesh(target, form.mesh)
     return form
+
+
+def canonicalise_facts(
+    source: str, target: str, method: str, plugins: list[str], seed: int
+) -> tuple[int, dict[str, float | str]]:
+    """The same as :func:`canonicalise_file` in plain values: number of vertices, and notes of the form."""
+    form = canonicalise_file(Path(source), Path(target), method, [Path(path) for path in plugins], seed)
+    notes = {name: value if isinstance(value, str) else float(value) for name, value in form.notes.items()}
+    return len(form.vertices), notes

@@ -7,9 +7,8 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-import click
-
 from benchmark.datasets.base import Entry, Watched
+from benchmark.system.text import clean, say
 
 #: Seconds between two lines where there is no terminal.
 INTERVAL = 10.0
@@ -38,30 +37,35 @@ def counting(what: str) -> Iterator[Watched]:
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+            columns = (
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TimeRemainingColumn(),
+            )
             with Progress(*columns, console=Console(file=sys.stderr)) as bar:
                 yield lambda entries: bar.track(entries, description=_said(what, entries))
         else:
             yield lambda entries: _with_lines(entries, _said(what, entries))
     except KeyboardInterrupt:
-        click.echo(f"interrupted while {what}", err=True)
+        say(f"interrupted while {what}", err=True)
         sys.exit(INTERRUPTED)
 
 
 def _said(what: str, entries: Sequence[Entry]) -> str:
     """What is done, and whether the shapes are generated, which takes longer than to read them."""
     generated = any(entry.path is None for entry in entries)
-    return f"{what}{', each shape generated first' if generated else ''}"
+    return clean(f"{what}{', each shape generated first' if generated else ''}")
 
 
 def _with_lines(entries: Sequence[Entry], said: str) -> Iterable[Entry]:
-    click.echo(f"{said}: 0 of {len(entries)}", err=True)
+    say(f"{said}: 0 of {len(entries)}", err=True)
     begun = told = time.monotonic()
     for number, entry in enumerate(entries):
         now = time.monotonic()
         if number and now - told >= INTERVAL:
             left = (now - begun) / number * (len(entries) - number)
-            click.echo(f"{number} of {len(entries)}, about {left:.0f} s left", err=True)
+            say(f"{number} of {len(entries)}, about {left:.0f} s left", err=True)
             told = now
         yield entry
-    click.echo(f"{len(entries)} of {len(entries)}", err=True)
+    say(f"{len(entries)} of {len(entries)}", err=True)

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import click
 
-from benchmark.cli.options import data_root_option
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
+from benchmark.system.text import clean, say
+
+#: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
+COLUMNS = ("name", "state", "shapes", "classes", "source")
 
 
-def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
-    """Print what a list verb found, in columns or as JSON."""
+def print_rows(rows: list[dict[str, str]], as_json: bool, columns: Collection[str] = ()) -> None:
+    """Print what a list verb found, as JSON or in columns, with a heading where only some of them are shown."""
     if as_json:
         import json
 
         click.echo(json.dumps(rows, indent=1))
         return
-    widths = [max(len(row[key]) for row in rows) for key in rows[0]]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row.values(), widths, strict=True))
-        click.echo("  ".join(cells).rstrip())
+    if columns:
+        rows = [{key: key for key in columns}, *({key: row[key] for key in columns} for row in rows)]
+    lines = [[clean(value) for value in row.values()] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        cells = (cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        say("  ".join(cells).rstrip())
 
 
 @click.group()
@@ -35,11 +43,11 @@ def list_(as_json: bool, data_root: Path | None) -> None:
     """List the data sets: official or generated, present or absent."""
     from benchmark.cli import listing
 
-    print_rows(listing.datasets(data_root), as_json)
+    print_rows(listing.datasets(data_root), as_json, COLUMNS)
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @data_root_option
 def check(name: str, data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
@@ -49,17 +57,17 @@ def check(name: str, data_root: Path | None) -> None:
     with counting(f"checking {name}") as watched:
         report = check_source(name, data_root, watched)
     for line in report.lines():
-        click.echo(line)
+        say(line)
     sys.exit(0 if report.usable else 1)
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="DIR",
     help="Folder to write; must be empty or new.",
 )
@@ -79,15 +87,15 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 
     with counting(f"writing {name}") as watched:
         files = write(open_dataset(name, data_root), output, layout, force=force, watched=watched)
-    click.echo(f"wrote {len(files)} files to {output}; use them with -d {output}")
+    say(f"wrote {len(files)} files to {output}; use them with -d {output}")
 
 
 @data.command()
-@click.argument("name", metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     metavar="FILE.png",
     help="File to write; by default sheet-NAME.png.",
 )
@@ -102,7 +110,7 @@ def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data
     dataset = open_dataset(name, data_root)
     drawn = contact_sheet(dataset, subjects, poses)
     for problem in drawn.problems:
-        click.echo(f"not drawn: {problem}", err=True)
+        say(f"not drawn: {problem}", err=True)
     target = output or Path(f"sheet-{dataset.name}.png")
     drawn.save(target)
-    click.echo(f"wrote {target}")
+    say(f"wrote {target}")

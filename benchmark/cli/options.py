@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.errors import ConfigurationError
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
@@ -24,26 +26,90 @@ DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
+#: Seconds that foreign code may take for one shape, or one check, where nobody says otherwise.
+PATIENCE = "10m"
+
+
+class PathOption(click.ParamType[Path]):
+    """A path that the system can look up; whether there is anything is another question."""
+
+    name = "path"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Refuse what cannot be a path: nothing at all, or more than the system takes."""
+        require_path(str(value), param.opts[-1] if param else "path")
+        return Path(value)
+
+
+class NameOrFolder(click.ParamType[str]):
+    """The name of a data set, or the path of a folder."""
+
+    name = "name"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Refuse what can be neither."""
+        require_path(str(value), param.opts[-1] if param else "name")
+        return str(value)
+
+
+def require_path(text: str, option: str) -> None:
+    """Raise ``ConfigurationError`` if a text cannot be a path."""
+    if not text:
+        raise ConfigurationError(f"{option} is empty", "name a file or a folder; the current one is '.'")
+    try:
+        os.lstat(text)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else str(error)
+        raise ConfigurationError(f"{option} '{text[:40]}...' cannot be a path: {said}", "correct it") from error
+
+
+def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) -> Path | None:
+    """The folder of the official data sets; raises ``ConfigurationError`` if it is named and not there."""
+    if root is not None and not root.is_dir():
+        raise ConfigurationError(
+            f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
+        )
+    return root
+
+
+def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...]) -> tuple[Path, ...]:
+    """The plugin files, after a look at them from a process of their own."""
+    if plugins:
+        from benchmark.methods.inspection import inspect
+
+        inspect(plugins)
+    return plugins
+
+
 data_root_option = click.option(
     "--data-root",
-    type=click.Path(path_type=Path),
+    type=PathOption(),
     envvar=DATA_VARIABLE,
+    callback=_require_folder,
     metavar="DIR",
     help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
 )
 
-results_option = click.option(
-    "--results", type=click.Path(path_type=Path), default=Path("results"), show_default=True, metavar="DIR"
-)
+results_option = click.option("--results", type=PathOption(), default=Path("results"), show_default=True, metavar="DIR")
 
 plugin_option = click.option(
     "--plugin",
     "plugins",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PathOption(),
+    callback=_inspected,
     metavar="FILE",
     help="Python file with methods.",
 )
+
+
+def name_skipped(*stores: Store) -> None:
+    """Tell on stderr, once, which files among the records are none."""
+    for store in stores:
+        for line in (*store.published.news(), *store.records.news()):
+            say(line, err=True)
 
 
 @dataclass(frozen=True)
@@ -63,18 +129,7 @@ class Selection:
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
-        """Take what belongs to a selection from the options of a verb.
-
-        Raises
-        ------
-        ConfigurationError
-            If a folder that was named is not there.
-        """
-        root = options["data_root"]
-        if root is not None and not root.is_dir():
-            raise ConfigurationError(
-                f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
-            )
+        """Take what belongs to a selection from the options of a verb."""
         return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
 
     def jobs(self, store: Store) -> list[Job]:
@@ -86,7 +141,9 @@ class Selection:
         specs = select(self.methods, methods(self.plugins), self.plugins)
         chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        return require_jobs(make_plan(chosen, inputs, specs, store, self.seed, self.retry))
+        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        name_skipped(store)
+        return require_jobs(planned)
 
     def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
         """The records that the selection stands for, whether or not their data and models are here.
@@ -122,6 +179,7 @@ class Selection:
             )
 
         found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)
+        name_skipped(store)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
             raise ConfigurationError(
@@ -145,6 +203,14 @@ class Duration(click.ParamType[float]):
         return float(match[1]) * _UNITS[match[2]]
 
 
+def timeout_option(what: str, default: str = PATIENCE) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Make the option that limits how long foreign code may take for something."""
+    return click.option(
+        "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
+        help=f"Limit of {what}: 90s, 10m, 2h.",
+    )  # fmt: skip
+
+
 def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of a :class:`Selection` to a verb."""
     options = [
@@ -152,7 +218,15 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
         ),
         click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'; or all."),
-        click.option("-d", "--dataset", "datasets", multiple=True, metavar="DATASET|FOLDER", help="Set or folder."),
+        click.option(
+            "-d",
+            "--dataset",
+            "datasets",
+            multiple=True,
+            type=NameOrFolder(),
+            metavar="DATASET|FOLDER",
+            help="Set or folder.",
+        ),
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
         plugin_option,
         results_option,

@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, Selection, plugin_option, results_option, selection_options
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    PathOption,
+    Selection,
+    name_skipped,
+    plugin_option,
+    results_option,
+    selection_options,
+)
 from benchmark.errors import ConfigurationError
+from benchmark.system.text import say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
@@ -20,7 +30,7 @@ _SHORTEST_KEY = 6
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.argument("folders", nargs=-1, required=True, type=PathOption(), metavar="DIR...")
 @click.option(
     "--published", is_flag=True, help="Into RESULTS/records, which is committed; quick runs and own data are left out."
 )
@@ -30,12 +40,17 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
     from benchmark.storage.merging import merge_records, publish, records_under, told
     from benchmark.storage.store import Store
 
-    found = [record for folder in folders for record in records_under(folder)]
+    stores = [Store(folder / "runs") for folder in folders]
+    try:
+        found = [record for store in stores for record in records_under(store)]
+    finally:
+        name_skipped(*stores)
     store = Store.open(results)
     merged = publish(found, store.published) if published else merge_records(found, store.records)
+    name_skipped(store)
     for there, other in merged.conflicts:
-        click.echo(f"conflict: {told(there)} ({there['key'][:12]}): {_scores(there)} here, {_scores(other)} there")
-    click.echo(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
+        say(f"conflict: {told(there)} ({there['key'][:12]}): {_scores(there)} here, {_scores(other)} there")
+    say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
     sys.exit(NOT_OK if merged.conflicts else OK)
 
 
@@ -49,17 +64,24 @@ def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -
     from benchmark.methods.registry import methods, variant
     from benchmark.report.comparison import compare_folders, compare_methods, lines
     from benchmark.storage.merging import records_under
+    from benchmark.storage.store import Store
 
-    if Path(first).is_dir() and Path(second).is_dir():
-        found = compare_folders(records_under(Path(first)), records_under(Path(second)))
+    are_folders = Path(first).is_dir() and Path(second).is_dir()
+    stores = [Store(folder / "runs") for folder in ((Path(first), Path(second)) if are_folders else (results,))]
+    try:
+        records = [records_under(store) for store in stores]
+    finally:
+        name_skipped(*stores)
+    if are_folders:
+        found = compare_folders(*records)
     else:
         known = methods(plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records_under(results), *names)
+        found = compare_methods(records[0], *names)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second):
-        click.echo(line)
+        say(line)
 
 
 @click.command()
@@ -67,12 +89,18 @@ def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Free what no record needs: artefacts of older code, and what killed processes left behind."""
+    from benchmark.jobs.claims import Claims
     from benchmark.storage.pruning import remove, unneeded
     from benchmark.storage.store import Store
 
-    paths = list(unneeded(Store.open(results)))
-    size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
-    click.echo(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
+    store = Store.open(results)
+    with Claims.of(store) as claims:
+        if not (dry_run or claims.is_last()):
+            raise ConfigurationError(f"a run in {results} needs what would be freed", "wait until it has ended")
+        paths = list(unneeded(store))
+        size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
+    name_skipped(store)
+    say(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
 @click.command()
@@ -88,6 +116,7 @@ def why(target: str, **options: Any) -> None:
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
         found = [r for records in (store.records, store.published) for r in records if r["key"].startswith(target)]
+        name_skipped(store)
         if found:
             _explain_record(found[0])
             return
@@ -97,8 +126,8 @@ def why(target: str, **options: Any) -> None:
 
 
 def _explain_job(job: Job, record: Record | None) -> None:
-    click.echo(f"{job.state:<11}  {job.name}  {job.reason}")
-    click.echo(f"  key         {job.key or 'none'}")
+    say(f"{job.state:<11}  {job.name}  {job.reason}")
+    say(f"  key         {job.key or 'none'}")
     if record is not None:
         _explain_record(record, title=False)
 
@@ -113,24 +142,29 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
     if cost := record.get("cost"):
         phases = ", ".join(f"{name} {seconds:.3f}" for name, seconds in cost["seconds_per_shape"].items())
         facts.append(("seconds", f"{phases} (median of a shape)"))
-        facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
+        if record.get("peak_mib") is not None:
+            facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
     for made in record.get("environments", ()):
         facts.append(("made with", _environment(made)))
     for shape, said in record.get("unsupported", ())[:10]:
         facts.append(("unsupported", f"{shape}: {said}"))
     for stage, parts in record["recipe"].get("code", {}).items():
-        facts.append(("code", f"{stage}: {', '.join(parts['code'])}; {_plain(parts['packages'])}"))
+        facts.append(("code", f"{stage}: {', '.join(parts.get('code', ()))}; {_plain(parts.get('packages'))}"))
     if title:
-        click.echo(f"{told(record)}\n  key         {record['key']}")
+        say(told(record))
+        say(f"  key         {record['key']}")
     for name, text in facts:
-        click.echo(f"  {name:<10}  {text}")
+        say(f"  {name:<10}  {text}")
     if trace := record.get("traceback"):
-        click.echo("  " + trace.rstrip().replace("\n", "\n  "))
+        say_lines("  " + trace.rstrip().replace("\n", "\n  "))
 
 
 def _environment(made: dict[str, Any]) -> str:
     text = made.get("environment")
-    found = json.loads(text) if isinstance(text, str) else made
+    try:
+        found = dict(json.loads(text)) if isinstance(text, str) else made
+    except (ValueError, TypeError, RecursionError):
+        return str(text)
     count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
     return count + ", ".join(f"{name} {value}" for name, value in found.items())
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import data_root_option, plugin_option
+from benchmark.cli.options import data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
+from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec
+    from benchmark.protocols.trainings import Training
 
 #: Options of this verb that a method gets by their own name.
 SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
@@ -32,15 +34,15 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.option("--threads", type=click.IntRange(min=1), metavar="N", help="Threads of a training on the CPU.")
 @click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Further options of the method.")
 @click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Bodies where they are sampled.")
-@plugin_option
 @click.option(
-    "--results",
-    type=click.Path(path_type=Path),
-    default=Path("results"),
-    show_default=True,
-    metavar="DIR",
-    help="Models go to DIR/models.",
+    "--validation",
+    "n_validation",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Hold back N training subjects; curves and pictures show them in place of those that are tested.",
 )
+@plugin_option
+@results_option
 @data_root_option
 def train(
     method: str,
@@ -48,30 +50,75 @@ def train(
     only: str | None,
     options: tuple[str, ...],
     n_sampled: int | None,
+    n_validation: int | None,
     plugins: tuple[Path, ...],
     results: Path,
     data_root: Path | None,
     **given: Any,
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
-    from benchmark.jobs.training_pairs import training_data
     from benchmark.learning import Learner
-    from benchmark.protocols.trainings import SAMPLED_BODIES, find_training, trainings_of
+    from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, find_training, trainings_of, with_validation
     from benchmark.storage.store import Store
+    from benchmark.system.calls import call_apart
 
     spec = _learner(method, plugins, given["configuration"], given["training_seed"])
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise _no_learner(method, plugins)
-    trainings = [find_training(only)] if only else trainings_of(learner, table, data_root).values()
+    trainings = [find_training(only)] if only else [*trainings_of(learner, table, data_root).values()]
+    if n_sampled and not any(training.name == SAMPLED for training in trainings):
+        raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "leave --sampled out")
+    if n_validation:
+        trainings = [with_validation(training, n_validation) for training in trainings]
     schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
     store = Store.open(results)
     for training in trainings:
-        folder = store.models / training.name / learner.model_name
-        click.echo(f"{spec.name}, {training.name}")
-        data = training_data(training, store, data_root, click.echo, n_sampled or SAMPLED_BODIES)
-        learner.train(data, folder, schedule, click.echo)
-        click.echo(f"the model is in {folder}")
+        say(f"{spec.name}, {training.name}")
+        call_apart(
+            train_one, spec, training, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
+            what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
+            all_memory=True, say=say,
+        )  # fmt: skip
+        say(f"the model is in {store.models / training.name / learner.model_name}")
+
+
+def train_one(
+    spec: MethodSpec,
+    training: Training,
+    results: Path,
+    data_root: Path | None,
+    schedule: Mapping[str, Any],
+    n_sampled: int,
+    say: Callable[[str], None],
+) -> None:
+    """Train the model of one training, here.
+
+    Parameters
+    ----------
+    spec
+        A learner.
+    training
+        What to train it on.
+    results, data_root
+        Where models go and shapes come from.
+    schedule
+        Deviations from the schedule of the learner.
+    n_sampled
+        Bodies where they are sampled.
+    say
+        Told about progress.
+    """
+    from benchmark.jobs.training_pairs import training_data
+    from benchmark.learning import ChecksOptions
+    from benchmark.storage.store import Store
+
+    learner: Any = spec.create()
+    if isinstance(learner, ChecksOptions):
+        learner.check_options(schedule)
+    store = Store.open(results)
+    data = training_data(training, store, data_root, say, n_sampled)
+    learner.train(data, store.models / training.name / learner.model_name, schedule, say)
 
 
 def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed: int | None) -> MethodSpec:

@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry import mesh_formats
+from benchmark.geometry.formats.mat import read_mat
+from benchmark.geometry.formats.parsing import Arrays
+from benchmark.geometry.formats.ply import read_ply
+from benchmark.geometry.formats.stl import read_stl
+from benchmark.geometry.formats.text import read_obj, read_off, read_vert_tri
 from benchmark.geometry.mesh import Mesh
 
-_READERS: dict[str, Callable[[bytes], mesh_formats.Arrays]] = {
-    ".off": mesh_formats.read_off,
-    ".obj": mesh_formats.read_obj,
-    ".ply": mesh_formats.read_ply,
-    ".stl": mesh_formats.read_stl,
-    ".mat": mesh_formats.read_mat,
+_READERS: dict[str, Callable[..., Arrays]] = {
+    ".off": read_off,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".mat": read_mat,
+    ".vert": read_vert_tri,
 }
-READABLE: tuple[str, ...] = (*_READERS, ".vert")
+READABLE: tuple[str, ...] = tuple(_READERS)
 WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")
-
-# Everything that a reader may meet in a damaged file; MATLAB 7.3 files raise NotImplementedError.
-_DAMAGE = (
-    ValueError,
-    IndexError,
-    KeyError,
-    AttributeError,
-    TypeError,
-    OverflowError,
-    EOFError,
-    StopIteration,
-    NotImplementedError,
-    MemoryError,
-    struct.error,
-)
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -63,14 +52,11 @@ def read_mesh(path: Path | str) -> Mesh:
     suffix = path.suffix.lower()
     if suffix not in READABLE:
         raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
-    data = _load(path)
+    parts = [_load(part) for part in ((path, path.with_suffix(".tri")) if suffix == ".vert" else (path,))]
     try:
-        if suffix == ".vert":
-            vertices, faces = mesh_formats.read_vert_tri(data, _load(path.with_suffix(".tri")))
-        else:
-            vertices, faces = _READERS[suffix](data)
-    except _DAMAGE as error:
-        reason = str(error) or type(error).__name__
+        vertices, faces = _READERS[suffix](*parts)
+    except Exception as error:  # whatever a damaged file makes a reader stumble over costs this file alone
+        reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__} {error}".strip()
         raise UnreadableMesh(
             f"{path}: not a readable {suffix[1:]} file: {reason}", "fetch or export the file again"
         ) from error

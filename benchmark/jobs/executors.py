@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import wait
 from typing import Protocol
 
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.jobs.claims import Claims
 from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.runner import failure, keep, work
-from benchmark.jobs.worker import Worker, memory_per_worker
+from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
-
-#: Share of the machine's memory that all workers together may take.
-MEMORY_SHARE = 0.85
+from benchmark.storage.store import StorageError, Store
+from benchmark.system.workers import BY_HAND, ending, memory_per_worker
 
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
 
-#: Deaths by somebody else's hand, or at birth, after which a worker is not tried again.
+#: Deaths by somebody else's hand after which a job is not tried again.
 _LIVES = 2
+
+#: Workers that may die one after the other before they begin, which is no fault of a job, and how often the system may
+#: refuse to start one while none runs.
+_BIRTHS = 6
+
+#: Seconds before the system is asked again for a process that it refused.
+_PATIENCE = 1.0
 
 #: Told the names of the running jobs, and how many shapes are done in all.
 Watch = Callable[[Sequence[str], int], None]
@@ -40,20 +45,40 @@ class Executor(Protocol):
 
 @dataclass(frozen=True)
 class SerialExecutor:
-    """Everything in this process: for debugging. There is no timeout, and a crash ends the run."""
+    """Everything in this process: for debugging. There is no timeout, and a crash ends the run.
+
+    Parameters
+    ----------
+    claims
+        The jobs that other runs are at.
+    """
+
+    claims: Claims
 
     def execute(self, orders: Sequence[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
-        """Treat all shapes, then rank."""
+        """Treat all shapes, then rank; the jobs of another run come last, if it has not done them by then."""
+        left = list(orders)
+        while left:
+            taken = [order for order in left if self.claims.take(order.key)]
+            left = [order for order in left if order not in taken]
+            yield from self._done(taken, watch)
+            if left:
+                watch([], 0)
+                time.sleep(_INTERVAL)
+
+    def _done(self, orders: list[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
         names = {order.key: order.name for order in orders}
         done = 0
-        for share in shares(list(orders), 1):
-            work(share, lambda job, steps, done=done: watch([names[job]], done + steps))  # type: ignore[misc]
+        to_do = [order for order in orders if order.key not in Store.open(order.results).records]
+        for share in shares(to_do, 1):
+            work(share, lambda job, steps, shape="", done=done: watch([names[job]], done + steps))
             done += len(share.identifiers)
         for order in orders:
             store = Store.open(order.results)
             if order.key not in store.records:
-                work(Ranking((order,)), lambda job, _: watch([names[job]], done))
+                work(Ranking((order,)), lambda job, steps, shape="": watch([names[job]], done))
             yield order, _record_of(order, store)
+            self.claims.release(order.key)
 
 
 @dataclass(frozen=True)
@@ -66,17 +91,20 @@ class ProcessExecutor:
     ----------
     workers
         Processes at a time.
+    claims
+        The jobs that other runs are at.
     timeout
         Seconds of work after which a job is stopped; None for no limit.
     """
 
     workers: int
+    claims: Claims
     timeout: float | None = None
 
     def execute(self, orders: Sequence[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
         """Do the jobs, handing back each record as soon as its job ends."""
         if orders:
-            yield from _Run(list(orders), self.workers, self.timeout, watch).records()
+            yield from _Run(list(orders), self.workers, self.claims, self.timeout, watch).records()
 
 
 @dataclass
@@ -85,42 +113,112 @@ class _Run:
 
     orders: list[Order]
     workers: int
+    claims: Claims
     timeout: float | None
     watch: Watch
-    running: list[Worker] = field(default_factory=list)
+    running: list[TaskWorker] = field(default_factory=list)
     waiting: deque[Share] = field(default_factory=deque)
     to_rank: list[Order] = field(default_factory=list)
+    claimed: set[str] = field(default_factory=set)
+    elsewhere: dict[str, Order] = field(default_factory=dict)
     open_shares: dict[str, int] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     deaths: dict[str, int] = field(default_factory=dict)
     steps_done: int = 0
+    stillborn: int = 0
+    refused: int = 0
+    not_before: float = 0.0
 
     def records(self) -> Iterator[tuple[Order, Record]]:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
-        self.memory = memory_per_worker(self.workers, MEMORY_SHARE)
+        self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
-        for share in shares(self.orders, self.workers):
-            self.waiting.append(share)
-            for order in share.orders:
-                self.open_shares[order.key] = self.open_shares.get(order.key, 0) + 1
+        self._share_out(self.orders)
         try:
-            while self.waiting or self.running or self.to_rank:
+            while self.waiting or self.running or self.to_rank or self.elsewhere:
                 self._start()
                 wait([worker.sentinel for worker in self.running], timeout=_INTERVAL)
                 for worker in list(self.running):
                     self._look_at(worker)
+                self._look_elsewhere()
                 self._tell()
                 yield from self._ended()
         finally:
             for worker in self.running:
                 worker.end()
 
+    def _share_out(self, orders: Iterable[Order]) -> None:
+        for share in shares(list(orders), self.workers):
+            self.waiting.append(share)
+            for order in share.orders:
+                self.open_shares[order.key] = self.open_shares.get(order.key, 0) + 1
+
     def _start(self) -> None:
-        while (self.waiting or self.to_rank) and len(self.running) < self.workers:
-            task = self._due() or self.waiting.popleft()
+        while len(self.running) < self.workers and time.monotonic() >= self.not_before:
+            task = self._due() or self._next_share()
+            if task is None:
+                return
             number = next(n for n in range(self.workers) if n not in {w.number for w in self.running})
-            self.running.append(Worker(task, number, self.store.progress, self.memory))
+            try:
+                self.running.append(TaskWorker(task, number, self.store.progress, self.memory))
+            except OSError as error:
+                self._refused(task, error)
+            else:
+                self.refused = 0
+
+    def _refused(self, task: Task, error: OSError) -> None:
+        """The system starts no process now: ask again later, when others may have ended."""
+        self._require_folder()
+        if isinstance(task, Ranking):
+            self.to_rank += task.orders
+        else:
+            self.waiting.appendleft(task)
+        self.refused += not self.running
+        self.not_before = time.monotonic() + _PATIENCE
+        if self.refused >= _BIRTHS:
+            raise BenchmarkError(
+                f"the system starts no process: {error.strerror}",
+                "end other programs or run with --executor serial; finished jobs are kept",
+            ) from error
+
+    def _require_folder(self) -> None:
+        if not self.store.progress.is_dir():
+            raise StorageError(
+                f"{self.store.root} vanished during the run",
+                "bring it back or choose another --results DIR, and run again",
+            )
+
+    def _next_share(self) -> Share | None:
+        """The next share, without the jobs that another run is at."""
+        while self.waiting:
+            share = self.waiting[0]
+            for order in share.orders:
+                if order.key not in self.claimed:
+                    self._claim(order)
+            if self.waiting and self.waiting[0].orders == share.orders:
+                return self.waiting.popleft()
+        return None
+
+    def _claim(self, order: Order) -> None:
+        if not self.claims.take(order.key):
+            self.elsewhere[order.key] = order
+        elif order.key not in self.store.records:
+            self.claimed.add(order.key)
+            return
+        self.open_shares[order.key] = 0
+        shares_left = [(share, tuple(o for o in share.orders if o != order)) for share in self.waiting]
+        self.steps_done += sum(len(share.identifiers) for share, left in shares_left if not left)
+        self.waiting = deque(replace(share, orders=left) for share, left in shares_left if left)
+
+    def _look_elsewhere(self) -> None:
+        """Take over what another run has given up; what it has done is handed on like everything else."""
+        free = [order for key, order in self.elsewhere.items() if self.claims.take(key)]
+        for order in free:
+            del self.elsewhere[order.key]
+        to_do = [order for order in free if order.key not in self.store.records]
+        self.claimed |= {order.key for order in to_do}
+        self._share_out(to_do)
 
     def _due(self) -> Ranking | None:
         """Jobs that can be ranked, shared among the free workers: starting a process for each would take longer."""
@@ -129,42 +227,59 @@ class _Run:
         chosen, self.to_rank = self.to_rank[:count], self.to_rank[count:]
         return Ranking(tuple(chosen)) if chosen else None
 
-    def _look_at(self, worker: Worker) -> None:
+    def _look_at(self, worker: TaskWorker) -> None:
         """Book the time of the job that a worker is at; end what takes too long; take note of what has ended."""
-        now, status = time.monotonic(), worker.status
+        now, status, ended = time.monotonic(), worker.status, worker.exit_code is not None
         if status.job and not status.is_done:
+            self.stillborn = 0
             self.seconds[status.job] = self.seconds.get(status.job, 0.0) + now - worker.looked
         worker.looked = now
-        if worker.exit_code is None:
+        if not ended:
             if self.timeout and self.seconds.get(status.job, 0.0) > self.timeout:
-                worker.end()
+                worker.stop()
                 said = f"stopped after {self.timeout:g} s; pass a longer --timeout, what is done is kept"
-                self._blame(worker, status.job, failure("timeout", said))
-            return
-        if worker.status.is_done:
-            self._finish(worker)
+                self._blame(worker, status, "timeout", said)
             return
         worker.end()
-        self._died(worker)
+        if worker.status_at_end.is_done:  # however it died after that
+            self._finish(worker)
+        else:
+            self._died(worker)
 
-    def _died(self, worker: Worker) -> None:
+    def _died(self, worker: TaskWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
-        code, job = worker.exit_code or 0, worker.status_at_end.job
-        whose = job or worker.task.orders[0].key
-        if not job or code == -signal.SIGKILL:
-            self.deaths[whose] = self.deaths.get(whose, 0) + 1
-            if self.deaths[whose] < _LIVES:
+        code, status = worker.exit_code or 0, worker.status_at_end
+        self._require_folder()
+        if not status.job:
+            self.stillborn += 1
+            if self.stillborn >= _BIRTHS:
+                raise BenchmarkError(
+                    f"{_BIRTHS} processes in turn ended before they began, the last with {ending(code)}",
+                    "find out what ends them, or run with --executor serial; finished jobs are kept",
+                )
+            self._again(worker, without="")
+        elif -code in BY_HAND:
+            self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
+            if self.deaths[status.job] < _LIVES:
                 self._again(worker, without="")
-                return
-        self._blame(worker, whose, _crash(code, at_birth=not job))
+            else:
+                said = (
+                    "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
+                )
+                self._blame(worker, status, "killed", said)
+        else:
+            said = f"the process ended with {ending(code)}; run it with --executor serial to see more"
+            self._blame(worker, status, "crashed", said)
 
-    def _blame(self, worker: Worker, key: str, content: Record) -> None:
+    def _blame(self, worker: TaskWorker, status: Status, kind: str, said: str) -> None:
         """Write the record of the job that broke its worker, and let the rest of the share go on."""
+        key = status.job
         if key in self.pending and key not in self.store.records:
-            keep(self.pending[key], self.store, content)
+            where = f"{status.shape}: " if status.shape else ""
+            keep(self.pending[key], self.store, failure(kind, where + said, worker.trace))
         self._again(worker, without=key)
 
-    def _again(self, worker: Worker, without: str) -> None:
+    def _again(self, worker: TaskWorker, without: str) -> None:
         self.running.remove(worker)
         task = worker.task
         if isinstance(task, Ranking):
@@ -183,7 +298,7 @@ class _Run:
             for order in left:
                 self._close(order)
 
-    def _finish(self, worker: Worker) -> None:
+    def _finish(self, worker: TaskWorker) -> None:
         worker.end()
         self.running.remove(worker)
         if isinstance(worker.task, Share):
@@ -203,14 +318,19 @@ class _Run:
         for key, order in list(self.pending.items()):
             if key in self.store.records and (self.open_shares[key] == 0 or key not in busy):
                 del self.pending[key]
+                self.elsewhere.pop(key, None)
                 yield order, _record_of(order, self.store)
-            elif self.open_shares[key] == 0 and key not in busy and key not in due:
+                self.claims.release(key)
+            elif self.open_shares[key] == 0 and key not in busy and key not in due and key not in self.elsewhere:
                 del self.pending[key]  # its ranking ended without a word
                 yield order, keep(order, self.store, failure("crashed", "ranking left no record; run it again"))
+                self.claims.release(key)
 
     def _tell(self) -> None:
         at = [worker.status for worker in self.running]
         names = [self.pending[status.job].name for status in at if status.job in self.pending]
+        if not self.running and self.elsewhere:
+            names = [f"another run is at {order.name}" for order in self.elsewhere.values()]
         shapes = sum(s.steps for s, w in zip(at, self.running, strict=True) if isinstance(w.task, Share))
         self.watch(names, self.steps_done + shapes)
 
@@ -224,19 +344,17 @@ def _record_of(order: Order, store: Store) -> Record:
     return record if record is not None else keep(order, store, failure("crashed", "the job left no record"))
 
 
-def _crash(code: int, *, at_birth: bool) -> Record:
-    if code == -signal.SIGKILL:
-        return failure(
-            "killed",
-            "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it",
-        )
-    name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-    when = " before it began" if at_birth else ""
-    return failure("crashed", f"the process ended with {name}{when}; run it with --executor serial to see more")
-
-
-def make_executor(name: str, workers: int, timeout: float | None) -> Executor:
+def make_executor(name: str, workers: int, timeout: float | None, claims: Claims) -> Executor:
     """Make an executor by the name it has on the command line.
+
+    Parameters
+    ----------
+    name
+        ``"serial"`` or ``"processes"``.
+    workers, timeout
+        See :class:`ProcessExecutor`.
+    claims
+        The jobs that other runs are at.
 
     Raises
     ------
@@ -244,7 +362,7 @@ def make_executor(name: str, workers: int, timeout: float | None) -> Executor:
         If the name is unknown.
     """
     if name == "serial":
-        return SerialExecutor()
+        return SerialExecutor(claims)
     if name == "processes":
-        return ProcessExecutor(workers, timeout)
+        return ProcessExecutor(workers, claims, timeout)
     raise ConfigurationError(f"unknown executor '{name}'", "choose serial or processes")

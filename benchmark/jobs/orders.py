@@ -5,12 +5,31 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from benchmark.contracts import Input
 from benchmark.jobs.plan import Job
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.models import Model
+
+
+class Scope(Protocol):
+    """Where the results and the official data sets of a selection are, and its base seed."""
+
+    @property
+    def results(self) -> Path:
+        """Folder of the store."""
+        ...
+
+    @property
+    def data_root(self) -> Path | None:
+        """Folder of the official data sets, if there is one."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Base seed of all methods."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -54,19 +73,19 @@ class Order:
     split_size: int = 0
 
     @classmethod
-    def of(cls, job: Job, results: Path, data_root: Path | None, seed: int) -> Order:
+    def of(cls, job: Job, scope: Scope) -> Order:
         """Write the order for a job of the plan."""
         return cls(
             key=job.key,
             facts=job.facts,
             dataset=job.gallery.source,
-            data_root=data_root,
+            data_root=scope.data_root,
             identifiers=tuple(entry.identifier for entry in job.gallery.entries),
             input=job.input,
             method=job.method,
-            seed=seed,
+            seed=scope.seed,
             models=job.models,
-            results=results,
+            results=scope.results,
             recipe=job.recipe,
             all_unseen=job.gallery.table.all_unseen,
             split_size=job.gallery.table.split_size,

@@ -27,6 +27,9 @@ PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
 #: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
 CHANGED = "changed"
 
+#: Status of a job whose results could not be written; it is run again without being asked.
+UNSAVED = "unsaved"
+
 
 @dataclass(frozen=True)
 class Job:
@@ -162,12 +165,12 @@ def _job(
     recipe = job_recipe(gallery, input_, spec, data, models, seed)
     key = keys.digest(recipe)
     record = store.records.read(key)
-    if record is not None and record["status"] != CHANGED:
+    if record is not None and record["status"] not in (CHANGED, UNSAVED):
         status = record["status"]
         if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
             return job("cached" if status == "ok" else "failed", _told(record), recipe)
         return job("stale", f"{status} before, asked to retry", recipe)
-    if key in store.published:
+    if store.published.read(key) is not None:
         return job("published", "finished elsewhere; a run makes it anew here", recipe)
     older = before.get((gallery.name, input_, spec.name, seed))
     if not older:

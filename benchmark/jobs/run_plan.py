@@ -5,10 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Protocol
+from contextlib import suppress
 
-import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -20,13 +18,15 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from benchmark.jobs.claims import Claims
 from benchmark.jobs.executors import make_executor
-from benchmark.jobs.orders import Order
+from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job, unavailable_record
-from benchmark.storage.environment import environment
+from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system.text import brief, clean, say
 from retrieval.measures import PRINTED
 
 #: Seconds between two lines about progress where there is no terminal.
@@ -36,17 +36,8 @@ _SILENCE = 15.0
 _FINE = ("cached", "unsupported")
 
 
-class _Selection(Protocol):
-    @property
-    def results(self) -> Path: ...
-    @property
-    def data_root(self) -> Path | None: ...
-    @property
-    def seed(self) -> int: ...
-
-
 def run_plan(
-    jobs: Sequence[Job], store: Store, selection: _Selection, executor: str, workers: int, timeout: float | None
+    jobs: Sequence[Job], store: Store, scope: Scope, executor: str, workers: int, timeout: float | None
 ) -> bool:
     """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
 
@@ -58,25 +49,27 @@ def run_plan(
     # Two tables may hold the same job.
     jobs = list({job.key or job.name: job for job in jobs}.values())
     to_run = [job for job in jobs if job.to_run]
-    click.echo(
-        f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before"
-    )
+    say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
     for job in jobs:
         if job.state in ("failed", "unavailable"):
             again = "; --retry runs it again" if job.state == "failed" else ""
-            click.echo(f"{job.state:<11}  {job.name}  {job.reason}{again}")
+            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{again}")
         if job.state == "unavailable":
-            store.write_record({**unavailable_record(job), "environments": [environment()]})
+            made = {"environment": environment_text(), "artefacts": 0}
+            store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
     fine = all(job.state in _FINE for job in jobs if not job.to_run)
-    for job in to_run:
-        store.records.remove(job.key)  # asked to retry: the failure of before must not stop the workers
-    orders = [Order.of(job, selection.results, selection.data_root, selection.seed) for job in to_run]
-    with _Display(orders) as display:
-        for order, record in make_executor(executor, workers, timeout).execute(orders, display.watch):
+    orders = [Order.of(job, scope) for job in to_run]
+    with Claims.of(store) as claims, _Display(orders) as display:
+        for order in orders:
+            if claims.take(order.key):
+                store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
+                claims.release(order.key)
+        for order, record in make_executor(executor, workers, timeout, claims).execute(orders, display.watch):
             display.ended(order, record)
             fine &= record["status"] == "ok"
-    store.drop_scratch()
+        if claims.is_last():
+            store.drop_scratch()
     return fine
 
 
@@ -85,7 +78,7 @@ class _Display:
 
     def __init__(self, orders: Sequence[Order]) -> None:
         self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
@@ -102,12 +95,13 @@ class _Display:
 
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show which jobs are at work, and how many shapes are done."""
-        self._bar.update(self._task, completed=done, description=", ".join(names) or "waiting")
+        self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
             left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
-            click.echo(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}", err=True)
+            at = "" if done or not names else f", {names[0]}"
+            _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
     def ended(self, order: Order, record: Record) -> None:
         """Print the line of a job that has ended."""
@@ -116,8 +110,14 @@ class _Display:
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
-            said = f"{record['status']:<11}  {order.name}  {record['reason']}"
+            said = f"{record['status']:<11}  {order.name}  {brief(record['reason'])}"
         if self._bar.disable:
-            click.echo(said, err=True)
+            _say(said)
         else:
-            self._bar.console.print(said, highlight=False, markup=False, soft_wrap=True)
+            self._bar.console.print(clean(said), highlight=False, markup=False, soft_wrap=True)
+
+
+def _say(text: str) -> None:
+    """Tell how it goes; a run does not end because nobody listens."""
+    with suppress(OSError):
+        say(text, err=True)

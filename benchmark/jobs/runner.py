@@ -8,9 +8,9 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,20 +20,23 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.jobs import recipes
 from benchmark.jobs.orders import Order, Ranking, Share, Task
-from benchmark.jobs.plan import CHANGED, difference
+from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import ranking
 from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
+from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
 
-__all__ = ["failure", "keep", "work"]
+__all__ = ["failure", "keep", "make_forms", "work"]
 
-#: Told which job a worker is at, and how many steps of its task are behind it.
-Tell = Callable[[str, int], None]
+
+class Tell(Protocol):
+    """Told which job a worker is at, how many steps of its task are behind it, and the shape that is next."""
+
+    def __call__(self, job: str, steps: int, shape: str = "") -> object: ...
 
 
 def work(task: Task, tell: Tell) -> None:
@@ -81,7 +84,14 @@ def _treat(share: Share, tell: Tell) -> None:
     store = Store.open(first.results)
     treatments: dict[str, Treatment] = {}
     made: dict[str, list[str]] = {order.key: [] for order in share.orders}
-    dataset = open_dataset(first.dataset, first.data_root)
+    tell(first.key, 0)
+    try:
+        dataset = open_dataset(first.dataset, first.data_root)
+    except Exception:
+        for order in share.orders:
+            with _guarded(order, store):
+                raise
+        return
     by_identifier = _by_identifier(dataset)
     preparation = Preparation(dataset, first.input, store)
     wanted = {order.key: frozenset(order.identifiers) for order in share.orders}
@@ -94,7 +104,7 @@ def _treat(share: Share, tell: Tell) -> None:
         for order in share.orders:
             if identifier not in wanted[order.key] or order.key not in treatments or order.key in store.records:
                 continue
-            tell(order.key, done)
+            tell(order.key, done, identifier)
             with _guarded(order, store, identifier):
                 try:
                     found = treatments[order.key].treat(by_identifier[identifier])
@@ -155,6 +165,8 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
         )
     except _CodeChanged as error:
         keep(order, store, failure(CHANGED, str(error)))
+    except StorageError as error:
+        keep(order, store, failure(UNSAVED, f"{where}{error}"))
     except BenchmarkError as error:
         keep(order, store, failure("failed", f"{where}{error}"))
     except BaseException as error:  # also what ends a program: a method must not end the run
@@ -162,6 +174,28 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
             raise  # somebody interrupts jobs that are done in this process
         reason = f"{where}{type(error).__name__}: {error}" if str(error) else f"{where}{type(error).__name__}"
         keep(order, store, failure("failed", reason, traceback.format_exc()))
+
+
+def make_forms(order: Order, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
+    """Make the forms of some shapes of a job and keep them; of a shape that cannot be treated, the reason is kept.
+
+    Parameters
+    ----------
+    order
+        The job.
+    identifiers
+        The shapes.
+    say
+        Told each shape when it is done.
+    """
+    store = Store.open(order.results)
+    dataset = open_dataset(order.dataset, order.data_root)
+    treatment = _treatment(order, Preparation(dataset, order.input, store), store)
+    by_identifier = _by_identifier(dataset)
+    for identifier in identifiers:
+        with suppress(ShapeError):
+            treatment.answer(by_identifier[identifier])
+        say(identifier)
 
 
 # Galleries -----------------------------------------------------------------------------------------------------------

@@ -87,7 +87,7 @@ class Treatment:
         """
         prepared = self.preparation.artefact(entry)
         arrays = treated(prepared)
-        answer = self._answer(entry)
+        answer = self.answer(entry)
         said = {**notes(arrays), **notes(treated(answer))}
         if self.describes:
             return Treated(prepared, answer, None, said)
@@ -115,10 +115,12 @@ class Treatment:
         treated(features_found)
         return Treated(prepared, answer, features_found, said)
 
-    def form(self, entry: Entry) -> Mesh:
-        """Canonical form of a shape; raises ``ShapeError`` if there is none."""
-        arrays = treated(self._answer(entry))
-        return form.form_mesh(arrays, self.preparation.shape(entry, self.seed).mesh)
+    def found_form(self, entry: Entry) -> Mesh | None:
+        """Canonical form of a shape if it has been made; raises ``ShapeError`` if the shape cannot be treated."""
+        found = self.store.find(self.recipe(entry))
+        if found is None:
+            return None
+        return form.form_mesh(treated(found), self.preparation.shape(entry, self.seed).mesh)
 
     def recipe(self, entry: Entry) -> Recipe:
         """What determines the form or the descriptor."""
@@ -139,7 +141,9 @@ class Treatment:
             if (model := self.models.get(entry.identifier)) and model.has_seen(entry, dataset)
         ]
 
-    def _answer(self, entry: Entry) -> Artefact:
+    def answer(self, entry: Entry) -> Artefact:
+        """Make, or find, the form or the descriptor of a shape, or why there is none; see :func:`treated`."""
+
         def compute() -> Arrays:
             shape = self.preparation.shape(entry, self.seed)
             method = self._method_for(entry)

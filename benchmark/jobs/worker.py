@@ -1,32 +1,21 @@
-"""A worker: one process for one task, in a session of its own, that dies with the harness."""
+"""A worker of a run: it does one task, and tells in a file how far it is and where it was when it crashed."""
 
 from __future__ import annotations
 
-import ctypes
-import multiprocessing
+import faulthandler
+import json
 import os
-import secrets
 import signal
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from multiprocessing import resource_tracker
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmark.jobs.orders import Task
+from benchmark.system.workers import Worker
 
-_DONE = "done"
-
-#: ``PR_SET_PDEATHSIG`` of Linux.
-_PARENT_DEATH_SIGNAL = 1
-
-#: Seconds that a process has to end once it was killed.
-GRACE = 5.0
-
-#: Environment variable by which the processes that a worker started are known as its own.
-_MARK = "CANONICAL_FORMS_WORKER"
+#: Seconds that a process has to write down where it is before it is stopped.
+_LAST_WORDS = 0.3
 
 
 @dataclass(frozen=True)
@@ -39,20 +28,20 @@ class Status:
         Key of the job that it is at; "" before the first one.
     steps
         Shapes of its share that are behind it.
+    shape
+        Identifier of the shape that it is at; "" between shapes.
     is_done
         Whether the task is finished.
     """
 
     job: str = ""
     steps: int = 0
+    shape: str = ""
     is_done: bool = False
 
 
-class Worker:
+class TaskWorker:
     """A running process with its task.
-
-    What it brings about is on the disk: records, artefacts, and a file that says how far it is. Nothing is trusted to a
-    pipe, which a process that is killed may hold locked or leave half written.
 
     Parameters
     ----------
@@ -64,6 +53,11 @@ class Worker:
         Folder of the files that say how far workers are.
     memory
         Bytes that it may take.
+
+    Raises
+    ------
+    OSError
+        If the system starts no further process.
     """
 
     def __init__(self, task: Task, number: int, progress: Path, memory: int) -> None:
@@ -71,114 +65,72 @@ class Worker:
         self.number = number
         self.looked = time.monotonic()
         self.status_at_end = Status()
-        self._mark = secrets.token_hex(16)
-        self._status_file = status_file = progress / f"{os.getpid()}-{number}"
-        status_file.unlink(missing_ok=True)
-        resource_tracker.ensure_running()  # it serves all workers, and must not bear the mark of the first
-        context = multiprocessing.get_context("spawn")
-        self._process = context.Process(target=_main, args=(task, status_file, memory, os.getpid()))
-        with _without_interrupts():
-            os.environ[_MARK] = self._mark
-            try:
-                self._process.start()
-            finally:
-                del os.environ[_MARK]
+        #: Where it was when it crashed or was stopped, as a traceback.
+        self.trace = ""
+        self._status_file = progress / f"{os.getpid()}-{number}"
+        self._trace_file = self._status_file.with_name(f"{self._status_file.name}-trace")
+        self._clear()
+        self._worker = Worker(_do, task, self._status_file, self._trace_file, memory=memory)
 
     @property
     def sentinel(self) -> int:
         """Handle that becomes ready when the process ends."""
-        return self._process.sentinel
+        return self._worker.sentinel
 
     @property
     def exit_code(self) -> int | None:
         """Exit code, or minus the number of the signal; None while it runs."""
-        return self._process.exitcode
+        return self._worker.exit_code
 
     @property
     def status(self) -> Status:
         """How far it is."""
         try:
-            job, steps, done = self._status_file.read_text().split(";")
-            return Status(job, int(steps), done == _DONE)
-        except (OSError, ValueError):
+            return Status(**json.loads(self._status_file.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
             return Status()
+
+    def stop(self) -> None:
+        """End a process that still runs, after it has written down where it is."""
+        self._worker.send(signal.SIGUSR1)
+        time.sleep(_LAST_WORDS)
+        self.end()
 
     def end(self) -> None:
         """Kill the process, if it still runs, and everything that it started."""
-        identifier = self._process.pid
-        if identifier is not None:
-            with suppress(OSError):
-                os.killpg(identifier, signal.SIGKILL)  # the session of the worker bears its number
-        for process in _marked(self._mark):  # those that began sessions of their own
-            with suppress(OSError):
-                os.kill(process, signal.SIGKILL)
-        self._process.join(GRACE)
+        self._worker.end()
         self.status_at_end = self.status
-        self._status_file.unlink(missing_ok=True)
+        with suppress(OSError):
+            self.trace = self._trace_file.read_text(encoding="utf-8", errors="replace")
+        self._clear()
+
+    def _clear(self) -> None:
+        for path in (self._status_file, self._trace_file, _beside(self._status_file)):
+            path.unlink(missing_ok=True)
 
 
-def memory_per_worker(workers: int, share: float) -> int:
-    """Bytes that one of several workers may take."""
-    import psutil
-
-    return int(psutil.virtual_memory().total * share / workers)
+def _beside(status_file: Path) -> Path:
+    return status_file.with_name(f"{status_file.name}-next")
 
 
-def _main(task: Task, status_file: Path, memory: int, harness: int) -> None:
-    """Entry point of the process."""
-    with suppress(OSError):
-        os.setsid()
-    _die_with(harness)
-    _limit_memory(memory)
+def _do(task: Task, status_file: Path, trace_file: Path) -> None:
+    """Do the task, in its process."""
+    with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
+        trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
+        faulthandler.enable(trace, all_threads=False)
+        faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
     from benchmark.jobs.runner import work
 
-    latest = ["", "0"]
+    latest = Status()
+    beside = _beside(status_file)
 
-    def tell(job: str, steps: int) -> None:
-        latest[:] = job, str(steps)
-        status_file.write_text(f"{job};{steps};")
+    def tell(job: str, steps: int, shape: str = "", *, is_done: bool = False) -> None:
+        nonlocal latest
+        latest = Status(job, steps, shape, is_done)
+        with suppress(OSError):  # a full disk is told of by what cannot do without it
+            beside.parent.mkdir(exist_ok=True)  # somebody may have removed it
+            beside.write_text(json.dumps(asdict(latest)), encoding="utf-8")
+            beside.replace(status_file)  # so that no reader finds half of it
 
     work(task, tell)
-    status_file.write_text(f"{latest[0]};{latest[1]};{_DONE}")
-    # All that counts is on the disk. Exit handlers and threads of a method could only hang or complain.
-    os._exit(0)
-
-
-def _die_with(harness: int) -> None:
-    """Ask the system to kill this process when the harness ends, however it ends."""
-    if sys.platform != "linux":
-        return
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != harness:
-        os._exit(1)  # it ended before the system was asked
-
-
-def _limit_memory(limit: int) -> None:
-    """Let a job that eats memory fail alone with a ``MemoryError`` rather than take the machine down."""
-    try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
-    except (ImportError, ValueError, OSError):
-        return  # not every system has this limit; the job then runs without one
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Let what is started in the body not hear of Ctrl-C, which is for the harness alone; it hears of it afterwards."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _marked(mark: str) -> Iterator[int]:
-    """Processes that a worker started, directly or not: they have inherited the mark in its environment."""
-    import psutil
-
-    for process in psutil.process_iter():
-        with suppress(psutil.Error, OSError):
-            if process.environ().get(_MARK) == mark:
-                yield process.pid
+    tell(latest.job, latest.steps, is_done=True)

@@ -12,7 +12,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, one_line
 
 #: Packages of the project, which no module of a plugin stands in for.
 _PROJECT = frozenset({"benchmark", "baselines", "learned", "retrieval"})
@@ -53,11 +53,12 @@ def import_plugin(path: str) -> ModuleType:
     ConfigurationError
         If there is no such file, it cannot be imported, or a module beside it has the name of another one.
     """
-    name = f"plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+    name = _module_name(path)
     if name in sys.modules:
         return sys.modules[name]
+    require_file(path)
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not Path(path).is_file():
+    if spec is None or spec.loader is None:
         raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
     _PluginFolders.add(Path(path).parent)
     _check_helpers(Path(path))
@@ -65,13 +66,28 @@ def import_plugin(path: str) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         mend = "mend the file"
         if isinstance(error, ModuleNotFoundError) and error.name:
             mend = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
-        raise ConfigurationError(f"plugin {path} cannot be imported: {type(error).__name__}: {error}", mend) from error
+        raise ConfigurationError(f"plugin {path} cannot be imported: {one_line(error)}", mend) from error
     return module
+
+
+def require_file(path: str) -> None:
+    """Raise ``ConfigurationError`` unless a path is that of a Python file."""
+    if not path.endswith(".py") or not Path(path).is_file():
+        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
+
+
+def is_imported(path: str) -> bool:
+    """Whether this process has imported a plugin file, given by its absolute path."""
+    return _module_name(path) in sys.modules
+
+
+def _module_name(path: str) -> str:
+    return f"plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
 
 
 def helpers_of(path: Path) -> dict[str, Path]:

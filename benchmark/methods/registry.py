@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from benchmark.contracts import Descriptor, Method, MethodInfo
-from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
+from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean, one_line
+from benchmark.methods.information import problems_of
 from benchmark.methods.plugins import import_plugin
 from benchmark.parameters.values import assignments, departures, parameter_values, spelt
 
@@ -37,6 +38,11 @@ BUILT_IN: dict[str, str] = {
     "skeleton": "baselines.skeleton:Skeleton",
     "learned": "learned.methods:Learned",
     "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
+    "spectral-mds": "baselines.spectral_mds:SpectralMDS",
+    "nystrom-mds": "baselines.nystrom_mds:NystromMDS",
+    "subspace-mds": "baselines.subspace_mds:SubspaceMDS",
+    "feature-preserved": "baselines.feature_preserved:FeaturePreserved",
+    "euclidean-distance": "baselines.euclidean_distance:EuclideanDistance",
     "learned-without-srf": "learned.methods:WithoutSRF",
     "learned-without-lrf": "learned.methods:WithoutLRF",
     "learned-strict": "learned.methods:Strict",
@@ -135,9 +141,9 @@ class MethodSpec:
             created = found(**self.parameters)
         except BenchmarkError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ConfigurationError(
-                f"{self.name} cannot be made: {type(error).__name__}: {error}",
+                f"{self.name} cannot be made: {one_line(error)}",
                 "choose other parameters" if self.parameters else "give every parameter a default that fits",
             ) from error
         if not isinstance(created, (Method, Descriptor)):
@@ -264,14 +270,22 @@ def variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
 
 
 def plugin_methods(path: Path) -> list[MethodSpec]:
-    """Methods defined in a plugin file, in the order of the file."""
+    """Methods defined in a plugin file, in the order of the file.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be imported, defines no method, or a method says of itself what cannot be.
+    """
     module = import_plugin(str(path.resolve()))
-    specs = [
-        MethodSpec(info.name, f"{path.resolve()}:{attribute}")
-        for attribute, value in vars(module).items()
-        if isinstance(value, type) and value.__module__ == module.__name__
-        if isinstance(info := getattr(value, "info", None), MethodInfo)
-    ]
+    specs = []
+    for attribute, value in vars(module).items():
+        if isinstance(value, type) and value.__module__ == module.__name__:
+            info = getattr(value, "info", None)
+            if isinstance(info, MethodInfo):
+                for problem, mend in problems_of(info):
+                    raise ConfigurationError(f"plugin {path}, {attribute}: {problem}", mend)
+                specs.append(MethodSpec(info.name, f"{path.resolve()}:{attribute}"))
     if not specs:
         raise ConfigurationError(
             f"plugin {path} defines no method", "give a class an 'info: ClassVar[MethodInfo]' or use @canonical_form"

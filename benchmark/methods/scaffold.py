@@ -10,9 +10,8 @@ from pathlib import Path
 from string import Template
 
 from benchmark.errors import ConfigurationError
+from benchmark.methods.information import LONGEST_NAME, is_name
 from benchmark.methods.registry import methods
-
-_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 #: Names that the written module imports: a class of that name would hide them.
 _IMPORTED = frozenset({"Annotated", "CanonicalForm", "ClassVar", "Interval", "MethodInfo", "Shape"})
@@ -136,7 +135,11 @@ def new_method(name: str, folder: Path = Path()) -> list[Path]:
 
 def _checked(name: str) -> tuple[str, str]:
     """Names of the module and of the class, or an error that says what is wrong with the name."""
-    if not _NAME.fullmatch(name):
+    if len(name) > LONGEST_NAME:
+        raise ConfigurationError(
+            f"'{name[:20]}...' is too long for the name of a method", f"use {LONGEST_NAME} characters at most"
+        )
+    if not is_name(name):
         words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
         mend = "join lower-case words by hyphens" + (f": {'-'.join(words)}" if words and words[0].isalpha() else "")
         raise ConfigurationError(f"'{name}' cannot be the name of a method", mend)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
-from benchmark.learning import Learner, find_model, read_card
+from benchmark.learning import Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.tables import Gallery
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
@@ -41,10 +42,10 @@ class Model:
     folder: Path
     card: Mapping[str, Any]
 
-    @property
+    @cached_property
     def digest(self) -> str:
-        """What recipes name it by: the weights, wherever they lie."""
-        return str(self.card["digest"])[:16]
+        """What recipes name it by: its card, and by it the weights, wherever they lie."""
+        return card_digest(self.card)[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Whether training showed a shape, or another one of its subject.
@@ -54,7 +55,7 @@ class Model:
         """
         if dataset in CATALOGUE and dataset != TRAININGS[self.training].dataset:
             return False
-        return entry.identifier in self.card.get("identifiers", ()) or entry.subject in self.card.get("subjects", ())
+        return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
 
     def summary(self) -> dict[str, Any]:
         """What a record tells of it."""
@@ -102,10 +103,23 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
             f"run `{_command(spec, missing)}`",
         )
     try:
-        models = {name: Model(name, folder, read_card(folder)) for name, folder in found.items() if folder is not None}
+        models = {name: _model(method, name, folder) for name, folder in found.items() if folder is not None}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.mend) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
+
+
+def _model(method: Learner, training: str, folder: Path) -> Model:
+    """The model in a folder; raises ``ConfigurationError`` if its card is not that of such a model."""
+    card = read_card(folder)
+    if card["data"] != training:
+        raise ConfigurationError(
+            f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
+        )
+    check = getattr(method, "check_card", None)
+    if check is not None:
+        check(card, folder)
+    return Model(training, folder, card)
 
 
 def _command(spec: MethodSpec, missing: Sequence[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, Entry
@@ -28,6 +28,7 @@ __all__ = [
     "subject_fold",
     "trainings_by_shape",
     "trainings_of",
+    "with_validation",
 ]
 
 
@@ -145,9 +146,9 @@ def _others(left_out: tuple[int, ...], folds: tuple[tuple[int, ...], ...]) -> tu
     return tuple(sorted(place for fold in folds if fold != left_out for place in fold))
 
 
-def _counted(places: tuple[int, ...]) -> str:
-    """Places in words, counted from 1."""
-    return ", ".join(str(place + 1) for place in places)
+def _counted(subjects: tuple[int | str, ...]) -> str:
+    """Subjects in words, places counted from 1."""
+    return ", ".join(str(subject + 1) if isinstance(subject, int) else subject for subject in subjects)
 
 
 def _of_animals(dataset: str) -> Iterator[Training]:
@@ -185,6 +186,44 @@ def find_training(name: str) -> Training:
     if name not in TRAININGS:
         raise did_you_mean("training", name, TRAININGS)
     return TRAININGS[name]
+
+
+def with_validation(training: Training, n_subjects: int) -> Training:
+    """Training without some of its subjects, which take the place of the tested ones in curves and pictures.
+
+    What a choice between schedules or parameters is made by. The subjects to be tested are in neither part. The
+    training subjects are cut into as many equal runs as subjects are held back, and of each run the next place is
+    taken, from the first on; what is left over at the end stays in training. So, as with :func:`subject_fold`, neither
+    a set that lists its kinds one after the other nor one that lists them in turn has one kind alone held back.
+
+    Parameters
+    ----------
+    training
+        The protocol.
+    n_subjects
+        How many subjects to hold back.
+
+    Raises
+    ------
+    ConfigurationError
+        If that would leave nothing to train on.
+    """
+    subjects = training.trained.subjects
+    if not 0 < n_subjects < len(subjects):
+        raise ConfigurationError(
+            f"training '{training.name}' cannot hold back {n_subjects} of {len(subjects)} subjects",
+            f"choose fewer than {len(subjects)}" if len(subjects) > 1 else "train without validation",
+        )
+    length = len(subjects) // n_subjects
+    held_back = tuple(subjects[run * length + run % length] for run in range(n_subjects))
+    rest = tuple(subject for subject in subjects if subject not in held_back)
+    return replace(
+        training,
+        name=f"{training.name}-validation-{n_subjects}",
+        words=f"{training.words}, without {_counted(held_back)} for validation",
+        trained=replace(training.trained, subjects=rest),
+        tested=replace(training.tested, subjects=held_back),
+    )
 
 
 def trainings_of(learner: Learner, table: str, data_root: Path | None) -> dict[str, Training]:

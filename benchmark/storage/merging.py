@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from benchmark.storage.records import Record, Records, by_place, outcome, place, portable
-from benchmark.storage.store import StorageError
+from benchmark.storage.store import StorageError, Store
 
 
 @dataclass
@@ -27,7 +26,7 @@ class Merged:
     conflicts: list[tuple[Record, Record]] = field(default_factory=list)
 
 
-def records_under(folder: Path) -> list[Record]:
+def records_under(results: Store) -> list[Record]:
     """All records of a results folder, those that came with it before those made there.
 
     Raises
@@ -35,10 +34,12 @@ def records_under(folder: Path) -> list[Record]:
     StorageError
         If there is no such folder, or it holds no record.
     """
-    places = [Records(folder / "records"), Records(folder / "runs" / "records")]
+    places = (results.published, results.records)
     found = list({record["key"]: record for records in places for record in records}.values())
     if not found:
-        raise StorageError(f"{folder} holds no records", "name a results folder: DIR/runs/records or DIR/records")
+        raise StorageError(
+            f"{results.root.parent} holds no records", "name a results folder: DIR/runs/records or DIR/records"
+        )
     return found
 
 

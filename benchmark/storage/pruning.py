@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,16 +20,15 @@ def unneeded(store: Store) -> Iterator[Path]:
     needed = {key for record in newest for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
     yield from store.scratch.glob("*/*.npz")
-    yield from leftovers(store.root)
-    yield from (path for path in store.progress.iterdir() if not _is_watched(path))
+    yield from _leftovers(store)
 
 
 def sweep_leftovers(store: Store) -> None:
     """Remove what killed processes left behind: half-written files, and notes on progress that nobody reads."""
-    remove([*leftovers(store.root), *(path for path in store.progress.iterdir() if not _is_watched(path))])
+    remove(list(_leftovers(store)))
 
 
-def remove(paths: list[Path]) -> int:
+def remove(paths: Iterable[Path]) -> int:
     """Remove files; returns the bytes that were freed."""
     freed = 0
     for path in paths:
@@ -38,6 +37,12 @@ def remove(paths: list[Path]) -> int:
             path.unlink()
             freed += size
     return freed
+
+
+def _leftovers(store: Store) -> Iterator[Path]:
+    yield from leftovers(store.root)
+    yield from leftovers(store.published.folder)
+    yield from (path for path in store.progress.iterdir() if not _is_watched(path))
 
 
 def _is_watched(path: Path) -> bool:

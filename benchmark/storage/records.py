@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 import json
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from benchmark.contracts import Input
 from benchmark.storage.keys import digest
+from benchmark.storage.soundness import fault_of, not_a_number
 from benchmark.system.files import write_text
-from retrieval.measures import PRINTED
 
 Record = dict[str, Any]
 
-#: What every record has, what it tells of its data, and what it has besides if the job was ok; a file that lacks any of
-#: it is not a record.
-REQUIRED: Mapping[str, type] = {
-    "key": str, "gallery": str, "input": str, "method": str, "title": str, "family": str, "parameters": dict,
-    "target": str, "status": str, "recipe": dict, "data": dict,
-}  # fmt: skip
-OF_DATA: Mapping[str, type] = {
-    "name": str, "title": str, "stand_in_for": str, "source": str, "module": str, "quick": bool, "n_shapes": int,
-    "n_classes": int, "chance": dict,
-}  # fmt: skip
-OF_SCORED: Mapping[str, type] = {
-    "scores": dict, "per_query": dict, "chance": dict, "shapes": list, "labels": list, "n_shapes": int,
-    "n_classes": int, "unsupported": list, "cost": dict,
-}  # fmt: skip
+#: Bytes beyond which a file is no record; that of 300 shapes has a five-hundredth of it.
+LARGEST_FILE = 2**25
 
 #: Parts that say when and where a job was done, not what came out.
 CIRCUMSTANCES = frozenset({"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"})
 
 #: Parts that have no meaning on another machine.
 LOCAL = frozenset({"artefacts"})
+
+
+#: Skipped files of a folder that are named one by one.
+MOST_TOLD = 10
+
+_MEND = "remove it or move it elsewhere"
 
 
 @dataclass(frozen=True)
@@ -46,11 +40,12 @@ class Records:
     folder
         Holds ``KEY.json`` for each job.
     skipped
-        Files that are no records, as found so far.
+        Why a file is no record, by its name, for those found so far.
     """
 
     folder: Path
-    skipped: set[str] = field(default_factory=set, compare=False)
+    skipped: dict[str, str] = field(default_factory=dict, compare=False)
+    _told: set[str] = field(default_factory=set, compare=False, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Keep a record; a later one under the same key replaces it as a whole.
@@ -80,49 +75,39 @@ class Records:
         found = [record for path in self.folder.glob("*.json") if (record := self._read(path))]
         return iter(sorted(found, key=lambda record: (str(record.get("finished", "")), record["key"])))
 
+    def news(self) -> list[str]:
+        """A line for each file that was skipped and has not been told before."""
+        found = [name for name in sorted(self.skipped) if name not in self._told]
+        self._told.update(found)
+        lines = [f"skipped {self.folder / name}: {self.skipped[name]}; {_MEND}" for name in found[:MOST_TOLD]]
+        further = len(found) - len(lines)
+        return lines + ([f"skipped {further} further files in {self.folder}; {_MEND}"] if further else [])
+
     def _read(self, path: Path) -> Record | None:
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            status = path.stat()
+            if not stat.S_ISREG(status.st_mode):
+                return self._skip(path, "it is no file")
+            if status.st_size > LARGEST_FILE:
+                return self._skip(path, "it is too large")
+            content = json.loads(path.read_text(encoding="utf-8"), parse_constant=not_a_number)
         except FileNotFoundError:
-            return None
-        except (OSError, ValueError, RecursionError):
-            self.skipped.add(path.name)
-            return None
-        if not is_record(content) or content["key"] != path.stem:
-            self.skipped.add(path.name)
-            return None
+            return self._skip(path, "the link leads nowhere") if path.is_symlink() else None
+        except OSError as error:
+            return self._skip(path, f"it cannot be read: {error.strerror}")
+        except (ValueError, RecursionError):
+            return self._skip(path, "it is not JSON")
+        fault = fault_of(content)
+        if not fault and content["key"] != path.stem:
+            fault = "it has the name of another job"
+        if fault:
+            return self._skip(path, fault)
         return content  # type: ignore[no-any-return]
 
-
-def is_record(content: Any) -> bool:
-    """Whether something read from a file is the record of a job."""
-    if not (_has(content, REQUIRED) and _has(content["data"], OF_DATA) and _are_scores(content["data"]["chance"])):
-        return False
-    if not isinstance(content["recipe"].get("seed", 0), int) or content["input"] not in get_args(Input):
-        return False
-    if content["status"] != "ok":
-        return True
-    if not (_has(content, OF_SCORED) and _has(content["cost"], {"seconds_per_shape": dict})):
-        return False
-    n_queries = len(content["shapes"])
-    rankings = [content["per_query"].get(name) for name in PRINTED]
-    return (
-        _are_scores(content["scores"])
-        and _are_scores(content["chance"])
-        and len(content["labels"]) == n_queries
-        and all(isinstance(values, list) and len(values) == n_queries for values in rankings)
-    )
-
-
-def _has(content: Any, parts: Mapping[str, type]) -> bool:
-    return isinstance(content, dict) and all(isinstance(content.get(name), kind) for name, kind in parts.items())
-
-
-def _are_scores(values: Mapping[str, Any]) -> bool:
-    """Whether every measure that tables print is there, and each is a share."""
-    return set(PRINTED) <= values.keys() and all(
-        isinstance(value, (int, float)) and 0 <= value <= 1 for value in values.values()
-    )
+    def _skip(self, path: Path, why: str) -> Record | None:
+        """Take note of a file that is no record; there is none in it."""
+        self.skipped[path.name] = why
+        return None
 
 
 def as_text(record: Mapping[str, Any]) -> str:

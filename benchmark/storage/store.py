@@ -4,31 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError
+from benchmark.storage.arrays import Arrays, load_arrays, save_arrays
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records
-from benchmark.system.files import sweep, write_atomically
+from benchmark.system.files import write_atomically
 
-Arrays = Mapping[str, NDArray[Any]]
 _COST, _ENVIRONMENT = "__cost__", "__environment__"
-
-#: What reading a damaged file may raise; anything of it means "make it again".
-_DAMAGE = (
-    OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
-    RuntimeError, MemoryError,
-)  # fmt: skip
 
 
 class StorageError(BenchmarkError):
@@ -63,7 +55,7 @@ class Store:
 
     @classmethod
     def open(cls, results: Path) -> Store:
-        """Open or create the store under a results folder; what killed writers left behind is swept away.
+        """Open or create the store under a results folder.
 
         Raises
         ------
@@ -74,7 +66,6 @@ class Store:
         try:
             for folder in (store.artefacts, store.scratch, store.records.folder, store.progress):
                 folder.mkdir(parents=True, exist_ok=True)
-            sweep(store.records.folder)
         except OSError as error:
             raise StorageError(
                 f"cannot write to {results}: {error.strerror}", "choose another --results DIR"
@@ -101,12 +92,12 @@ class Store:
         """Folder where workers tell how far they are."""
         return self.root / "progress"
 
-    @property
+    @cached_property
     def records(self) -> Records:
         """Records of the jobs done here."""
         return Records(self.root / "records")
 
-    @property
+    @cached_property
     def published(self) -> Records:
         """Records that travel with the suite."""
         return Records(self.root.parent / "records")
@@ -137,8 +128,7 @@ class Store:
         with self.meter.measured(work) as cost:
             arrays = compute()
         extra = {_COST: np.array(cost().to_json()), _ENVIRONMENT: np.array(environment_text())}
-        save = np.savez if scratch else np.savez_compressed
-        self._write(path, lambda file: save(file, allow_pickle=False, **arrays, **extra))
+        self._write(path, lambda file: save_arrays(file, key, {**arrays, **extra}, compressed=not scratch))
         return Artefact(key, arrays, cost(), environment_text(), was_cached=False)
 
     def find(
@@ -183,6 +173,13 @@ class Store:
         except OSError as error:
             raise self._no_room(f"{record['key']}.json", error) from error
 
+    def remove_record(self, key: str) -> None:
+        """Forget a job; raises ``StorageError`` if that cannot be done."""
+        try:
+            self.records.remove(key)
+        except OSError as error:
+            raise self._no_room(f"{key}.json", error) from error
+
     def _write(self, path: Path, write: Callable[[Any], object]) -> None:
         """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
         try:
@@ -198,13 +195,14 @@ class Store:
 
 
 def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
+    """Read an artefact; None if it is missing or damaged, in whatever way: it can be made again."""
+
+    def is_read(name: str) -> bool:
+        return wanted is None or name in (_COST, _ENVIRONMENT) or wanted(name)
+
     try:
-        with np.load(path, allow_pickle=False) as file:
-            names = (name for name in file.files if wanted is None or name in (_COST, _ENVIRONMENT) or wanted(name))
-            arrays = {name: file[name] for name in names}
+        arrays = load_arrays(path, key, is_read)
         cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
-    except FileNotFoundError:
-        return None
-    except _DAMAGE:
+    except Exception:
         return None
     return Artefact(key, arrays, cost, environment, was_cached=True)

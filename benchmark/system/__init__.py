@@ -1,1 +1,1 @@
-"""What the suite asks of the machine below everything else: files that are whole or absent, and which code runs."""
+"""What the suite asks of the machine: whole files, processes that may die alone, and which code runs."""

@@ -186,8 +186,14 @@ class _Module:
 
 @cache
 def _read(path: Path, name: str, without: tuple[str, ...]) -> _Module:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    return _parsed(path.read_bytes(), name, package, without)
+
+
+@cache
+def _parsed(source: bytes, name: str, package: str, without: tuple[str, ...]) -> _Module:
+    """The same by content, which need not be forgotten: to parse is most of the work of a fingerprint."""
+    tree = ast.parse(source)
     names = tuple(sorted(set(_imports(tree, "" if name.endswith(".py") else package, frozenset(without)))))
     for node in ast.walk(tree):
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(

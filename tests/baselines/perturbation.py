@@ -62,6 +62,7 @@ def other_rounding(seed: int) -> Iterator[None]:
         patch.setattr(np.linalg, "eigh", eigen(np.linalg.eigh))
         patch.setattr(np.linalg, "qr", plain(np.linalg.qr))
         patch.setattr(np.linalg, "solve", plain(np.linalg.solve))
+        patch.setattr(np.linalg, "svd", plain(np.linalg.svd))
         patch.setattr(laplacian, "eigsh", eigen(laplacian.eigsh))
         patch.setattr(scipy.sparse.linalg, "eigsh", eigen(scipy.sparse.linalg.eigsh))
         patch.setattr(geodesics, "shortest_paths", plain(geodesics.shortest_paths))

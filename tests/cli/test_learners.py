@@ -7,8 +7,11 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.errors import BenchmarkError
+from benchmark.cli.train import train_one
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.learning import card_digest
 from benchmark.methods.registry import methods, variant
+from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
@@ -89,7 +92,7 @@ def test_models_are_listed_with_what_made_them(trained, results):
         "training": "tosca-III",
         "model": "plain-seed0",
         "origin": "trained here",
-        "digest": card["digest"][:12],
+        "digest": card_digest(card)[:12],
         "schedule": card["schedule_in_words"],
     }
 
@@ -167,6 +170,49 @@ def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
     assert "names no digest of the weights; train the model again" in told
 
 
+@pytest.mark.parametrize(
+    ("card", "said"),
+    [
+        ({"subjects": None}, "does not list the subjects that the model has seen; train the model again"),
+        ({"subjects": []}, "does not list the subjects"),
+        ({"identifiers": ["dog0", 7]}, "does not list the identifiers"),
+        ({"digest": "abc"}, "names no digest of the weights"),
+        ({"data": "tosca-III "}, "was trained on 'tosca-III '; put it into the folder of its training data"),
+        ({"extra_data": "no"}, "says 'extra_data' is 'no'"),
+        ({"note": float("nan")}, "is no JSON: NaN is not JSON"),
+    ],
+)
+def test_a_card_that_says_too_little_or_nonsense_is_named_before_any_shape_is_treated(root, tmp_path, card, said):
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, **card)
+    selection = ("-t", "III-held-out", "-m", "mean-target", "--results", tmp_path, "--data-root", root)
+    told = call("plan", *selection, "--input", "view")
+    assert told.startswith("unavailable")
+    assert said in told
+
+
+def test_the_list_of_models_names_one_that_cannot_be_used_and_shows_the_others(tmp_path):
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7)
+    write_model(tmp_path / "models" / "tosca-III" / "plain-seed1", 0.7, subjects=())
+    rows = json.loads(call("list", "models", "--json", "--results", tmp_path))
+    good, bad = (row for row in rows if row["training"] == "tosca-III")
+    assert (good["schedule"], len(good["digest"])) == ("one pass", 12)
+    assert bad["digest"] == ""
+    assert "does not list the subjects" in bad["schedule"]
+
+
+def test_another_card_is_another_model_though_the_weights_are_the_same(root, tmp_path):
+    """A model that claims to have seen other subjects may not be tested on the same ones."""
+    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
+    arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
+    write_model(folder, 0.7)
+    run("III-held-out", tmp_path, root)
+    assert call("plan", *arguments, "--results", tmp_path).startswith("cached")
+    write_model(folder, 0.7, ("somebody0", "somebody1"))
+    told = call("plan", *arguments, "--results", tmp_path)
+    assert told.startswith("stale")
+    assert "models changed: tosca-III" in told
+
+
 def test_an_unknown_training_is_an_error_of_the_command_line(root, tmp_path):
     selection = ("-t", "III", "-m", "mean-target[training=tosca-IV]", "--results", tmp_path, "--data-root", root)
     assert "unknown training 'tosca-IV'; did you mean tosca-III" in call("plan", *selection, fails=True)
@@ -199,10 +245,37 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
+        (("mean-target", "--sampled", 5), "mean-target is not trained on sampled bodies here; leave --sampled out"),
+        (("mean-target", "-t", "III", "--validation", 4), "cannot hold back 4 of 4 subjects; choose fewer than 4"),
     ],
 )
 def test_what_cannot_be_trained_is_named(arguments, message, tmp_path):
     assert message in call("train", *arguments, "--results", tmp_path, fails=True)
+
+
+def test_subjects_are_held_back_from_a_training(root, tmp_path):
+    said = call(
+        "train", "mean-target", "-t", "III", "--validation", 2, "--results", tmp_path, "--data-root", root
+    ).splitlines()  # fmt: skip
+    folder = tmp_path / "models" / "tosca-III-validation-2" / "plain-seed0"
+    # Of centaur, dog, gorilla and wolf the first and the last are held back; two of the four are there.
+    assert said[:2] == ["mean-target, tosca-III-validation-2", "3 of 3 pairs, 3 unseen, []"]
+    assert json.loads((folder / "card.json").read_text())["subjects"] == ["dog"]
+
+
+def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, monkeypatch):
+    def made(*_):
+        raise AssertionError("data was made")
+
+    monkeypatch.setattr("benchmark.jobs.training_pairs.training_data", made)
+    spec, training = methods()["learned-wide-extra"], find_training("humans-sampled")
+    for schedule, told in (
+        ({"device": "tpu"}, "unknown device"),
+        ({"epoch": "3"}, "did you mean epochs"),
+        ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
+    ):
+        with pytest.raises(ConfigurationError, match=told):
+            train_one(spec, training, tmp_path, None, schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

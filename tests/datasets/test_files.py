@@ -59,4 +59,4 @@ def test_the_digest_is_that_of_the_bytes(tmp_path):
 def test_a_generated_set_does_not_depend_on_readers_of_files(name):
     needed = set(code_of(f"benchmark.datasets.{name}"))
     assert "benchmark.datasets.base" in needed
-    assert not {"benchmark.geometry.io", "benchmark.geometry.mesh_formats", "benchmark.datasets.files"} & needed
+    assert not {"benchmark.geometry.io", "benchmark.geometry.formats.text", "benchmark.datasets.files"} & needed

@@ -77,7 +77,7 @@ def test_stages_run_what_their_recipes_name_and_a_hidden_import_is_seen(rods, tm
     del found["form sly"]
     assert_named(
         found,
-        source="benchmark.datasets.files benchmark.geometry.io benchmark.geometry.mesh_formats",
+        source="benchmark.datasets.files benchmark.geometry.io benchmark.geometry.formats.text",
         mesh="benchmark.jobs.stages.complete benchmark.geometry.preparation benchmark.geometry.cleaning",
         view="benchmark.jobs.stages.view benchmark.geometry.depth benchmark.geometry.rasterise",
         frame="benchmark.jobs.stages.view benchmark.geometry.depth",
@@ -168,14 +168,14 @@ def test_official_layouts_run_what_their_recipes_name(tmp_path):
         np.savetxt(folder / f"{beast}1.tri", small_rod(radius, 1.0).faces + 1, fmt="%d")
         write_off(folder / f"{beast}2.off", small_rod(radius, 2.0))
     found = trace("tosca", "identity", inputs=["mesh", "view"], data_root=str(tmp_path), poses=3)
-    assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats")
+    assert_named(found, source="benchmark.datasets.files benchmark.geometry.formats.text")
     for part, count in ("synthetic", 300), ("real", 400):
         folder = tmp_path / "shrec14" / part
         folder.mkdir(parents=True)
         for number in range(count):
             write_mesh(folder / f"{number}.obj", small_rod(0.06 + 0.01 * (number % 15), 0.1 * (number % 20)))
         found = trace(f"shrec14-{part}", "identity", inputs=["mesh", "view"], data_root=str(tmp_path))
-        assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats")
+        assert_named(found, source="benchmark.datasets.files benchmark.geometry.formats.text")
 
 
 @pytest.mark.slow
@@ -194,4 +194,4 @@ def test_every_file_format_runs_what_its_recipe_names(tmp_path):
                 folder.mkdir(exist_ok=True)
                 write_mesh(folder / f"{name}{number}{suffix}", mesh)
     found = trace(folder, "identity", inputs=["mesh", "view"], poses=4)
-    assert_named(found, source="benchmark.datasets.files benchmark.geometry.mesh_formats benchmark.geometry.io")
+    assert_named(found, source="benchmark.datasets.files benchmark.geometry.formats.text benchmark.geometry.io")

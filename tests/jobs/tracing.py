@@ -23,7 +23,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import CodeType, FrameType
+from types import CodeType, FrameType, SimpleNamespace
 from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
@@ -45,7 +45,7 @@ ROOT = Path(__file__).parents[2]
 #: Machinery that calls stages.
 CALLERS = frozenset(
     {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.runner", "benchmark.storage.costs",
-     "benchmark.storage.store", "benchmark.storage.environment"}
+     "benchmark.storage.store", "benchmark.storage.arrays", "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.
@@ -287,7 +287,7 @@ def _run(
     (job,) = make_plan([gallery], [input_], [spec], store)
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
-    order = Order.of(job, results, root, 0)
+    order = Order.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
     runner.work(Share((order,), order.identifiers), lambda *_: None)
     runner.work(Ranking((order,)), lambda *_: None)
     record = store.records.read(order.key) or {}

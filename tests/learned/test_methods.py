@@ -25,7 +25,7 @@ from benchmark.methods.registry import methods, variant
 from benchmark.parameters.values import parameter_values
 from learned.configuration import CONFIGURATIONS
 from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
-from learned.prediction import canonical_depth
+from learned.prediction import canonical_depth, surface_behind
 from tests.learned.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
 
@@ -56,7 +56,13 @@ def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned])
     assert learner.model_name == f"{learner.configuration}-seed0"
     assert replace(learner, training_seed=2).model_name == f"{learner.configuration}-seed2"
     assert learner.info.inputs == ("view",)
-    assert set(parameter_values(learner)) == {"configuration", "training_seed", "training", "smoothing"}
+    assert set(parameter_values(learner)) == {
+        "configuration",
+        "training_seed",
+        "training",
+        "smoothing",
+        "jump",
+    }
 
 
 def test_names_and_splits() -> None:
@@ -89,10 +95,42 @@ def test_the_form_is_the_surface_behind_the_predicted_image(method: Learned, tra
     assert predicted.shape == image.shape
     both, either = (predicted > 0) & (image > 0), (predicted > 0) | (image > 0)
     assert both.sum() > 0.8 * either.sum()
-    surface, _ = back_project(predicted, 1.0)
+    surface, _ = back_project(predicted, 1.0, jump=np.inf)
     form = method.canonicalise(shape(image))
     np.testing.assert_allclose(form.vertices, surface.vertices / surface.area**0.5)
     np.testing.assert_array_equal(form.faces, surface.faces)
+
+
+def noisy_disc() -> Image:
+    """A disc of one depth with a grain of a tenth of the half width to either side, twice what cuts the view input."""
+    grain = np.random.default_rng(0).uniform(-0.05, 0.05, (500, 500))
+    return np.where(ellipsoid() > 0, 0.5 + grain, 0).astype(np.float32)
+
+
+def test_noise_does_not_tear_a_predicted_surface() -> None:
+    whole, notes = surface_behind(noisy_disc())
+    assert (notes["predicted_pieces"], notes["predicted_bridges"]) == (1, 0)
+    # Nothing is missing beside the disc without the grain, whose only boundary is its outline.
+    flat, _ = surface_behind(np.where(ellipsoid() > 0, np.float32(0.5), np.float32(0)))
+    assert (whole.n_vertices, whole.n_faces) == (flat.n_vertices, flat.n_faces)
+    assert np.count_nonzero(edges_of(whole.faces).counts == 1) == np.count_nonzero(edges_of(flat.faces).counts == 1)
+
+
+def test_a_jump_cuts_a_predicted_surface_as_it_cuts_a_view() -> None:
+    torn, notes = surface_behind(noisy_disc(), jump=0.05)
+    expected, report = back_project(noisy_disc(), 1.0)
+    assert notes["predicted_pieces"] == report.pieces > 1
+    np.testing.assert_array_equal(torn.faces, expected.faces)
+
+
+def test_the_jump_of_the_method_reaches_the_surface(method: Learned) -> None:
+    image = ellipsoid(0.3, 0.7)
+    assert not equal(replace_jump(method, 0.01).canonicalise(shape(image)), method.canonicalise(shape(image)))
+
+
+def replace_jump(method: Learned, jump: float) -> Learned:
+    assert method.model is not None
+    return replace(method, jump=jump).load(method.model)
 
 
 def test_two_calls_give_one_form(method: Learned) -> None:

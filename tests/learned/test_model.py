@@ -11,13 +11,18 @@ from typing import Any
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from safetensors.torch import load, save
 
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, WEIGHTS, read_card
+from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
+from learned.card import _TOLD, LARGEST, network_of
 from learned.model import load_model, predict
 from learned.network import build
 from tests.learned.toy import TINY
+
+JSON = st.none() | st.booleans() | st.integers() | st.text(max_size=5) | st.lists(st.text(max_size=3), max_size=2)
 
 IMAGE = torch.linspace(0, 1, 32 * 32).reshape(1, 32, 32)
 
@@ -107,8 +112,66 @@ def test_a_card_that_lacks_a_field_is_of_another_kind_of_network(copied: Path) -
 @pytest.mark.parametrize("field", ["configuration", "schedule"])
 def test_a_card_without_what_a_prediction_needs_is_damaged(copied: Path, field: str) -> None:
     edit_card(copied, lambda card: card.pop(field))
-    with pytest.raises(ConfigurationError, match=f"is damaged: '{field}'; train it again"):
+    with pytest.raises(ConfigurationError, match=f"lacks '{field}'; train the model again"):
         load_model(copied)
+
+
+@pytest.mark.parametrize("resolution", [0, -128, 5000, 128.0, "128", True, None, 10**30])
+def test_a_resolution_that_no_network_has_is_refused(copied: Path, resolution: object) -> None:
+    edit_card(copied, lambda card: card["schedule"].update(resolution=resolution))
+    with pytest.raises(ConfigurationError, match=r"says 'schedule\.resolution' is .*; train the model again"):
+        load_model(copied)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("width", "16"), ("width", 0), ("width", 10**9), ("architecture", "attentive"), ("short_range", 1), ("name", 3)],
+)
+def test_a_network_that_nobody_could_build_is_refused(copied: Path, field: str, value: object) -> None:
+    edit_card(copied, lambda card: card["configuration"].update({field: value}))
+    with pytest.raises(ConfigurationError, match=rf"says 'configuration\.{field}' is .*; train the model again"):
+        load_model(copied)
+
+
+@pytest.mark.parametrize("field", [name for name in _TOLD if name != "digest"])
+def test_every_field_of_a_card_is_there_and_of_its_kind(copied: Path, field: str) -> None:
+    edit_card(copied, lambda card: card.update({field: None}))
+    with pytest.raises(ConfigurationError, match="train the model again"):
+        load_model(copied)
+    edit_card(copied, lambda card: card.pop(field))
+    with pytest.raises(ConfigurationError, match="train the model again"):
+        load_model(copied)
+
+
+@given(st.data())
+def test_whatever_stands_on_a_card_is_taken_or_refused_by_name(trained: Path, data: st.DataObject) -> None:
+    card = read_card(trained)
+    inner, name = card, data.draw(st.sampled_from(sorted(card)))
+    if isinstance(card[name], dict) and card[name] and data.draw(st.booleans()):
+        inner, name = card[name], data.draw(st.sampled_from(sorted(card[name])))
+    inner[name] = data.draw(JSON)
+    try:
+        found = network_of(card, trained)
+    except ConfigurationError as error:
+        assert error.mend == "train the model again"
+    else:
+        assert 1 <= found.resolution <= LARGEST
+
+
+def test_a_field_that_no_card_has_is_refused(copied: Path) -> None:
+    edit_card(copied, lambda card: card.update(resolutoin=64))
+    with pytest.raises(ConfigurationError, match="has an unknown field 'resolutoin'; train the model again"):
+        load_model(copied)
+
+
+def test_an_edited_card_is_another_model_and_read_again(copied: Path) -> None:
+    before, card = load_model(copied)
+    edit_card(copied, lambda card: card["schedule"].update(resolution=16))
+    after, edited = load_model(copied)
+    assert edited["schedule"]["resolution"] == 16
+    assert card_digest(edited) != card_digest(card)
+    assert edited["digest"] == card["digest"]
+    assert after is not before
 
 
 def test_weights_of_another_width_belong_to_another_configuration(copied: Path) -> None:

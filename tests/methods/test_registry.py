@@ -133,7 +133,7 @@ def test_all_methods_and_some_more():
         ("non-metric-mds", ["rtol=1e-3", "rtol=.001", " rtol = 0.0010 ", "max_iterations=100.0", "", "solver=default"]),
         ("non-metric-mds", [f"solver={DEFAULT_SOLVER}", "solver=default,rtol=1e-3"]),
         ("constrained-mds", ["first_pull=1", "first_pull=1.00", "start=mesh"]),
-        ("learned", ["smoothing=0", "smoothing=-0", "training=", "training_seed=0"]),
+        ("learned", ["smoothing=0", "smoothing=-0", "jump=none", "training_seed=0"]),
     ],
 )
 def test_every_way_to_write_the_defaults_is_the_method_itself(base, ways):
@@ -156,6 +156,9 @@ def test_every_way_to_write_a_variant_is_one_method():
         "weights": "uniform",
         "max_iterations": 7,
         "rtol": 1e-3,
+        "metric": "geodesic",
+        "time": 0.05,
+        "eigenfunctions": 100,
         "solver": DEFAULT_SOLVER,
     }
     again = registry.variant(spec.name, known)
@@ -175,14 +178,18 @@ LEARNED = {
     "training_seed": ["-1", str(2**63), "0.5"],
     "training": ["../elsewhere"],
     "smoothing": ["-1", "nan", "51"],
+    "jump": ["0", "-0.05", "nan", "inf"],
 }
+
+METRIC = {"metric": ["geodesics"], "time": ["0", "inf"], "eigenfunctions": ["9"]}
 
 #: Values outside of each constraint, of every parameter of every method.
 UNFIT = {
-    "classic-mds": {"solver": ["heta"]},
+    "classic-mds": METRIC | {"solver": ["heta"]},
     "fast-mds": {"sweeps": ["0"], "solver": ["heta"]},
     "non-metric-mds": {"max_iterations": ["-1", "0", "1.5"], "rtol": ["nan", "inf", "-1", "1"], "solver": ["heta"]},
-    "least-squares-mds": {
+    "least-squares-mds": METRIC
+    | {
         "start": ["clasic"],
         "weights": ["aera"],
         "max_iterations": ["0"],
@@ -212,6 +219,23 @@ UNFIT = {
         "max_iterations": ["0"],
         "rtol": ["1"],
         "solver": ["heta"],
+    },
+    "spectral-mds": {"samples": ["3"], "eigenfunctions": ["9"], "fidelity": ["0"], "solver": ["heta"]},
+    "nystrom-mds": {"samples": ["3"], "rank": ["3"], "solver": ["heta"]},
+    "subspace-mds": {
+        "eigenfunctions": ["(9,20)", "many"],
+        "oversampling": ["0.9"],
+        "max_iterations": ["0"],
+        "rtol": ["1"],
+        "solver": ["heta"],
+    },
+    "feature-preserved": {"parts": ["0"], "rounds": ["-1"], "seam": ["0"], "start": ["clasic"]},
+    "euclidean-distance": {
+        "points": ["lokal"],
+        "count": ["1"],
+        "tension": ["0", "inf"],
+        "iterations": ["0"],
+        "settling": ["-1"],
     },
     "shape-dna": {"count": ["0"]},
     "sd-gdm": {"count": ["0"], "solver": ["heta"]},

@@ -148,7 +148,7 @@ def test_what_cannot_be_selected_is_named(tables, datasets, error, message):
 
 
 def test_every_table_of_the_paper_has_rows_with_all_measures():
-    first_rows = {"I-whole": "", "III-held-out": "", "IV": "learned-strict"}
+    first_rows = {"I-whole": "", "III-held-out": "", "IV": "learned-strict", "extended": ""}
     for table in TABLES:
         rows = paper.rows(table.identifier)
         assert next(iter(rows), "") == first_rows.get(table.identifier, "classic-mds")
@@ -224,3 +224,19 @@ def test_no_learner_has_a_row_where_all_subjects_are_in_one_gallery():
     *_, whole = galleries(["I"])
     assert whole.table.split_size == 5
     assert not [spec.name for spec in whole.rows(registry.methods().values()) if spec.learns]
+
+
+def test_further_metrics_have_rows_of_their_own_unless_a_method_is_asked_for_by_name():
+    known = registry.methods()
+    (gallery,) = galleries(["III"], quick=True)
+
+    def rows(*names):
+        return [spec.name for spec in gallery.rows(registry.select(names, known)) if "classic-mds" in spec.name]
+
+    variants = [f"classic-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")]
+    assert rows() == rows("all") == ["classic-mds", *variants]
+    assert rows("all", variants[1]) == ["classic-mds", variants[0], variants[1], variants[2]]
+    assert rows("classic-mds") == ["classic-mds"]
+    assert rows(variants[2]) == [variants[2]]
+    for spec in gallery.rows(registry.select([], known)):
+        assert spec.parameters == {} or spec.create()

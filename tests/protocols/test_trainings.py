@@ -10,7 +10,14 @@ from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import galleries
-from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS, TRAININGS, trainings_by_shape, trainings_of
+from benchmark.protocols.trainings import (
+    POSE_FOLDS,
+    SUBJECT_FOLDS,
+    TRAININGS,
+    trainings_by_shape,
+    trainings_of,
+    with_validation,
+)
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 
@@ -153,3 +160,35 @@ def test_each_subject_and_each_pose_is_in_one_fold():
     assert SUBJECT_FOLDS == ((0, 5, 7, 9, 14), (1, 3, 8, 10, 12), (2, 4, 6, 11, 13))
     assert sorted(place for fold in SUBJECT_FOLDS for place in fold) == list(range(15))
     assert [place for fold in POSE_FOLDS for place in fold] == list(range(20))
+
+
+def test_subjects_held_back_are_taken_from_the_training_and_none_that_is_tested():
+    folds = TRAININGS["humans-fold-0"]
+    assert folds.trained.subjects == (1, 2, 3, 4, 6, 8, 10, 11, 12, 13)
+    held_back = with_validation(folds, 3)
+    assert held_back.name == "humans-fold-0-validation-3"
+    assert held_back.words == f"{folds.words}, without 2, 7, 13 for validation"
+    assert held_back.tested == Part(
+        (1, 6, 12)
+    )  # the first of (1, 2, 3), the second of (4, 6, 8), the third of the rest
+    assert held_back.trained == Part((2, 3, 4, 8, 10, 11, 13))
+    kinds = {entry.subject.partition("-")[0] for entry in held_back.tested.of(Humans())}
+    assert kinds == {"woman", "man", "child"}
+    strict = with_validation(TRAININGS["humans-strict-0-3"], 1)
+    assert strict.tested == Part((1,), POSE_FOLDS[3])
+    assert strict.trained.poses == TRAININGS["humans-strict-0-3"].trained.poses
+    assert with_validation(TRAININGS["animals-III"], 2).tested == Part(("centaur", "wolf"))
+
+
+@pytest.mark.parametrize("n_subjects", range(1, 10))
+@pytest.mark.parametrize("name", FOLDS)
+def test_every_training_subject_is_either_held_back_or_trained_on(name, n_subjects):
+    whole, part = TRAININGS[name], with_validation(TRAININGS[name], n_subjects)
+    assert len(part.tested.subjects) == n_subjects
+    assert sorted(part.tested.subjects + part.trained.subjects) == list(whole.trained.subjects)
+
+
+@pytest.mark.parametrize(("name", "n_subjects"), [("humans-fold-0", 10), ("humans-fold-0", 0), ("humans-sampled", 1)])
+def test_holding_back_all_or_none_is_refused(name, n_subjects):
+    with pytest.raises(ConfigurationError, match=f"'{name}' cannot hold back {n_subjects} of"):
+        with_validation(TRAININGS[name], n_subjects)

@@ -14,6 +14,7 @@ from benchmark.methods.registry import methods, select
 from benchmark.protocols.tables import galleries
 from benchmark.report.results import Results
 from benchmark.storage import keys
+from benchmark.storage.records import as_text
 from benchmark.storage.store import Store
 from benchmark.system import fingerprints
 from tests import records as made_up
@@ -65,7 +66,7 @@ def call(*arguments, code=0):
     done = CliRunner().invoke(cli, [*map(str, arguments)])
     assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
     assert done.exit_code == code, done.output
-    return done.output
+    return done.stdout
 
 
 def chosen(store, **options):
@@ -133,7 +134,7 @@ def test_the_newest_of_this_code_counts_else_the_newest_with_scores(rods, store)
 def test_a_job_that_cannot_be_done_here_hides_no_scores(rods, store):
     (job,) = jobs(rods, store, ["identity"])
     unavailable = of_job(job, make=made_up.failed, status="unavailable", finished="2030-01-01T00:00:00+00:00")
-    unavailable |= {"recipe": {"unavailable": "needs torch"}, "key": keys.digest("needs torch")}
+    unavailable |= {"recipe": {"unavailable": "needs torch"}, "key": keys.digest({"unavailable": "needs torch"})}
     store.write_record(unavailable)
     assert chosen(store)["identity"].record["status"] == "unavailable"
     store.write_record(of_job(job, code="1", nn=0.5))
@@ -196,6 +197,67 @@ def test_alien_files_harm_no_verb(rods, store):
     assert "finished" in call("why", "identity", *selection[:2], *results)
     (key,) = (found["key"] for found in store.records if found["method"] == "identity")
     assert "rods mesh identity" in call("why", key[:8], *results)
+
+
+def said_of_files(*arguments):
+    """Lines on stderr about files that are skipped, for a verb that ends well."""
+    done = CliRunner().invoke(cli, [*map(str, arguments)])
+    assert done.exit_code == 0, done.output
+    return [line for line in done.stderr.splitlines() if line.startswith("skipped ")]
+
+
+def test_each_verb_names_each_alien_once_on_stderr(rods, store):
+    for job in jobs(rods, store):
+        store.write_record(of_job(job))
+    alien, other = store.records.folder / "alien.json", store.published.folder / "nowhere.json"
+    alien.write_text('{"a": 1}')
+    other.parent.mkdir()
+    other.symlink_to("/nowhere/at/all")
+    told = [
+        f"skipped {other}: the link leads nowhere; remove it or move it elsewhere",
+        f"skipped {alien}: it has no 'key'; remove it or move it elsewhere",
+    ]
+    results = ("--results", store.root.parent)
+    selection = ("-d", rods, *(word for method in METHODS for word in ("-m", method)), "--input", "mesh", *results)
+    assert said_of_files("plan", *selection) == told[1:]  # of the published ones it reads those that it needs
+    assert said_of_files("why", "identity", *selection) == told[1:]
+    assert said_of_files("run", "--executor", "serial", *selection) == told[::-1]
+    assert said_of_files("tables", *selection) == told
+    (key,) = (found["key"] for found in store.records if found["method"] == "identity")
+    assert said_of_files("why", key, *results) == told
+    assert said_of_files("merge", store.root.parent, *results) == told
+    assert said_of_files("compare", "identity", "surface-area", *results) == told
+    assert said_of_files("prune", *results) == told[1:]
+
+
+def test_of_many_aliens_ten_are_named_and_the_others_counted(rods, store):
+    (job,) = jobs(rods, store, ["identity"])
+    store.write_record(of_job(job))
+    for number in range(40):
+        (store.records.folder / f"{number:02}.json").write_text("[]")
+    told = said_of_files("tables", "--results", store.root.parent)
+    assert len(told) == 11
+    assert told[-1].startswith(f"skipped 30 further files in {store.records.folder}; remove")
+
+
+def test_a_key_that_its_recipe_does_not_give_is_refused_wherever_it_lies(rods, store, tmp_path):
+    """A score under a forged key would stand in a table as made by this code."""
+    (job,) = jobs(rods, store, ["identity"])
+    good = of_job(job, nn=0.5)
+    forged = {**good, "recipe": {**good["recipe"], "seed": 7}}
+    for folder in (store.records.folder, store.published.folder):
+        store.published.write(good)  # makes the folder
+        store.published.remove(good["key"])
+        (folder / f"{good['key']}.json").write_text(as_text(forged))
+        said = CliRunner().invoke(cli, ["tables", "--results", str(store.root.parent)])
+        assert "its key is not that of its recipe" in said.stderr
+        assert isinstance(said.exception, BenchmarkError)
+        merged = CliRunner().invoke(cli, ["merge", str(store.root.parent), "--results", str(tmp_path / "all")])
+        assert "its key is not that of its recipe" in merged.stderr
+        (folder / f"{good['key']}.json").unlink()
+    assert call("plan", "-d", rods, "-m", "identity", "--input", "mesh", "--results", store.root.parent).startswith(
+        "missing"
+    )
 
 
 def test_a_quick_run_is_a_place_of_its_own(store):

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.storage.merging import merge_records, publish, records_under
 from benchmark.storage.records import Records
-from benchmark.storage.store import StorageError
+from benchmark.storage.store import StorageError, Store
 from tests.records import failed, record
 from tests.storage.test_records import put_aliens
 
@@ -85,7 +85,7 @@ def test_what_means_nothing_to_others_is_not_published(target, private):
 
 def test_a_results_folder_without_records_is_named(tmp_path):
     with pytest.raises(StorageError, match="holds no records"):
-        records_under(tmp_path)
+        records_under(Store(tmp_path / "runs"))
 
 
 def test_the_verb_joins_folders_and_shows_conflicts(tmp_path):
@@ -101,7 +101,7 @@ def test_the_verb_joins_folders_and_shows_conflicts(tmp_path):
     assert f"conflict: rods mesh classic-mds ({key}): NN 0.500 FT 0.500" in done.output
     assert "here, NN 0.750" in done.output
     again = CliRunner().invoke(cli, ["merge", folders[0], "--results", str(tmp_path / "all")])
-    assert (again.exit_code, again.output) == (0, "0 records added, 2 known, 0 conflicts\n")
+    assert (again.exit_code, again.stdout) == (0, "0 records added, 2 known, 0 conflicts\n")
 
 
 def test_the_verb_publishes(tmp_path):

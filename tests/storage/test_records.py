@@ -1,11 +1,23 @@
 """Records are whole or absent, and what is no record harms nothing."""
 
 import json
+import os
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from benchmark.storage.records import Records, by_place, is_record, outcome, portable
-from tests.records import failed, record
+from benchmark.cli.results import _explain_record
+from benchmark.jobs.plan import difference
+from benchmark.report.comparison import compare_folders
+from benchmark.report.content import contents
+from benchmark.report.files import render
+from benchmark.report.page import page
+from benchmark.report.results import Result
+from benchmark.storage.keys import digest
+from benchmark.storage.records import Records, as_text, by_place, outcome, portable
+from benchmark.storage.soundness import fault_of
+from tests.records import MEASURES, failed, record
 
 
 @pytest.fixture
@@ -55,6 +67,12 @@ def without(found, *path):
 
 
 GOOD = record()
+MODEL = {"training": "humans-fold-0", "data": "ten", "digest": "a", "schedule": "one pass", "extra_data": False}
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
 ALIENS = {
     "another object": {"a": 1},
     "a list": [GOOD],
@@ -72,6 +90,29 @@ ALIENS = {
     "a score that is NaN": {**GOOD, "scores": {**GOOD["scores"], "NN": float("nan")}},
     "queries of fewer shapes": {**GOOD, "per_query": {**GOOD["per_query"], "NN": [1.0]}},
     "labels of fewer shapes": {**GOOD, "labels": ["cat"]},
+    "a score of yes": {**GOOD, "scores": {**GOOD["scores"], "NN": True}},
+    "a huge score": {**GOOD, "scores": {**GOOD["scores"], "NN": 10**400}},
+    "a query beyond 1": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, 1.001, 0.5]}},
+    "a query below 0": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, -0.001, 0.5]}},
+    "a query in words": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, "x", 0.5]}},
+    "more queries of a measure that is not printed": {**GOOD, "per_query": {**GOOD["per_query"], "E": [0.5] * 5}},
+    "a chance beyond 1": {**GOOD, "chance": {**GOOD["chance"], "NN": 2}},
+    "another number of shapes": {**GOOD, "n_shapes": 400},
+    "another number of classes": {**GOOD, "n_classes": 1},
+    "shapes that are numbers": {**GOOD, "shapes": [1, 2, 3, 4]},
+    "seconds in words": {**GOOD, "cost": {"seconds_per_shape": {"canonicalise": "long"}}},
+    "memory in words": {**GOOD, "peak_mib": "much"},
+    "unsupported without a reason": {**GOOD, "unsupported": [["cat0"]]},
+    "artefacts that are lists": {**GOOD, "artefacts": [["ab"]]},
+    "models without a digest": {**GOOD, "models": [{"training": "humans-fold-0"}]},
+    "seen by number": {**GOOD, "seen": [1]},
+    "notes as a list": {**GOOD, "notes": ["bridges"]},
+    "a reason that is a list": {**GOOD, "reason": ["stopped"]},
+    "two quantiles": {**GOOD, "splits": {"count": 3, "size": 2, "quantiles": {name: [0.5, 0.5] for name in MEASURES}}},
+    "code as a list": {**GOOD, "recipe": {**GOOD["recipe"], "code": ["m"]}},
+    "stages as lists": {**GOOD, "recipe": {**GOOD["recipe"], "code": {"method": ["m"]}}},
+    "another recipe than its key": {**GOOD, "recipe": {**GOOD["recipe"], "parameters": {"k": 1}}},
+    "a number beyond all bounds": {**GOOD, "wall_seconds": float("inf")},
     "an unknown input": {**GOOD, "input": "touch"},
     "a seed in words": {**GOOD, "recipe": {**GOOD["recipe"], "seed": "zero"}},
     "the name of another job": {**GOOD, "key": "0" * 32},
@@ -89,15 +130,18 @@ def put_aliens(folder):
     (folder / "empty.json").write_text("")
     (folder / "bytes.json").write_bytes(b"\xff\xfe\x00")
     (folder / "deep.json").write_text("[" * 100_000 + "]" * 100_000)
+    (folder / "huge.json").write_text(json.dumps({**GOOD, "key": "huge"}).replace('"NN": 0.75', '"NN": 1e999'))
+    (folder / "digits.json").write_text("7" * 5000)
     (folder / "folder.json").mkdir()
+    os.mkfifo(folder / "pipe.json")  # reading it would wait for ever
     (folder / "dangling.json").symlink_to(folder / "nowhere")
     (folder / "notes.txt").write_text("mine")
 
 
 @pytest.mark.parametrize("name", [name for name in ALIENS if name != "the name of another job"])
 def test_what_is_no_record_is_told(name):
-    assert is_record(GOOD)
-    assert not is_record(ALIENS[name])
+    assert fault_of(GOOD) == ""
+    assert fault_of(ALIENS[name])
 
 
 def test_what_is_no_record_is_passed_over(records):
@@ -107,11 +151,69 @@ def test_what_is_no_record_is_passed_over(records):
     assert {found["key"] for found in records} == {GOOD["key"], failed(method="pca")["key"]}
     assert records.read("0" * 32) is None
     assert records.read("half") is None
+    assert set(records.skipped) == {path.name for path in records.folder.glob("*.json")} - {
+        f"{found['key']}.json" for found in (GOOD, failed(method="pca"))
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        ('{"a": 1}', "it has no 'key'"),
+        ("", "it is not JSON"),
+        ("[" * 100_000, "it is not JSON"),
+        ('{"a": NaN}', "it is not JSON"),
+        (json.dumps({**GOOD, "scores": {**GOOD["scores"], "FT": 1.5}}), "'scores.FT' is not what a record has there"),
+        (json.dumps({**GOOD, "n_shapes": 400}), "'n_shapes' or 'n_classes' is not the number of its shapes or classes"),
+        (json.dumps({**GOOD, "data": {**GOOD["data"], "quick": "yes"}}), "'data.quick' is not what a record has there"),
+    ],
+)
+def test_the_reason_says_what_is_wrong(records, content, why):
+    records.folder.mkdir()
+    path = records.folder / f"{GOOD['key']}.json"
+    path.write_text(content)
+    assert records.read(GOOD["key"]) is None
+    assert records.news() == [f"skipped {path}: {why}; remove it or move it elsewhere"]
+    assert records.news() == []
+
+
+def test_a_file_too_large_for_a_record_is_not_read(records, monkeypatch):
+    monkeypatch.setattr("benchmark.storage.records.LARGEST_FILE", 100)
+    records.write(GOOD)
+    assert list(records) == []
+    assert records.skipped == {f"{GOOD['key']}.json": "it is too large"}
+
+
+def test_a_mean_may_hang_over_one_by_its_rounding():
+    quantiles = {name: [0.5, 0.9, 1.0000000000000027] for name in MEASURES}
+    assert fault_of({**GOOD, "splits": {"count": 3, "size": 2, "quantiles": quantiles}}) == ""
+
+
+@given(st.data())
+def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(data):
+    """Whatever stands in the place of a part: either it is told, or every reader of the record takes it."""
+    changed = json.loads(json.dumps(GOOD | {"models": [MODEL], "notes": {"bridges": {"mean": 1.0, "max": 2.0}}}))
+    inner, name = changed, data.draw(st.sampled_from(sorted(changed)))
+    while isinstance(inner[name], (dict, list)) and inner[name] and data.draw(st.booleans()):
+        inner = inner[name]
+        name = data.draw(st.sampled_from(sorted(inner) if isinstance(inner, dict) else range(len(inner))))
+    inner[name] = data.draw(JSON)
+    changed["key"] = digest(changed["recipe"])
+    if fault_of(changed):
+        return
+    (table,) = contents([Result(changed)])
+    render([table], ("latex", "markdown", "csv", "json"))
+    page([table], {})
+    compare_folders([changed], [GOOD])
+    as_text(portable(changed))
+    _explain_record(changed)
+    difference(changed["recipe"], GOOD["recipe"])
+    difference(GOOD["recipe"], changed["recipe"])
 
 
 def test_a_failure_needs_no_scores_but_a_place():
-    assert is_record(failed())
-    assert not is_record(without(failed(), "data"))
+    assert fault_of(failed()) == ""
+    assert fault_of(without(failed(), "data")) == "it has no 'data'"
 
 
 def test_the_outcome_is_what_came_out_wherever_and_whenever():

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from benchmark.methods.conformance.checks import OF_THE_ANSWER, OF_THE_CLASS, Check, check_answer, check_requirements
 from benchmark.methods.conformance.shapes import figure
 from benchmark.methods.conformance.trial import Skipped, Trial, Warned, explain
-from benchmark.methods.registry import MethodSpec, methods, select
+from benchmark.methods.inspection import inspect
+from benchmark.methods.registry import MethodSpec, methods, variant
+from benchmark.system.calls import BrokenCall, call_apart
 
-__all__ = ["Finding", "Outcome", "Report", "check", "check_target", "figure"]
+__all__ = ["Finding", "Outcome", "Report", "check", "check_apart", "check_target", "figure"]
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
 
@@ -67,11 +72,68 @@ def check_target(target: str) -> Report:
     ConfigurationError
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
+    return Report({spec.name: tuple(check(spec)) for spec in _targets(target)})
+
+
+def check_apart(target: str, limit: float | None = None) -> Report:
+    """The same as :func:`check_target`, in a process of its own.
+
+    A method that crashes, hangs or ends the process fails the check that it was at, and is not checked further.
+
+    Parameters
+    ----------
+    target
+        Name of a method, or path of a ``.py`` file.
+    limit
+        Seconds that one check may take; None for no limit.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such method, or the file cannot be imported.
+    """
+    findings: dict[str, list[Finding]] = {}
+    at: list[str] = []
+
+    def hear(line: str) -> None:
+        name, check_name, *found = json.loads(line)
+        at[:] = () if found else (name, check_name)
+        if found:
+            findings.setdefault(name, []).append(Finding(check_name, *found))
+
+    if target.endswith(".py"):
+        inspect([Path(target)], made=False)
+    what, mend = f"checking {target}", "mend the method: a shape that it cannot treat raises UnsupportedShape"
+    while True:
+        try:
+            call_apart(_check_apart, target, list(findings), what=what, mend=mend, limit=limit, say=hear)
+        except BrokenCall as error:
+            if not at:
+                raise
+            findings.setdefault(at[0], []).append(Finding(at[1], "failed", str(error)))
+            at.clear()
+        else:
+            return Report({name: tuple(found) for name, found in findings.items()})
+
+
+def _check_apart(target: str, without: list[str], say: Callable[[str], None]) -> None:
+    """Check the methods of a target but some, saying before each check which one begins and after it what it found."""
+    for spec in _targets(target):
+        if spec.name in without:
+            continue
+        for finding in _findings(spec, partial(_say_begun, say, spec.name)):
+            say(json.dumps([spec.name, finding.name, finding.outcome, finding.explanation]))
+
+
+def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None:
+    say(json.dumps([method, check_name]))
+
+
+def _targets(target: str) -> list[MethodSpec]:
     if not target.endswith(".py"):
-        return Report({target: tuple(check(*select([target], methods())))})
+        return [variant(target, methods())]
     path = Path(target)
-    specs = [spec for spec in methods([path]).values() if spec.module == str(path.resolve())]
-    return Report({spec.name: tuple(check(spec)) for spec in specs})
+    return [spec for spec in methods([path]).values() if spec.module == str(path.resolve())]
 
 
 def check(spec: MethodSpec) -> list[Finding]:
@@ -80,15 +142,29 @@ def check(spec: MethodSpec) -> list[Finding]:
     A check that raises is a failed finding. Without an answer on the reference figure there is nothing to compare, and
     the checks that would compare are skipped; a method whose packages are not installed is not run at all.
     """
+    return list(_findings(spec, lambda _: None))
+
+
+def _findings(spec: MethodSpec, begins: Callable[[str], None]) -> Iterator[Finding]:
+    """Check a method; ``begins`` is told the name of each check before it is made."""
     trial = Trial(spec)
-    findings = [_find("requirements", check_requirements, trial)]
-    if findings[0].outcome != "ok":
-        return findings
-    findings += [_find(name, function, trial) for name, function in OF_THE_CLASS.items()]
-    findings.append(_find("answer", check_answer, trial))
-    if findings[-1].outcome == "ok":
-        return findings + [_find(name, function, trial) for name, function in OF_THE_ANSWER.items()]
-    return findings + [Finding(name, "skipped", "there is no answer to compare") for name in OF_THE_ANSWER]
+
+    def found(checks: Mapping[str, Check]) -> Iterator[Finding]:
+        for name, function in checks.items():
+            begins(name)
+            yield _find(name, function, trial)
+
+    for finding in found({"requirements": check_requirements}):
+        yield finding
+        if finding.outcome != "ok":
+            return
+    yield from found(OF_THE_CLASS)
+    for finding in found({"answer": check_answer}):
+        yield finding
+        if finding.outcome != "ok":
+            yield from (Finding(name, "skipped", "there is no answer to compare") for name in OF_THE_ANSWER)
+            return
+    yield from found(OF_THE_ANSWER)
 
 
 def _find(name: str, function: Check, trial: Trial) -> Finding:
@@ -99,6 +175,10 @@ def _find(name: str, function: Check, trial: Trial) -> Finding:
         outcome, explanation = "skipped", str(reason)
     except Warned as warning:
         outcome, explanation = "warning", str(warning)
-    except Exception as error:
+    except KeyboardInterrupt as error:
+        if multiprocessing.parent_process() is None:
+            raise  # somebody interrupts the checks
+        outcome, explanation = "failed", explain(error)
+    except (Exception, SystemExit, GeneratorExit) as error:
         outcome, explanation = "failed", explain(error)
     return Finding(name, outcome, " ".join(explanation.split()))

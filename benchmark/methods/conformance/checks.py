@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
+from benchmark.contracts import Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.errors import UnsupportedShape
 from benchmark.learning import CARD
 from benchmark.methods.conformance.processes import check_fresh_process, check_other_processor
 from benchmark.methods.conformance.shapes import BENDS, awkward
 from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
+from benchmark.methods.information import problems_of
 from benchmark.storage import keys
 
 Check = Callable[[Trial], str]
 
-_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _SCALE = 2.5
 
 
@@ -49,21 +48,11 @@ def check_requirements(trial: Trial) -> str:
 
 def _check_info(trial: Trial) -> str:
     info = trial.info
-    problems = []
-    if not _NAME.fullmatch(info.name):
-        problems.append(f"name '{info.name}' is not lower-case words joined by hyphens; write it so")
+    problems = [f"{problem}; {mend}" for problem, mend in problems_of(info)]
     if info.name != trial.spec.base_name:
         problems.append(
             f"info.name is '{info.name}' but the entry point is '{trial.spec.base_name}'; give both one name"
         )
-    if not info.title.strip():
-        problems.append("title is empty; say what the tables shall print")
-    if not info.inputs or not set(info.inputs) <= set(get_args(Input)):
-        problems.append(f"inputs are {info.inputs}; name 'mesh', 'view' or both")
-    if info.scale not in ("equivariant", "invariant"):
-        problems.append(f"scale is '{info.scale}'; write 'equivariant' or 'invariant'")
-    if info.family not in ("paper", "control", "extended"):
-        problems.append(f"family is '{info.family}'; write 'extended'")
     return _listed(problems, f"'{info.title}', {' and '.join(info.inputs)}, scale {info.scale}")
 
 

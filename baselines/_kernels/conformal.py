@@ -1,0 +1,94 @@
+"""Conformal factors of a surface, and the tips that they tell."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from baselines._kernels.arap import factorise_definite
+from baselines._kernels.sampling import edge_graph, within
+from baselines._kernels.ties import TIE, largest
+from benchmark.contracts import FloatArray, Mesh, Shape
+from benchmark.geometry.edges import edges_of
+from benchmark.geometry.laplacian import Laplacian
+
+HOLD = 1e-9
+"""Share of the mass that makes the Laplacian definite, far below its first eigenvalue."""
+
+EVEN = 1e-3
+"""Factors below this are those of an evenly curved surface: it would have to grow by a thousandth."""
+
+
+def angle_defects(mesh: Mesh) -> FloatArray:
+    """Gaussian curvature of each vertex, shape (n,): 2 pi, at a boundary pi, less the angles of its triangles.
+
+    The sum is 2 pi times the Euler characteristic (Gauss and Bonnet), boundary or not.
+    """
+    corners = mesh.vertices[mesh.faces]
+    forth, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    angles = np.arctan2(np.linalg.norm(np.cross(forth, back), axis=2), (forth * back).sum(axis=2))
+    found = edges_of(mesh.faces)
+    full = np.full(mesh.n_vertices, 2 * np.pi)
+    full[found.ends[found.counts == 1].ravel()] = np.pi
+    return np.asarray(full - np.bincount(mesh.faces.ravel(), angles.ravel(), mesh.n_vertices))
+
+
+def conformal_factors(mesh: Mesh, laplacian: Laplacian) -> FloatArray:
+    r"""Logarithms :math:`\phi` of the scale by which a surface has to grow to become evenly curved.
+
+    .. math:: L \phi = K - \frac{\sum K}{A} M
+
+    with the Gaussian curvature K of the vertices. Tips of limbs have to grow most. Ben-Chen and Gotsman (2008),
+    "Characterizing shape using conformal factors".
+
+    Parameters
+    ----------
+    mesh
+        A surface in one piece.
+    laplacian
+        That of the mesh.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n,), with mean 0 over the surface, without unit.
+    """
+    shares = laplacian.mass / laplacian.mass.sum()
+    curvature = angle_defects(mesh)
+    definite = csr_array(laplacian.stiffness + diags_array(HOLD * shares))
+    factors = factorise_definite(definite)((curvature - curvature.sum() * shares)[:, None])[:, 0]
+    return np.asarray(factors - shares @ factors)
+
+
+def tips(shape: Shape, most: int, apart: float) -> list[int]:
+    """Vertices where the conformal factor has a positive local maximum, the highest first.
+
+    Parameters
+    ----------
+    shape
+        A shape in one piece.
+    most
+        Largest number of tips.
+    apart
+        Least distance between two of them along the edges, as a share of the root of the area; the lower one is left
+        out.
+
+    Returns
+    -------
+    list of int
+        Vertex indices; an evenly curved surface has none.
+    """
+    mesh = shape.mesh
+    factors = conformal_factors(mesh, shape.laplacian())
+    ends = edges_of(mesh.faces).ends
+    highest = factors.copy()
+    np.maximum.at(highest, ends[:, 0], factors[ends[:, 1]])
+    np.maximum.at(highest, ends[:, 1], factors[ends[:, 0]])
+    margin = TIE * float(np.abs(factors).max())
+    left = np.where((factors >= highest - margin) & (factors > EVEN), factors, -np.inf)
+    graph, radius = edge_graph(shape), apart * float(np.sqrt(mesh.area))
+    found: list[int] = []
+    while len(found) < most and left.max() > 0:
+        found.append(largest(left, mesh.vertices))
+        left[within(graph, found[-1], radius)] = -np.inf
+    return found

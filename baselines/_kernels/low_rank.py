@@ -1,0 +1,35 @@
+"""Classic scaling of squared distances that are known as a product of thin matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
+from benchmark.contracts import FloatArray, Mesh
+
+
+def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> FloatArray:
+    r"""Classic scaling of the squared distances :math:`Z M Z^\top`, without making that matrix.
+
+    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, as large as Z has
+    columns.
+
+    Parameters
+    ----------
+    mesh
+        The surface, which settles signs and axes of equal eigenvalues.
+    columns
+        The matrix Z, shape (n, k) with k at least 3.
+    coupling
+        The symmetric matrix M, shape (k, k).
+
+    Returns
+    -------
+    numpy.ndarray
+        Centred positions, shape (n, 3), along axes of falling variance; negative eigenvalues count as zero.
+    """
+    orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
+    values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
+    leading = np.maximum(values[:-4:-1], 0.0)
+    points = settled_axes(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, mesh.vertices)
+    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices)

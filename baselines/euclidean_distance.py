@@ -1,0 +1,102 @@
+"""The surface stretched by pushing a few of its points apart in space while its edges keep their length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
+
+APART = 0.1
+"""Least distance between two tips, in roots of the area: more than between two fingers, less than between two legs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EuclideanDistance(CheckedParameters):
+    r"""Euclidean-distance-based canonical form (Pickup, Sun, Rosin and Martin 2015).
+
+    A few points S of the surface are pushed apart in space, and the edges keep their lengths l in the input:
+
+    .. math:: E(x) = \frac12 \sum_{ij \in \mathrm{edges}} (\|x_i - x_j\| - l_{ij})^2
+              - \kappa \sum_{a < b \in S} \|x_a - x_b\| .
+
+    No geodesic distances enter, and a step costs time in proportion to the vertices. Steps are those of stress
+    majorisation, with one factor of the graph Laplacian G for all of them:
+
+    .. math:: G x \leftarrow \sum_{ij} \frac{l_{ij}}{\|x_i - x_j\|} (e_i - e_j)(x_i - x_j)
+              + \kappa \sum_{ab} \frac{1}{\|x_a - x_b\|} (e_a - e_b)(x_a - x_b),
+
+    none of which raises E. The push is :math:`\kappa = 4 \tau \bar l \sqrt n / |S|^2` with the mean length of an edge
+    :math:`\bar l`, so that the pull across a limb, and the strain of its edges, hangs on neither the number of points
+    nor that of vertices. Some last steps without a push give the edges their lengths back. "Euclidean-distance-based
+    canonical forms for non-rigid 3D shape retrieval", Pattern Recognition 48.
+
+    Parameters
+    ----------
+    points
+        ``"global"`` pushes farthest-point samples all over the surface; ``"local"`` pushes the tips of limbs, where the
+        conformal factor is largest (Ben-Chen and Gotsman 2008), and on a surface without any the global points.
+    count
+        Largest number of points.
+    tension
+        Strength :math:`\tau` of the push.
+    iterations
+        Steps with a push.
+    settling
+        Steps without.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="euclidean-distance",
+        title="Euclidean distance",
+        cite="pickup2015euclidean",
+        family="extended",
+        summary="points of the surface pushed apart in space while edges keep their length",
+    )
+
+    points: Literal["global", "local"] = "global"
+    count: Annotated[int, Interval(2)] = 30
+    tension: Annotated[float, Interval(0, closed="neither")] = 0.05
+    iterations: Annotated[int, Interval(1)] = 150
+    settling: Annotated[int, Interval(0)] = 50
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the stretched surface, centred at the origin.
+
+        The notes give the number of points, by how much the mean distance between them grew, and the mean and the
+        largest edge strain.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices or no face, or is in several pieces.
+        """
+        from baselines._kernels.springs import Springs
+
+        require_vertices(shape)
+        require_connected(shape)
+        chosen = self._points(shape)
+        springs = Springs.of(shape.mesh)
+        vertices = shape.mesh.vertices
+        push = 4 * self.tension * float(springs.lengths.mean()) * np.sqrt(shape.mesh.n_vertices) / len(chosen) ** 2
+        before = springs.spread(vertices, chosen)
+        form = springs.relax(vertices, chosen, push, self.iterations)
+        form = springs.relax(form, chosen, 0.0, self.settling)
+        strains = springs.strains(form)
+        return shape.form(
+            form - springs.masses @ form,
+            points=len(chosen),
+            growth=springs.spread(form, chosen) / before,
+            mean_edge_strain=float(strains.mean()),
+            largest_edge_strain=float(strains.max()),
+        )
+
+    def _points(self, shape: Shape) -> list[int]:
+        from baselines._kernels.conformal import tips
+        from baselines._kernels.sampling import farthest_points
+
+        found = tips(shape, self.count, APART) if self.points == "local" else []
+        return found if len(found) > 1 else farthest_points(shape, self.count)

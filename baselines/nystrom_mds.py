@@ -1,0 +1,84 @@
+"""Classic scaling from a few rows of geodesic distances by the Nyström approximation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.low_rank import low_rank_scaling
+from benchmark.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    GeodesicSolver,
+    Interval,
+    MethodInfo,
+    Shape,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NystromMDS(CheckedParameters):
+    r"""Nyström MDS (NMDS).
+
+    With the squared geodesic distances :math:`F` (p x n) from p farthest-point samples s and those between the samples,
+    :math:`W = F_{:, s}`, the matrix of all squared distances is nearly
+
+    .. math:: D \circ D \approx F^\top W_r^+ F,
+
+    where the pseudo-inverse keeps the r eigenvalues of W of largest magnitude: the small ones are errors of the
+    distances, and W has eigenvalues of both signs. Shamai, Zibulevsky and Kimmel (2018), "Efficient inter-geodesic
+    distance computation and fast classical scaling".
+
+    :class:`baselines.accelerated_mds.AcceleratedMDS` reads :math:`P W P^\top` from the same rows with an interpolation
+    P that knows the surface but not the distances. Here :math:`P = F^\top W_r^+` is learned from the distances alone:
+    no Laplacian enters, and any metric would do.
+
+    Parameters
+    ----------
+    samples
+        Number p of farthest-point samples.
+    rank
+        Largest number r of eigenvalues that are kept, up to a gap between their magnitudes.
+    solver
+        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="nystrom-mds",
+        title="Nyström MDS",
+        cite="shamai2018fast",
+        family="extended",
+        summary="classic scaling from few rows of geodesic distances, the others by Nyström's formula",
+    )
+
+    samples: Annotated[int, Interval(4)] = 50
+    rank: Annotated[int, Interval(4)] = 20
+    solver: GeodesicSolver = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the classic scaling of the approximate distances, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices, no face, or several pieces.
+        """
+        from baselines._kernels.sampling import farthest_points, stress_of_rows
+        from baselines._kernels.spectral import clear_length
+
+        require_vertices(shape)
+        require_connected(shape)
+        samples = farthest_points(shape, self.samples)
+        rows = shape.geodesics_from(samples, self.solver)
+        between = rows[:, samples] ** 2
+        values, vectors = np.linalg.eigh((between + between.T) / 2)
+        largest_first = np.argsort(-np.abs(values), kind="stable")
+        kept = largest_first[: clear_length(values[largest_first], self.rank)]
+        columns = rows.T**2 @ (vectors[:, kept] / values[kept])
+        points = low_rank_scaling(shape.mesh, columns, np.diag(values[kept]))
+        return shape.form(
+            points, samples=len(samples), rank=len(kept), stress_of_rows=stress_of_rows(points, samples, rows)
+        )

@@ -1,0 +1,117 @@
+"""What the readers share: numbers out of text, whole numbers, and polygons cut into triangles.
+
+The converters of Python take more for a number than a mesh file can mean (``1_0``, digits of other scripts), so none is
+used on what a file holds.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Arrays = tuple[FloatArray, IntArray]
+
+_MOST_DIGITS = 18
+"""Digits of a whole number that surely fits 64 bits."""
+
+
+def content_lines(data: bytes) -> list[bytes]:
+    """Lines that hold more than white space, without that at their ends."""
+    return [line for line in map(bytes.strip, data.splitlines()) if line]
+
+
+def whole_number(token: bytes) -> int:
+    """A count or an index as ascii digits; raises ``ValueError`` for anything else."""
+    if not token.isdigit() or len(token) > _MOST_DIGITS:
+        raise ValueError(f"{shown(token)} is not a whole number")
+    return int(token)
+
+
+def shown(token: bytes) -> str:
+    """The beginning of a token as it may stand in a message."""
+    return repr(token[:20].decode("ascii", errors="backslashreplace"))
+
+
+def parsed(lines: Sequence[bytes], count: int) -> FloatArray:
+    """Parse the numbers of some lines; raises ``ValueError`` unless there are ``count``, and nothing else."""
+    if not count:
+        return np.empty(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # numpy below 2.3 does not raise
+        try:
+            found = np.fromstring(b" ".join(lines).decode("ascii"), sep=" ")
+        except (DeprecationWarning, ValueError) as error:
+            raise ValueError("what should be a number is none") from error
+    if len(found) != count:
+        raise ValueError(f"{count} numbers expected, {len(found)} found")
+    return found
+
+
+def table(lines: Sequence[bytes], least: int = 3) -> FloatArray:
+    """Parse lines of equally many numbers each, at least ``least``; none of the lines is blank."""
+    if not lines:
+        return np.empty((0, least))
+    widths = {len(line.split()) for line in lines}
+    width = max(widths)
+    if len(widths) > 1 or width < least:
+        raise ValueError("a line has too few or too many numbers")
+    return parsed(lines, width * len(lines)).reshape(-1, width)
+
+
+def whole(numbers: NDArray[np.number]) -> IntArray:
+    """Vertex indices; raises ``ValueError`` where one is not a whole number."""
+    if numbers.dtype.kind in "iu":
+        return numbers.astype(np.int64)
+    with np.errstate(invalid="ignore"):
+        is_whole = (numbers == np.floor(numbers)) & (np.abs(numbers) <= 2**53)
+    if not is_whole.all():
+        raise ValueError("a vertex index is not a whole number")
+    return numbers.astype(np.int64)
+
+
+def counted_polygons(lines: Sequence[bytes]) -> IntArray:
+    """Parse lines that hold the number of corners, the corners, and perhaps a colour; returns triangles."""
+    if all(line[:2] in (b"3 ", b"3\t") for line in lines):
+        try:
+            return whole(table(lines, least=4)[:, 1:4])
+        except ValueError:
+            pass  # lines of different length: some faces have colours
+    sizes, corners = [], []
+    for line in lines:
+        first, *others = line.split()
+        size = corner_count(whole_number(first))
+        if len(others) < size:
+            raise ValueError("a face has fewer corners than it announces")
+        sizes.append(size)
+        corners.append(b" ".join(others[:size]))
+    return fans(whole(parsed(corners, sum(sizes))), sizes)
+
+
+def corner_count(size: int) -> int:
+    """The number of corners of a face; raises ``ValueError`` for fewer than three."""
+    if size < 3:
+        raise ValueError("a face has fewer than three corners")
+    return size
+
+
+def fans(corners: IntArray, sizes: Sequence[int]) -> IntArray:
+    """Cut polygons into fans of triangles around their first corner.
+
+    Parameters
+    ----------
+    corners
+        Vertices of all polygons, one polygon after the other.
+    sizes
+        Corners of each polygon, at least three.
+    """
+    of_polygon = np.asarray(sizes, dtype=np.int64)
+    starts = np.cumsum(of_polygon) - of_polygon
+    triangles = of_polygon - 2
+    first = np.repeat(starts, triangles)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    return np.stack([corners[first], corners[first + within + 1], corners[first + within + 2]], axis=1)

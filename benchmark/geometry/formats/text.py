@@ -1,0 +1,60 @@
+"""Formats of lines of numbers: OFF, OBJ, and the ``.vert``/``.tri`` pair."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from benchmark.geometry.formats.parsing import (
+    Arrays,
+    content_lines,
+    corner_count,
+    counted_polygons,
+    fans,
+    parsed,
+    table,
+    whole,
+    whole_number,
+)
+
+
+def read_off(data: bytes) -> Arrays:
+    """Read the Object File Format of Geomview: comments, counts on the first or the next line, polygons, colours."""
+    if b"#" in data:
+        data = re.sub(rb"#[^\n]*", b"", data)
+    header = re.match(rb"\s*(?:ST)?(?:C?N?|N?C?)OFF\s+([0-9]+)\s+([0-9]+)(?:[ \t]+[0-9]+)?\s*", data)
+    if header is None:
+        raise ValueError("the header is not OFF followed by the counts of vertices and faces")
+    n_vertices, n_faces = whole_number(header[1]), whole_number(header[2])
+    lines = content_lines(data[header.end() :])
+    if len(lines) < n_vertices + n_faces:
+        raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but only {len(lines)} lines follow")
+    vertices = table(lines[:n_vertices])[:, :3]
+    return vertices, counted_polygons(lines[n_vertices : n_vertices + n_faces])
+
+
+def read_obj(data: bytes) -> Arrays:
+    """Read the vertices and faces of Wavefront OBJ; texture, normals, groups and materials are passed over."""
+    lines = content_lines(data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" "))
+    is_vertex = [line.startswith((b"v ", b"v\t")) for line in lines]
+    is_face = [line.startswith((b"f ", b"f\t")) for line in lines]
+    if not any(is_vertex):
+        raise ValueError("there is no line of a vertex, 'v x y z'")
+    vertices = table([line[2:] for line, of_vertex in zip(lines, is_vertex, strict=True) if of_vertex])[:, :3]
+    faces = [line[2:].partition(b"#")[0] for line, of_face in zip(lines, is_face, strict=True) if of_face]
+    corners = re.sub(rb"/\S*", b"", b"\n".join(faces)).split(b"\n") if faces else []
+    sizes = [corner_count(len(polygon.split())) for polygon in corners]
+    indices = whole(parsed(corners, sum(sizes)))
+    # Negative indices count back from the last vertex before the face; 0 names none.
+    before = np.repeat(np.cumsum(is_vertex)[np.asarray(is_face, dtype=bool)], sizes)
+    return vertices, fans(np.where(indices < 0, indices + before, indices - 1), sizes)
+
+
+def read_vert_tri(vert: bytes, tri: bytes) -> Arrays:
+    """Read the ascii pair of TOSCA; triangles count from 1, as published, unless one of them names vertex 0."""
+    vertices = table(content_lines(vert))
+    faces = whole(table(content_lines(tri)))
+    if vertices.shape[1] != 3 or faces.shape[1] != 3:
+        raise ValueError("a line of the .vert or .tri file has not three numbers")
+    return vertices, faces - (1 if faces.size and faces.min() > 0 else 0)

@@ -1,0 +1,90 @@
+"""Pictures of the families of forms in ``docs/methods.md``: ``python -m benchmark.report.pictures.families FOLDER``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmark.contracts import Mesh, Method, Shape
+from benchmark.datasets.humans import Humans
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.preparation import prepare
+from benchmark.methods.registry import methods, variant
+from benchmark.report.pictures.drawing import principal_frame, shaded
+from benchmark.report.pictures.forms import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Methods of each family, by the name of its picture.
+FAMILIES: Mapping[str, Sequence[str]] = {
+    "scaling": ("classic-mds", "least-squares-mds", "non-metric-mds"),
+    "few-rows": ("fast-mds", "accelerated-mds", "spectral-mds", "nystrom-mds", "subspace-mds"),
+    "metrics": (
+        *(f"classic-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")),
+        *(f"least-squares-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")),
+        "gps",
+    ),
+    "details": (
+        "constrained-mds",
+        "feature-preserved",
+        "skeleton",
+        "mesh-unfolding",
+        "euclidean-distance",
+        "euclidean-distance[points=local]",
+    ),
+}
+
+#: Generated body whose poses are shown, and which of them.
+SUBJECT, POSES = "woman-3", (0, 7, 13)
+
+
+def family_figure(names: Sequence[str], poses: Sequence[Mesh], camera: Camera, size: int = 150) -> Figure:
+    """Draw the same poses as they are, and below what each method makes of them.
+
+    Parameters
+    ----------
+    names
+        Methods, with parameters if need be.
+    poses
+        Prepared surfaces.
+    camera
+        How the surfaces are looked at; forms are seen along their third principal axis.
+    size
+        Pixels per picture.
+    """
+    from matplotlib.figure import Figure
+
+    known = methods()
+    specs = [variant(name, known) for name in names]
+    rows = [("input", [shaded(mesh, camera, size) for mesh in poses])]
+    for spec in specs:
+        method = spec.create()
+        if isinstance(method, Method):
+            shapes = [Shape(identifier=f"pose {number}", mesh=mesh) for number, mesh in enumerate(poses)]
+            forms = [method.canonicalise(shape).mesh for shape in shapes]
+            rows.append((spec.title, [shaded(principal_frame(form), size=size) for form in forms]))
+    figure = Figure(figsize=(1.2 * len(rows) + 0.4, 1.2 * len(poses) + 0.3), dpi=100)
+    axes = figure.subplots(len(poses), len(rows), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
+    for column, (title, pictures) in enumerate(rows):
+        axes[0, column].set_title(title.replace(" (", "\n("), fontsize=6)
+        for row, picture in enumerate(pictures):
+            axes[row, column].imshow(picture, interpolation="antialiased")
+            axes[row, column].set_axis_off()
+    return figure
+
+
+def main(folder: Path) -> None:
+    """Write one picture per family."""
+    humans = Humans()
+    entries = [entry for entry in humans.entries if entry.subject == SUBJECT]
+    chosen = [entries[pose] for pose in POSES]
+    poses = [prepare(humans.load(entry)).mesh for entry in chosen]
+    for family, names in FAMILIES.items():
+        save(family_figure(names, poses, humans.camera(chosen[0])), folder / f"family-{family}.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

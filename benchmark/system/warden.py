@@ -1,0 +1,71 @@
+"""Ends what the workers of a program have started, also when the program itself is killed and can end nothing.
+
+Every worker bears a mark in its environment, which all that it starts inherits. The warden is a process of its own
+that reads from a pipe of the program; when the pipe ends, so has the program, and whatever still bears its marks is
+killed. Run as a script, with the first part of the marks as its argument, this file is that process; so it imports
+nothing of the project.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+
+#: Environment variable by which the processes that a worker started are known as its own.
+MARK = "CANONICAL_FORMS_WORKER"
+
+#: How often processes are looked for: one may be born while the others are killed.
+_ROUNDS = 20
+
+
+@cache
+def token() -> str:
+    """First part of the marks of all workers of this program, for which a warden is watching from now on."""
+    made = secrets.token_hex(16)
+    _WARDENS.append(
+        subprocess.Popen(
+            [sys.executable, "-P", __file__, made],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # what ends the program must not end its warden
+        )
+    )
+    return made
+
+
+#: Kept so that the pipe stays open for as long as this process lives.
+_WARDENS: list[subprocess.Popen[bytes]] = []
+
+
+def kill_marked(mark: str) -> None:
+    """Kill every process whose mark begins like this, and those that they start meanwhile."""
+    for _ in range(_ROUNDS):
+        found = list(_marked(mark))
+        for process in found:
+            with suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        if not found:
+            return
+        time.sleep(0.01)
+
+
+def _marked(mark: str) -> Iterator[int]:
+    import psutil
+
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, OSError):
+            if process.pid != os.getpid() and process.environ().get(MARK, "").startswith(mark):
+                yield process.pid
+
+
+if __name__ == "__main__":
+    sys.stdin.buffer.read()
+    kill_marked(sys.argv[1])

@@ -1,0 +1,89 @@
+"""What the card of a model of this package must say before its network is built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from benchmark.errors import ConfigurationError
+from learned.configuration import Configuration, from_card
+
+LARGEST = 4096
+"""Most pixels per side, and most channels, that a network may have."""
+
+MEND = "train the model again"
+
+_TOLD: Mapping[str, type | tuple[type, ...]] = {
+    "digest": str, "configuration": dict, "parameters": int, "data": str, "data_title": str, "data_digest": str,
+    "pairs": int, "subjects": list, "identifiers": list, "extra_data": bool, "seed": int, "schedule": dict,
+    "departures_from_the_paper": list, "schedule_in_words": str, "hardware": str, "precision": str,
+    "weights_stored_as": str, "torch": str, "seconds": (int, float), "images_per_second": (int, float),
+    "final_losses": dict, "final": dict, "recipe": dict, "finished": str,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Network:
+    """What is built from a card.
+
+    Parameters
+    ----------
+    configuration
+        The network.
+    resolution
+        Pixels per side of the images that it sees.
+    """
+
+    configuration: Configuration
+    resolution: int
+
+
+def network_of(card: Mapping[str, Any], folder: Path) -> Network:
+    """What a card says of its network, after checking every field that :func:`learned.saving.save_model` writes.
+
+    A field more or less is an error, for nobody knows what a card of another version means.
+
+    Parameters
+    ----------
+    card
+        The card, as :func:`benchmark.learning.read_card` gives it.
+    folder
+        Where the model is, for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not the card of such a model; the message names the field.
+    """
+    if odd := sorted(card.keys() ^ _TOLD.keys()):
+        verb = "lacks" if odd[0] in _TOLD else "has an unknown field"
+        raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", MEND)
+    for name, kind in _TOLD.items():
+        if not isinstance(card[name], kind) or (isinstance(card[name], bool) and kind is not bool):
+            raise _wrong(name, card[name], folder)
+    resolution = card["schedule"].get("resolution")
+    if type(resolution) is not int or not 1 <= resolution <= LARGEST:
+        raise _wrong("schedule.resolution", resolution, folder)
+    for name in ("parameters", "pairs"):
+        if card[name] < 1:
+            raise _wrong(name, card[name], folder)
+    return Network(_configuration(card["configuration"], folder), resolution)
+
+
+def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
+    found = from_card(described)
+    for name, hint in get_type_hints(Configuration).items():
+        value = described.get(name)
+        if name == "schedule":
+            continue
+        choices = get_args(hint)
+        fits = value in choices if choices else type(value) is hint
+        if not fits or (type(value) is int and not 1 <= value <= LARGEST):
+            raise _wrong(f"configuration.{name}", value, folder)
+    return found
+
+
+def _wrong(name: str, value: object, folder: Path) -> ConfigurationError:
+    return ConfigurationError(f"the card in {folder} says '{name}' is {str(value)[:50]!r}, which no model has", MEND)

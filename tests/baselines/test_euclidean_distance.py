@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.distance import pdist
+
+from baselines._kernels.conformal import angle_defects, conformal_factors, tips
+from baselines._kernels.springs import Springs
+from baselines.euclidean_distance import EuclideanDistance
+from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.methods.conformance.shapes import view
+from tests.baselines.deformable import (
+    UNSUPPORTED,
+    centre_line,
+    check_real_body,
+    check_symmetries,
+    shape_of,
+    sheet,
+    straightness,
+    tube,
+)
+from tests.baselines.embedding import limbed, sphere
+
+
+def energy_by_definition(mesh, positions, points, push):
+    pairs = {tuple(sorted(side)) for face in mesh.faces for side in zip(face, np.roll(face, 1), strict=True)}
+    total = -push * pdist(positions[points]).sum()
+    for i, j in pairs:
+        rest = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j])
+        total += 0.5 * (np.linalg.norm(positions[i] - positions[j]) - rest) ** 2
+    return total
+
+
+def test_the_energy_is_that_of_the_definition_and_never_rises():
+    mesh, points, push = limbed(150).mesh, [3, 50, 90, 140], 0.02
+    springs = Springs.of(mesh)
+    positions, course = mesh.vertices, []
+    for _ in range(30):
+        course.append(springs.energy(positions, points, push))
+        assert course[-1] == pytest.approx(energy_by_definition(mesh, positions, points, push), abs=1e-12)
+        positions = springs.relax(positions, points, push, 1)
+    assert (np.diff(course) <= 1e-12).all()
+    assert course[-1] < course[0]
+
+
+def test_many_steps_reach_the_minimum_that_a_general_minimiser_finds():
+    mesh, points, push = limbed(30).mesh, [3, 15, 29], 0.05
+    springs = Springs.of(mesh)
+    found = springs.relax(mesh.vertices, points, push, 10000)
+
+    def energy(flat):
+        return springs.energy(flat.reshape(-1, 3), points, push)
+
+    expected = minimize(energy, found.ravel() + 1e-3 * np.random.default_rng(0).standard_normal(found.size), tol=1e-12)
+    assert energy(found.ravel()) == pytest.approx(expected.fun, abs=1e-6)
+
+
+def test_curvature_adds_up_to_the_euler_characteristic():
+    assert angle_defects(sphere(100)).sum() == pytest.approx(4 * np.pi)
+    assert angle_defects(sheet()).sum() == pytest.approx(2 * np.pi)
+    # A flat strip is curved at its corners and its jagged ends alone.
+    rows, columns = 30, 9
+    inside = np.zeros((rows, columns), dtype=bool)
+    inside[1:-1, 1:-1] = True
+    np.testing.assert_allclose(angle_defects(sheet(rows, columns))[inside.ravel()], 0, atol=1e-9)
+
+
+def test_conformal_factors_solve_their_equation_and_are_those_of_an_even_curvature():
+    shape = limbed(200)
+    laplacian = shape.laplacian()
+    curvature, shares = angle_defects(shape.mesh), laplacian.mass / laplacian.mass.sum()
+    expected = np.linalg.lstsq(laplacian.stiffness.toarray(), curvature - curvature.sum() * shares, rcond=None)[0]
+    found = conformal_factors(shape.mesh, laplacian)
+    np.testing.assert_allclose(found, expected - shares @ expected, atol=1e-6)
+    assert shares @ found == pytest.approx(0, abs=1e-12)
+    ball = shape_of(sphere(800))
+    assert np.abs(conformal_factors(ball.mesh, ball.laplacian())).max() < 0.02
+
+
+def test_the_tips_are_the_ends_of_the_limbs():
+    shape = limbed(900)
+    # Those of the four longer ones: the shortest is a bump that would have to grow less than the surface as a whole.
+    directions = np.array([[1, 0.1, 0], [-0.9, 0.3, 0.2], [0.1, -1, 0.2], [0, 0.4, 1]])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = tips(shape, 30, 0.1)
+    away = shape.mesh.vertices[found]
+    away = away / np.linalg.norm(away, axis=1, keepdims=True)
+    assert len(found) == 4
+    assert (directions @ away.T).max(axis=1).min() > 0.99
+    assert tips(shape, 3, 0.1) == found[:3]
+    assert len(tips(shape, 30, 5.0)) == 1
+
+
+@pytest.mark.parametrize("points", ["global", "local"])
+def test_a_bent_tube_straightens_and_its_edges_keep_their_length(points):
+    mesh = tube(2.4)
+    form = EuclideanDistance(points=points).canonicalise(shape_of(mesh))
+    assert straightness(centre_line(mesh.vertices)) < 0.8
+    assert straightness(centre_line(form.vertices)) > 0.88
+    assert form.notes["growth"] > 1.04
+    assert form.notes["mean_edge_strain"] < 0.03
+    lengths = Springs.of(mesh)
+    assert form.notes["mean_edge_strain"] == pytest.approx(lengths.strains(form.vertices).mean())
+
+
+def test_settling_gives_edges_their_length_back():
+    strains = [
+        EuclideanDistance(settling=steps).canonicalise(limbed(400)).notes["mean_edge_strain"] for steps in (0, 10, 60)
+    ]
+    assert strains[0] > 2 * strains[1] > 2 * strains[2]
+
+
+def test_no_geodesics_are_asked_for():
+    class NoDistances(Shape):
+        def geodesics(self, solver="default"):
+            raise AssertionError("all pairs were asked for")
+
+        geodesics_from = geodesics
+
+    for points in ("global", "local"):
+        EuclideanDistance(points=points).canonicalise(NoDistances(identifier="limbed", mesh=limbed(200).mesh))
+
+
+def test_an_even_surface_without_tips_pushes_points_all_over_it():
+    form = EuclideanDistance(points="local").canonicalise(shape_of(sphere(800)))
+    assert form.notes["points"] > 1
+    assert np.isfinite(form.vertices).all()
+
+
+@pytest.mark.parametrize("points", ["global", "local"])
+def test_symmetries(points):
+    check_symmetries(EuclideanDistance(points=points), limbed(400).mesh, 1e-6)
+    check_symmetries(EuclideanDistance(points=points), view().mesh, 1e-6)
+
+
+@pytest.mark.parametrize("name", UNSUPPORTED)
+def test_unsupported_shapes(name):
+    with pytest.raises(UnsupportedShape):
+        EuclideanDistance().canonicalise(shape_of(UNSUPPORTED[name]))
+
+
+def test_fifty_vertices_are_enough():
+    for points in ("global", "local"):
+        form = EuclideanDistance(points=points).canonicalise(shape_of(sphere(50)))
+        assert np.isfinite(form.vertices).all()
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("points", ["global", "local"])
+@pytest.mark.parametrize("name", ["cat8", "michael6"])
+def test_real_bodies_spread_their_limbs(data_root, name, points):
+    form = check_real_body(EuclideanDistance(points=points), data_root / "tosca" / f"{name}.off")
+    assert form.notes["mean_edge_strain"] <= 0.03

@@ -1,0 +1,140 @@
+"""Scaling of diffusion, commute-time and biharmonic distances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.distance import cdist
+
+from baselines._kernels.spectral import clear_eigenpairs, clear_length, distances_under, spectral_embedding
+from baselines.classic_mds import ClassicMDS, classic_scaling
+from baselines.gps import GPS
+from baselines.least_squares_mds import LeastSquaresMDS
+from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError
+from tests.baselines.deformable import moved_to, shape_of, sheet, tube
+from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread
+from tests.baselines.perturbation import moved, other_rounding
+
+METRICS = ("diffusion", "commute-time", "biharmonic")
+
+
+def by_definition(shape: Shape, metric: str, time: float) -> np.ndarray:
+    """Squared distances without eigenfunctions: heat kernel, Green's function, and the product of two of those."""
+    laplacian = shape.laplacian()
+    stiffness, mass = laplacian.stiffness.toarray(), laplacian.mass
+    area, n = mass.sum(), len(mass)
+    if metric == "diffusion":
+        heat = expm(-time * area * stiffness / mass[:, None]) / mass
+        kernel = area**2 * (heat * mass) @ heat.T
+    else:
+        mean_free = np.eye(n) - np.outer(np.ones(n), mass) / area
+        green = mean_free @ np.linalg.pinv(stiffness) @ mean_free.T
+        kernel = area * green if metric == "commute-time" else green @ (mass[:, None] * green)
+    diagonal = np.diag(kernel)
+    return diagonal[:, None] + diagonal - 2 * kernel
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_with_all_eigenfunctions_the_distances_are_those_of_the_definition(metric):
+    shape = limbed(120)
+    shape.mesh = shape.mesh.with_vertices(1.7 * shape.mesh.vertices)
+    found = distances_under(shape, metric, 0.03, 119, "default")
+    expected = by_definition(shape, metric, 0.03)
+    np.testing.assert_allclose(found**2, expected, atol=1e-9 * expected.max())
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_the_form_is_the_classic_scaling_of_the_matrix_of_distances(metric):
+    shape = limbed(300)
+    form = ClassicMDS(metric=metric, eigenfunctions=40).canonicalise(shape)
+    functions = spectral_embedding(shape, metric, 0.05, 40)
+    points, ratios = classic_scaling(cdist(functions, functions))
+    np.testing.assert_allclose(spread(form.vertices), spread(points), atol=1e-7)
+    assert [form.notes[f"eigenvalue_ratio_{k}"] for k in (2, 3, 4)] == pytest.approx(ratios[1:], rel=1e-6)
+    assert form.notes["eigenfunctions"] == functions.shape[1] == 40
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_least_squares_scaling_lowers_the_stress_of_the_metric(metric):
+    shape = limbed(300)
+    distances = distances_under(shape, metric, 0.05, 100, "default")
+    form = LeastSquaresMDS(metric=metric).canonicalise(shape)
+    classic = ClassicMDS(metric=metric).canonicalise(shape)
+    assert form.notes["stress"] == pytest.approx(brute_force_stress(form.vertices, distances), rel=1e-8)
+    assert form.notes["stress"] < brute_force_stress(classic.vertices, distances)
+
+
+def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature():
+    # Classic scaling weighs vertices alike and GPS by their area, which on this sphere is the same but for 1 %.
+    mesh = sphere(800)
+    shape = shape_of(mesh.with_vertices(mesh.vertices * [1.6, 1.2, 1.0]))
+    gps = GPS().canonicalise(shape).vertices * np.sqrt(shape.mesh.area)
+    form = ClassicMDS(metric="commute-time").canonicalise(shape).vertices
+    assert np.abs(spread(form) - spread(gps)).max() < 0.05 * spread(gps).max()
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_bending_does_not_change_the_form(metric):
+    flat, rolled = (ClassicMDS(metric=metric).canonicalise(shape_of(sheet(bend=bend))).vertices for bend in (0.0, 2.0))
+    assert np.abs(spread(rolled) - spread(flat)).max() < 0.02 * spread(flat).max()
+
+
+def test_a_longer_time_smooths_the_form():
+    shape = limbed(300)
+    fourths = [
+        ClassicMDS(metric="diffusion", time=t).canonicalise(shape).notes["eigenvalue_ratio_2"] for t in (0.02, 0.1, 0.3)
+    ]
+    assert fourths[0] > fourths[1] > fourths[2]
+
+
+def test_equal_eigenvalues_are_kept_together_or_left_out_together():
+    values = np.array([5.0, 3.0, 3.0 - 1e-9, 1.0, 1.0, 1.0])
+    assert [clear_length(values, most) for most in (1, 2, 3, 4, 5, 6, 9)] == [1, 1, 3, 3, 3, 6, 6]
+    assert clear_length(np.ones(4), 2) == 2
+    # A sphere has 3, 5, 7 functions of one degree; eight cannot be ten.
+    side = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
+    octahedron = Mesh(side, np.array([[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]))
+    assert [clear_eigenpairs(shape_of(octahedron).laplacian(), most)[1].shape[1] for most in (4, 5)] == [3, 5]
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("method", [ClassicMDS, LeastSquaresMDS])
+def test_contract(method, metric):
+    assert_contract(method(metric=metric), limbed(250), atol=1e-6)
+
+
+@pytest.mark.parametrize("mesh", [tube(0.0, rings=20), tube(2.0, rings=20), sheet(), sheet(bend=2.0)])
+@pytest.mark.parametrize("metric", METRICS)
+def test_rounding_errors_do_not_change_the_form(metric, mesh):
+    for method in (ClassicMDS(metric=metric), LeastSquaresMDS(metric=metric)):
+        expected = method.canonicalise(shape_of(mesh)).vertices
+        with other_rounding(1):
+            found = method.canonicalise(shape_of(moved(mesh, 1))).vertices
+        size = np.ptp(expected, axis=0).max()
+        np.testing.assert_allclose(moved_to(found, expected), expected, rtol=0, atol=1e-6 * size)
+
+
+def test_parts_that_hang_together_by_nothing_are_refused():
+    # Two tetrahedra, and a triangle without area from one to the other.
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    mesh = Mesh(
+        np.concatenate([corners, corners + np.array([5, 0, 0])]), np.concatenate([sides, sides + 4, [[0, 1, 4]]])
+    )
+    with pytest.raises(UnsupportedShape, match="triangles without area"):
+        ClassicMDS(metric="biharmonic").canonicalise(shape_of(mesh))
+
+
+def test_an_unknown_metric_and_a_time_that_does_not_pass_are_refused():
+    with pytest.raises(ConfigurationError, match="did you mean biharmonic"):
+        ClassicMDS(metric="biharmonc")  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="time of least-squares-mds"):
+        LeastSquaresMDS(metric="diffusion", time=0)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_fifty_vertices_are_enough(metric):
+    for method in (ClassicMDS(metric=metric), LeastSquaresMDS(metric=metric)):
+        assert np.isfinite(method.canonicalise(shape_of(sphere(50))).vertices).all()

@@ -1,0 +1,244 @@
+"""Whatever a plugin or an argument does, a verb ends with one line and an exit code that says so."""
+
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from matplotlib.figure import Figure
+
+from benchmark.cli.main import cli, main
+from benchmark.cli.options import _inspected
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.methods import inspection
+from benchmark.report.pictures.forms import save
+from benchmark.storage.store import Store
+from tests.plugins import ACTS, write_plugin
+from tests.records import record
+from tests.toy import rod, write_off, write_rods
+
+
+@pytest.fixture
+def call(monkeypatch, capfd, tmp_path):
+    """Run the command line in this process; returns exit code, output, and what was said on stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["benchmark", *map(str, arguments)])
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code or 0
+        captured = capfd.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
+
+
+def refused(done):
+    """The one line by which a verb refuses."""
+    code, _, error = done
+    assert code == 2
+    (line,) = error.splitlines()
+    assert line.startswith("error: ")
+    return line
+
+
+# Arguments -----------------------------------------------------------------------------------------------------------
+
+LONG = "x" * 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("runn",), "No such command 'runn'"),
+        (("run", "--al"), "No such option"),
+        (("run", "-j", "0"), "see 'python -m benchmark run --help'"),
+        (("new", "method"), "Missing argument 'NAME'; see 'python -m benchmark new method --help'"),
+        (("run", "--all", "--results", ""), "--results is empty; name a file or a folder"),
+        (("train", "learned", "--results", ""), "--results is empty"),
+        (("run", "--all", "--results", LONG), "cannot be a path: File name too long"),
+        (("run", "-d", LONG), "--dataset 'xxxx"),
+        (("run", "-d", ""), "--dataset is empty"),
+        (("data", "check", LONG), "cannot be a path"),
+        (("canonicalise", "-m", "pca", "a.off", "-o", LONG), "cannot be a path"),
+        (("list", "datasets", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
+        (("data", "list", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
+        (("new", "method", "x" * 300), "is too long for the name of a method; use 60 characters at most"),
+        (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
+        (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
+        (("check", "all"), "unknown method 'all'"),
+    ],
+)
+def test_an_argument_that_cannot_be_is_refused_in_one_line(call, arguments, message, tmp_path):
+    assert message in refused(call(*arguments))
+    assert {path.name for path in tmp_path.iterdir()} <= {"results"}
+
+
+def test_results_without_a_name_do_not_go_into_this_folder(call, tmp_path):
+    refused(call("plan", "--results", ""))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "x"])
+def test_no_method_takes_a_number_that_makes_no_sense(value):
+    from benchmark.methods.registry import BUILT_IN, methods, variant
+
+    known = methods()
+    tried = 0
+    for name in BUILT_IN:
+        for parameter, usual in known[name].resolved_parameters().items():
+            if isinstance(usual, int | float) and not isinstance(usual, bool):
+                tried += 1
+                with pytest.raises(ConfigurationError, match=f"does not fit {parameter} of {name}"):
+                    variant(f"{name}[{parameter}={value}]", known)
+    assert tried > 20
+
+
+LEARNER = """
+
+from pathlib import Path
+Tried.split = "table"
+Tried.shipped_models = Path("none")
+Tried.model_name = "tried"
+Tried.load = lambda self, folder: self
+
+
+def train(self, data, folder, options, say):
+    say("begun")
+    {act}
+
+
+Tried.train = train
+"""
+
+
+# Plugins that cannot be loaded ---------------------------------------------------------------------------------------
+
+
+def commands(group, before=()):
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from commands(command, (*before, name))
+        else:
+            yield (*before, name), command
+
+
+def test_every_verb_that_takes_a_plugin_looks_at_it_from_outside_first():
+    taking = {
+        " ".join(name): parameter.callback
+        for name, command in commands(cli)
+        for parameter in command.params
+        if "--plugin" in parameter.opts
+    }
+    assert {"run", "plan", "list", "tables", "report", "canonicalise", "train", "compare", "why"} <= set(taking)
+    assert set(taking.values()) == {_inspected}
+
+
+@pytest.mark.parametrize(
+    ("verb", "fault", "message"),
+    [
+        (("plan",), "exits", "ended its process (exit code 0)"),
+        (("list", "methods"), "hangs", "does not end: stopped after 1 s"),
+    ],
+)
+def test_a_plugin_that_cannot_be_imported_is_one_line(call, verb, fault, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(inspection, "LIMIT", 1.0)
+    assert message in refused(call(*verb, "--plugin", write_plugin(tmp_path / "tried.py", on_import=fault)))
+
+
+def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp_path):
+    """A property of a learner, say, that is right when it is looked at from outside."""
+    plugin = write_plugin(tmp_path / "moody.py", name="moody-learner")
+    moody = "import multiprocessing\nHOME = multiprocessing.parent_process() is None\n"
+    moody += "Tried.model_name = property(lambda self: {}['mood'] if HOME else 'tried')\n"
+    plugin.write_text(plugin.read_text() + LEARNER.format(act="pass") + moody)
+    line = refused(call("plan", "-d", rods, "-m", "moody-learner", "--plugin", plugin))
+    assert line == f"error: plugin {plugin} raises KeyError: 'mood'; mend the file"
+
+
+# Plugins at work -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        ("crashes", "ended its process (SIGSEGV)"),
+        ("hangs", "does not end: stopped after 1 s"),
+        ("sys-exits", "raises SystemExit: 0"),
+        ("refuses", "error: too thin; feed it"),
+    ],
+)
+def test_canonicalise_survives_its_method(call, act, message, tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    plugin = write_plugin(tmp_path / "tried.py", at_work=act)
+    limit = ("--timeout", "1s") if act == "hangs" else ()
+    done = call("canonicalise", "-m", "tried", "rod.off", "--plugin", plugin, *limit)
+    assert message in refused(done)
+    assert not Path("rod-tried.off").exists()
+
+
+def test_the_file_of_a_form_has_a_name_that_fits(call, tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    plugin = write_plugin(tmp_path / "tried.py", name="tried-path", field="start: str = ''")
+    code, output, error = call("canonicalise", "-m", "tried-path[start=a/b]", "rod.off", "--plugin", plugin)
+    assert (code, error) == (0, "")
+    assert output.startswith("rod-tried-path[start=a_b].off: 290 vertices")
+
+
+def test_check_fails_the_check_in_which_a_method_ends_its_process_and_goes_on_with_the_next(call, tmp_path):
+    plugin = tmp_path / "acts.py"
+    methods = "".join(
+        f"@canonical_form(name='{name}', title='T')\ndef act_{number}(shape):\n    {ACTS[name]}\n"
+        for number, name in enumerate(("sys-exits", "crashes", "interrupts"))
+    )
+    plugin.write_text(f"import os, signal, sys\nfrom benchmark.contracts import canonical_form\n{methods}")
+    code, output, error = call("check", plugin)
+    failed = [line.split(maxsplit=3) for line in output.splitlines() if "  failed  " in line]
+    assert (code, error) == (1, "")
+    assert [words[:3] for words in failed] == [
+        ["sys-exits", "failed", "answer"], ["crashes", "failed", "answer"], ["interrupts", "failed", "answer"],
+    ]  # fmt: skip
+    assert failed[0][3].startswith("raises SystemExit: 0")
+    assert "ended its process (SIGSEGV)" in failed[1][3]
+    assert failed[2][3].startswith("raises KeyboardInterrupt")
+
+
+def test_a_report_draws_what_can_be_drawn(call, rods, tmp_path):
+    """Of a method that crashes and has a title that is no formula."""
+    plugin = write_plugin(tmp_path / "tried.py", name="crash", at_work="crashes", info="title='Cost $ x_{'")
+    store = Store.open(tmp_path / "results")
+    store.write_record(record(method="surface-area", data={"source": str(rods)}))
+    selection = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")
+    code, _, error = call("report", *selection, "--plugin", plugin, "-o", tmp_path / "report")
+    assert (code, error) == (0, "")
+    assert (tmp_path / "report" / "forms-rods.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_figure_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BenchmarkError, match="cannot write .*; choose another folder with -o"):
+        save(Figure(), tmp_path / "file" / "forms.png")
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [("exits", "training tried-learner ended its process (exit code 0)"), ("raises", "ZeroDivisionError")],
+)
+def test_a_training_that_breaks_is_one_line(call, act, message, tmp_path):
+    for name, radius in {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}.items():
+        for number, bend in enumerate((0.0, 1.0)):
+            write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=8, sides=6))
+    plugin = write_plugin(tmp_path / f"learner_{act}.py", name="tried-learner")
+    plugin.write_text(plugin.read_text() + LEARNER.format(act=ACTS[act]))
+    done = call("train", "tried-learner", "-t", "III", "--plugin", plugin, "--data-root", tmp_path / "data")
+    assert done[1].splitlines() == ["tried-learner, tosca-III", "begun"]
+    assert message in refused(done)

@@ -1,0 +1,92 @@
+"""Two runs on one folder: who does a job, and who clears away at the end."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from benchmark.jobs.claims import Claims
+
+ROOT = Path(__file__).parents[2]
+
+#: Claims a job, says so, and holds it until it is killed.
+HOLDER = """
+import sys, time
+from pathlib import Path
+from benchmark.jobs.claims import Claims
+claims = Claims(Path(sys.argv[1]))
+assert claims.take(sys.argv[2])
+print("taken", flush=True)
+time.sleep(3600)
+"""
+
+
+def hold(path, key):
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path), key], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    assert process.stdout.readline() == "taken\n"
+    return process
+
+
+def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
+    path = tmp_path / "claims"
+    with hold(path, "one") as other, Claims(path) as claims:
+        assert not claims.take("one")
+        assert claims.take("two")
+        assert not claims.is_last()
+        other.kill()
+        other.wait()
+        assert claims.take("one")
+        assert claims.is_last()
+    assert path.read_bytes() == b""
+
+
+def test_what_is_released_can_be_taken_by_another(tmp_path):
+    path = tmp_path / "claims"
+    with Claims(path) as claims:
+        assert claims.take("one")
+        claims.release("one")
+        claims.release("never taken")
+        with hold(path, "one") as other:
+            assert not claims.take("one")
+            other.kill()
+
+
+def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
+    from benchmark.jobs.run_plan import run_plan
+    from benchmark.storage.store import Store
+
+    store = Store.open(tmp_path)
+    (store.scratch / "needed.npz").write_text("")
+
+    def run():
+        return run_plan([], store, None, "serial", 1, None)
+
+    with hold(store.root / "claims", "one") as other:
+        assert run()
+        assert (store.scratch / "needed.npz").exists()
+        other.kill()
+    deadline = time.monotonic() + 20
+    while (store.scratch / "needed.npz").exists() and time.monotonic() < deadline:
+        assert run()
+    assert not (store.scratch / "needed.npz").exists()
+
+
+def test_nothing_is_pruned_while_a_run_is_under_way(tmp_path):
+    from click.testing import CliRunner
+
+    from benchmark.cli.main import cli
+    from benchmark.storage.store import Store
+
+    store = Store.open(tmp_path)
+    (store.scratch / "ab").mkdir()
+    (store.scratch / "ab" / "needed.npz").write_text("")
+    with hold(store.root / "claims", "one") as other:
+        done = CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)])
+        assert f"a run in {tmp_path} needs what would be freed; wait" in str(done.exception)
+        assert CliRunner().invoke(cli, ["prune", "--results", str(tmp_path), "--dry-run"]).exit_code == 0
+        other.kill()
+    assert (store.scratch / "ab" / "needed.npz").exists()
+    assert "in 1 files" in CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)]).output
+    assert not (store.scratch / "ab" / "needed.npz").exists()

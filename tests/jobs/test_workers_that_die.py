@@ -1,0 +1,132 @@
+"""Workers that die at the wrong moment, or cannot be started: no job is blamed that did nothing, and nothing waits."""
+
+import json
+import signal
+
+import pytest
+
+from benchmark.errors import BenchmarkError
+from benchmark.jobs import executors
+from benchmark.jobs.claims import Claims
+from benchmark.jobs.executors import ProcessExecutor
+from benchmark.jobs.orders import Order, Ranking
+from benchmark.jobs.worker import Status
+from benchmark.methods.registry import methods, select
+from benchmark.storage.store import Store
+from tests.records import record
+
+#: Key of the job that comes first.
+FIRST = record(method="surface-area")["key"]
+
+#: Ways for a worker to go, each a status at its end and an exit code.
+BORN_DEAD = (Status(), -signal.SIGKILL)
+KILLED = (Status(FIRST, 1, "b"), -signal.SIGKILL)
+CRASHED = (Status(FIRST, 1, "b"), -signal.SIGSEGV)
+DIED_AFTERWARDS = (Status(FIRST, 3, is_done=True), 1)
+DONE = (Status(FIRST, 3, is_done=True), 0)
+
+
+class Scripted:
+    """Stands in for a worker: it ends at once in the way that is next in the script, its work done or not."""
+
+    script: list = []  # noqa: RUF012
+
+    def __init__(self, task, number, progress, memory):
+        fate = self.script.pop(0) if self.script else DONE
+        if isinstance(fate, OSError):
+            raise fate
+        self.status, self.exit_code = fate
+        self.task, self.number, self.looked, self.trace = task, number, 0.0, "in a method"
+        self.status_at_end = self.status
+        self.sentinel = progress.open()
+        if self.status.is_done and isinstance(task, Ranking):
+            for order in task.orders:
+                Store.open(order.results).write_record(record(method=order.facts["method"]))
+
+    def end(self):
+        self.sentinel.close()
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run two jobs with scripted workers; returns the status and the reason of each."""
+
+    def run_(*script):
+        monkeypatch.setattr(Scripted, "script", list(script))
+        monkeypatch.setattr(
+            executors,
+            "TaskWorker",
+            lambda task, number, progress, memory: Scripted(task, number, tmp_path / "sentinel", memory),
+        )
+        monkeypatch.setattr(executors, "_PATIENCE", 0.0)
+        (tmp_path / "sentinel").write_text("")
+        orders = []
+        for spec in select(("surface-area", "identity"), methods()):
+            made = record(method=spec.name)
+            told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
+            orders.append(
+                Order(
+                    key=made["key"], facts={name: made[name] for name in told}, dataset="rods", data_root=None,
+                    identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path,
+                    recipe=made["recipe"], all_unseen=False,
+                )
+            )  # fmt: skip
+        Store.open(tmp_path)
+        with Claims(tmp_path / "claims") as claims:
+            done = ProcessExecutor(1, claims).execute(orders, lambda names, steps: None)
+            return {order.method.name: found for order, found in done}
+
+    return run_
+
+
+def statuses(found):
+    return {name: record["status"] for name, record in found.items()}
+
+
+ALL_OK = {"surface-area": "ok", "identity": "ok"}
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        (BORN_DEAD,),
+        (BORN_DEAD,) * 5,
+        (KILLED,),
+        (KILLED, BORN_DEAD, BORN_DEAD),
+        ((Status(FIRST, 1, "b"), -signal.SIGTERM),),
+        (DIED_AFTERWARDS,),
+        (OSError(11, "Resource temporarily unavailable"),) * 5,
+        (DONE, BORN_DEAD, BORN_DEAD),
+    ],
+)
+def test_a_death_that_is_nobodys_fault_costs_nobody_anything(run, script):
+    assert statuses(run(*script)) == ALL_OK
+
+
+def test_workers_that_never_begin_end_the_run_and_leave_no_record(run, tmp_path):
+    with pytest.raises(
+        BenchmarkError, match="6 processes in turn ended before they began, the last with SIGKILL; find"
+    ):
+        run(*(BORN_DEAD,) * 6)
+    assert list(Store.open(tmp_path).records.folder.iterdir()) == []
+
+
+def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_path):
+    with pytest.raises(BenchmarkError, match="starts no process: Resource temporarily unavailable; end other programs"):
+        run(*(OSError(11, "Resource temporarily unavailable"),) * 6)
+    assert list(Store.open(tmp_path).records.folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("script", "status", "reason"),
+    [
+        ((CRASHED,), "crashed", "b: the process ended with SIGSEGV; run it with --executor serial"),
+        ((KILLED, KILLED), "killed", "b: the process was killed twice"),
+    ],
+)
+def test_the_job_that_broke_its_worker_is_blamed_with_its_shape_and_place(run, script, status, reason):
+    found = run(*script)
+    assert statuses(found) == ALL_OK | {"surface-area": status}
+    assert found["surface-area"]["reason"].startswith(reason)
+    assert found["surface-area"]["traceback"] == "in a method"
+    assert json.dumps(found)

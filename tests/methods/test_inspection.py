@@ -1,0 +1,106 @@
+"""Plugin files are looked at from a safe distance before they are imported."""
+
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.methods import inspection, plugins
+from benchmark.methods.inspection import describe, inspect
+from tests.plugins import write_plugin
+
+
+@pytest.mark.parametrize(
+    ("faults", "message"),
+    [
+        ({"on_import": "raises"}, "cannot be imported: ZeroDivisionError: division by zero; mend the file"),
+        ({"on_import": "sys-exits"}, "cannot be imported: SystemExit: 0"),
+        ({"on_import": "import no_such_module"}, "install 'no_such_module', or put no_such_module.py beside the file"),
+        (
+            {"on_making": "raises"},
+            "tried cannot be made: ZeroDivisionError: .*give every parameter a default that fits",
+        ),
+        ({"on_making": "sys-exits"}, "tried cannot be made: SystemExit: 0"),
+        ({"field": "needed: int"}, "tried cannot be made: TypeError: .*missing 1 required .*'needed'"),
+        ({"field": "lock: Any = field(default_factory=threading.Lock)"}, "do not fit into JSON .lock"),
+        (
+            {"on_import": "import numpy; numpy.asarray = None"},
+            "changes numpy.asarray, .* leave other modules as they are",
+        ),
+        ({"on_making": "time.sleep = print"}, "changes time.sleep"),
+        ({"name": 5}, "Tried: name 5 is not lower-case words joined by hyphens; write it so"),
+        ({"name": "Big Name"}, "name 'Big Name' is not lower-case words"),
+        ({"name": "a" * 61}, "60 characters at most"),
+        ({"info": "title=None"}, "title None is not a text of one line; write a text"),
+        ({"info": "title=''"}, "title is empty; say what the tables shall print"),
+        ({"info": "title='T', inputs=('image',)"}, "inputs are .'image',.; name 'mesh', 'view' or both in a tuple"),
+        ({"info": "title='T', inputs=5"}, "inputs are 5"),
+        ({"info": "title='T', requires='numpy'"}, "requires is 'numpy'; write a tuple"),
+        ({"info": "title='T', scale='large'"}, "scale is 'large'; write 'equivariant' or 'invariant'"),
+        ({"info": "title='T', family=None"}, "family is None; write 'extended'"),
+        ({"info": "title='T', deterministic=1"}, "deterministic is 1; write True or False"),
+    ],
+)
+def test_what_a_method_cannot_be_is_named_with_its_mend(faults, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(np, "asarray", np.asarray)  # some change them
+    monkeypatch.setattr(time, "sleep", time.sleep)
+    with pytest.raises(ConfigurationError, match=message):
+        describe(str(write_plugin(tmp_path / "tried.py", **faults)))
+
+
+def test_a_right_plugin_is_described_in_plain_values(tmp_path):
+    path = write_plugin(tmp_path / "tried.py", field="factors: tuple[float, ...] = (1, 2.5)")
+    assert describe(str(path)) == [
+        {"name": "tried", "title": "Tried", "inputs": ["mesh", "view"], "parameters": {"factors": [1.0, 2.5]}}
+    ]
+
+
+def test_a_method_whose_packages_are_missing_need_not_be_made(tmp_path):
+    info = "title='T', requires=('no_such_package',)"
+    (facts,) = describe(str(write_plugin(tmp_path / "tried.py", on_making="import no_such_package", info=info)))
+    assert facts["parameters"] == {}
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        ({"on_import": "exits"}, "ended its process (exit code 0); mend the file"),
+        ({"on_import": "crashes"}, "ended its process (SIGSEGV); mend the file"),
+        ({"on_making": "hangs"}, "does not end: stopped after 1 s; mend the file"),
+        ({"on_import": "interrupts"}, "raises KeyboardInterrupt; mend the file"),
+    ],
+)
+def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(faults, said, tmp_path, monkeypatch):
+    monkeypatch.setattr(inspection, "LIMIT", 1.0)
+    path = write_plugin(tmp_path / "tried.py", **faults)
+    with pytest.raises(ConfigurationError) as caught:
+        inspect([path])
+    assert str(caught.value).startswith(f"plugin {path} {said}")
+    assert not plugins.is_imported(str(path))
+
+
+def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
+    once = "path = __file__ + '.seen'; seen = os.path.exists(path); open(path, 'w').close()\n"
+    path = write_plugin(tmp_path / "tried.py", on_import=once + "seen or os.kill(os.getpid(), signal.SIGKILL)")
+    inspect([path])
+    path = write_plugin(tmp_path / "always.py", on_import="os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ConfigurationError, match="ended its process .SIGKILL.; mend the file"):
+        inspect([path])
+
+
+@pytest.mark.slow
+def test_packages_of_others_may_be_imported(tmp_path):
+    imports = "import numba, torch, trimesh, igl, pymeshlab, sklearn.cluster, pandas, matplotlib.pyplot, scipy.optimize"
+    inspect([write_plugin(tmp_path / "tried.py", on_import=imports)])
+
+
+def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):
+    path = write_plugin(tmp_path / "tried.py")
+    plugins.import_plugin(str(path))
+    monkeypatch.setattr(inspection, "call_apart", None)
+    inspect([path])
+    with pytest.raises(ConfigurationError, match="none.py is not a Python file"):
+        inspect([tmp_path / "none.py"])
+    del sys.modules[plugins._module_name(str(path))]
