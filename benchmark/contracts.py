@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.errors import UnsupportedShape
+from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.constraints import Interval, Matches, OneOf
 from benchmark.parameters.values import CheckedParameters
@@ -112,7 +112,7 @@ class CanonicalForm:
 
     @property
     def mesh(self) -> Mesh:
-        """The form as a mesh; raises ``InvalidMesh`` when a coordinate is not finite."""
+        """The form as a mesh; raises ``InvalidMesh`` for what is no surface, such as coordinates with NaN."""
         return Mesh(self.vertices, self.faces)
 
 
@@ -238,12 +238,24 @@ class Shape:
         """Random generator that depends on the seed, the shape and the purpose alone, never on the order of work."""
         import hashlib
 
-        digest = hashlib.sha256(f"{self.seed}|{self.identifier}|{purpose}".encode()).digest()
+        name = f"{self.seed}|{self.identifier}|{purpose}"
+        digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()  # file names hold any bytes
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
     def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:
-        """Wrap new positions of this shape's vertices as a canonical form."""
-        return CanonicalForm(np.asarray(vertices, dtype=np.float64), self.mesh.faces, notes)
+        """Wrap new positions of this shape's vertices, shape (n, 3), as a canonical form.
+
+        Raises
+        ------
+        InvalidMesh
+            If the positions are not real numbers, finite, and as many as the shape has vertices.
+        """
+        positions = self.mesh.with_vertices(vertices).vertices
+        if len(positions) != self.mesh.n_vertices:
+            raise InvalidMesh(
+                f"there are {len(positions)} positions for {self.mesh.n_vertices} vertices", "return one for each"
+            )
+        return CanonicalForm(positions, self.mesh.faces, notes)
 
 
 @runtime_checkable

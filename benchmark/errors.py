@@ -49,6 +49,10 @@ class InvalidMesh(ShapeError):
     """A mesh was read but its content cannot be used: NaN, faces out of range, nothing left after cleaning."""
 
 
+class InvalidForm(ShapeError):
+    """A method returned what is no canonical form, or no descriptor, of a shape: the fault is the method's."""
+
+
 class UnsupportedShape(ShapeError):
     """A method cannot treat this shape; the message says why."""
 

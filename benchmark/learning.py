@@ -24,7 +24,9 @@ from benchmark.errors import ConfigurationError
 __all__ = [
     "CARD",
     "WEIGHTS",
+    "ChecksOptions",
     "Learner",
+    "MakesPairs",
     "Split",
     "TrainingData",
     "TrainingPair",
@@ -68,6 +70,14 @@ class TrainingPair:
     target: NDArray[np.float32]
 
 
+class MakesPairs(Protocol):
+    """What makes pairs anew, one at a time and always in the same order."""
+
+    def __call__(self, start: int = 0) -> Iterator[TrainingPair]:
+        """Make the pairs from a place on, without the work for those before it."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingData:
     """The pairs that one protocol allows for training.
@@ -87,9 +97,10 @@ class TrainingData:
     n_pairs
         Number of pairs.
     pairs
-        Makes the pairs anew, one at a time and in a fixed order.
+        Makes the pairs.
     unseen
-        Makes pairs of test subjects, for curves and pictures. Nothing is ever chosen by them.
+        Makes pairs of test subjects, for curves and pictures; nothing is ever chosen by them. Where subjects are held
+        back for validation, they are shown instead.
     """
 
     name: str
@@ -98,8 +109,8 @@ class TrainingData:
     subjects: tuple[str, ...]
     identifiers: tuple[str, ...]
     n_pairs: int
-    pairs: Callable[[], Iterator[TrainingPair]]
-    unseen: Callable[[], Iterator[TrainingPair]]
+    pairs: MakesPairs
+    unseen: MakesPairs
 
 
 @runtime_checkable
@@ -142,6 +153,15 @@ class Learner(Protocol):
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the canonical form, or raise ``UnsupportedShape`` with the reason."""
+        ...
+
+
+@runtime_checkable
+class ChecksOptions(Protocol):
+    """A learner that can tell whether options fit it before its training data is made, which may take long."""
+
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """Raise ``ConfigurationError`` if an option does not fit, or this machine lacks what it asks for."""
         ...
 
 

@@ -17,12 +17,14 @@ from benchmark.parameters.values import checked
 from benchmark.threads import available_cores
 from learned import pictures
 from learned.checkpoint import CHECKPOINT
+from learned.configuration import Configuration
 from learned.configuration import configuration as configuration_named
+from learned.gathering import forget, gather_kept
 from learned.model import load_model, predict
 from learned.pairs import gather
 from learned.saving import as_stored, save_model
 from learned.schedule import Schedule, schedule
-from learned.training import device_named, measures, train
+from learned.training import check_resolution, device_named, measures, train
 
 SAMPLES = 60
 """Pairs that are predicted for the pictures and the measures of seen shapes."""
@@ -42,6 +44,24 @@ class Machine:
 
     device: Literal["auto", "cpu", "cuda"] = "auto"
     threads: Annotated[int, Interval(1)] | None = None
+
+
+def checked_options(name: str, options: Mapping[str, Any]) -> tuple[Configuration, Schedule, Machine]:
+    """The configuration of a name, and its schedule and the machine with options; see :func:`fit`.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option does not fit, or there is no such device here.
+    """
+    chosen = configuration_named(name)
+    of_machine = {field.name for field in fields(Machine)}
+    own = {name: value for name, value in options.items() if name in of_machine}
+    machine = Machine(**checked(Machine, own, "the training"))
+    plan = schedule(chosen.schedule, {name: value for name, value in options.items() if name not in of_machine})
+    check_resolution(chosen, plan.resolution)
+    device_named(machine.device)
+    return chosen, plan, machine
 
 
 def fit(
@@ -76,11 +96,7 @@ def fit(
     TrainingError
         If training cannot go on.
     """
-    chosen = configuration_named(name)
-    of_machine = {field.name for field in fields(Machine)}
-    own = {name: value for name, value in options.items() if name in of_machine}
-    machine = Machine(**checked(Machine, own, "the training"))
-    plan = schedule(chosen.schedule, {name: value for name, value in options.items() if name not in of_machine})
+    chosen, plan, machine = checked_options(name, options)
     recipe = {
         "configuration": chosen.described(),
         "schedule": {field: getattr(plan, field) for field in Schedule.__dataclass_fields__},
@@ -95,7 +111,7 @@ def fit(
     torch.set_num_threads(machine.threads or available_cores())
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
-    pairs, unseen = gather(data.pairs(), plan.resolution), gather(data.unseen(), plan.resolution)
+    pairs, unseen = gather_kept(data, plan.resolution, folder, say), gather(data.unseen(), plan.resolution)
     say(f"training '{name}', seed {seed}: {plan.in_words()}, on {device.type}")
     result = train(chosen, plan, pairs, unseen, folder, recipe, seed=seed, device=device, say=say)
     network = result.network.to("cpu").eval()
@@ -114,6 +130,7 @@ def fit(
     card = save_model(folder, result, data, chosen, plan, seed=seed, n_pairs=len(pairs), final=final, recipe=recipe)
     load_model(folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)
+    forget(folder)
     say(
         f"finished in {card['seconds']:.0f} s, {card['images_per_second']:.0f} images a second; unseen mask overlap "
         f"{final['unseen']['mask overlap']:.3f}, depth error {final['unseen']['depth error']:.4f}"

@@ -97,6 +97,12 @@ class Learned(CheckedParameters):
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """See :class:`benchmark.learning.ChecksOptions`."""
+        from learned.fitting import checked_options
+
+        checked_options(self.configuration, options)
+
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
         from learned.card import network_of

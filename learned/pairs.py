@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,17 @@ def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
         torch.from_numpy(np.stack(images)),
         torch.from_numpy(np.stack(targets)),
         torch.tensor(target_of),
+    )
+
+
+def joined(parts: Sequence[Pairs]) -> Pairs:
+    """Several parts as one, in their order; a target that two parts share is kept in both."""
+    before = itertools.accumulate((len(part.targets) for part in parts[:-1]), initial=0)
+    return Pairs(
+        tuple(identifier for part in parts for identifier in part.identifiers),
+        torch.cat([part.images for part in parts]),
+        torch.cat([part.targets for part in parts]),
+        torch.cat([part.target_of + first for part, first in zip(parts, before, strict=True)]),
     )
 
 

@@ -157,6 +157,9 @@ def _detect_all(
     found = np.empty((1024, 4))
     peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
     count = 0
+    # A window never exceeds its image, so that what is made of it fits into memory that is asked for once.
+    room = images.shape[1] * images.shape[2]
+    memory = np.empty(N_GAUSSIANS * room, dtype=np.float32), np.empty((N_GAUSSIANS - 1) * room, dtype=np.float32)
     for index in range(n_images):
         whole = images[index]
         top, bottom, left, right = _foreground(whole, background)
@@ -167,10 +170,12 @@ def _detect_all(
             pixel = 2**octave
             row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height)
             column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width)
-            crop = np.full((row1 - row0, column1 - column0), background, dtype=np.float32)
+            shape = (row1 - row0, column1 - column0)
+            area = shape[0] * shape[1]
+            crop = np.full(shape, background, dtype=np.float32)
+            gaussians = memory[0][: N_GAUSSIANS * area].reshape((N_GAUSSIANS, *shape))
+            differences = memory[1][: (N_GAUSSIANS - 1) * area].reshape((N_GAUSSIANS - 1, *shape))
             _paste(base, base_row, base_column, crop, row0, column0)
-            gaussians = np.empty((N_GAUSSIANS, row1 - row0, column1 - column0), dtype=np.float32)
-            differences = np.empty((N_GAUSSIANS - 1, row1 - row0, column1 - column0), dtype=np.float32)
             build_octave(crop, gaussians, differences, octave == 0)
             n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
             # Counted even where there is no room: the search again has room for all.

@@ -22,6 +22,8 @@ MAGNIFICATION = 3.0
 #: Standard deviation of the descriptor's window, in spatial bins.
 WINDOW = 2.0
 CLIP = 0.2
+#: Bins between the first of four neighbouring cells and each of them.
+CORNERS = np.array([0, 1, PADDED, PADDED + 1], dtype=np.uint64) * np.uint64(ANGULAR_BINS)
 TURN = np.float32(2.0 * np.pi)
 
 
@@ -87,25 +89,29 @@ def orientations(
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
     per_radian, half, one = np.float32(ORIENTATION_BINS / (2.0 * np.pi)), np.float32(0.5), np.float32(1.0)
     window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2).astype(np.float32)
+    # Of a row, at most as wide as the window: what can be done for many samples at once, before they are dealt out.
+    lowers, shares, weights = np.empty(len(window_x), np.int32), np.empty_like(window_x), np.empty_like(window_x)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         window_y = np.float32(np.exp(-0.5 * ((r - y) / spread) ** 2))
         reach = np.sqrt(max(radius * radius + 0.6 - (r - y) ** 2, 0.0))
         first, last = max(int(np.ceil(x - reach)), column - radius, 1), min(int(x + reach), column + radius, width - 2)
-        for c in range(first, last + 1):
-            magnitude = magnitudes[r, c]
-            if magnitude == 0:
-                continue
+        count = max(last + 1 - first, 0)
+        magnitude, angle = magnitudes[r, first : first + count], angles[r, first : first + count]
+        window = window_x[first - column + radius : first - column + radius + count]
+        for s in range(count):
             # Shifted by one bin, so that both neighbours of the first and the last bin exist.
-            position = per_radian * angles[r, c] + half
-            lower = int(position)
-            share = position - np.float32(lower)
-            weight = magnitude * window_y * window_x[c - column + radius]
-            histogram[lower] += (one - share) * weight
-            histogram[lower + 1] += share * weight
+            position = per_radian * angle[s] + half
+            lowers[s] = np.int32(position)
+            shares[s] = position - np.float32(np.int32(position))
+        for s in range(count):
+            weights[s] = magnitude[s] * window_y * window[s]
+        for s in range(count):
+            histogram[lowers[s]] += (one - shares[s]) * weights[s]
+            histogram[lowers[s] + 1] += shares[s] * weights[s]
     histogram[1] += histogram[ORIENTATION_BINS + 1]
     histogram[ORIENTATION_BINS] += histogram[0]
-    count: int = _peaks(histogram[1 : ORIENTATION_BINS + 1].astype(np.float64), peaks)
-    return count
+    n_peaks: int = _peaks(histogram[1 : ORIENTATION_BINS + 1].astype(np.float64), peaks)
+    return n_peaks
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -164,37 +170,45 @@ def describe(
     histogram = np.zeros(PADDED * PADDED * ANGULAR_BINS, dtype=np.float32)
     per_radian, turned = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle - 2.0 * np.pi)
     one, step_u, step_v = np.float32(1.0), np.float32(cosine), np.float32(-sine)
+    # Of a row, at most as wide as the window: what can be done for many samples at once, before they are dealt out.
+    room = len(window_x)
+    cells, bins, shares = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.float32)
+    weights = np.empty((4, room), np.float32)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         dy = r - y
         window_y = np.float32(np.exp(decay * dy * dy))
         first, last = _span(sine * dy, cosine, reach, max(column - radius, 1) - x, min(column + radius, width - 2) - x)
         first, last = _span(cosine * dy, -sine, reach, first, last)
         start_u, start_v = np.float32(sine * dy + reach - cosine * x), np.float32(cosine * dy + reach + sine * x)
-        for c in range(int(np.ceil(first + x)), int(np.floor(last + x)) + 1):
-            magnitude = magnitudes[r, c]
-            if magnitude == 0:
-                continue
-            u = start_u + step_u * np.float32(c)
-            v = start_v + step_v * np.float32(c)
-            w = (angles[r, c] - turned) * per_radian
+        begin = int(np.ceil(first + x))
+        count = max(int(np.floor(last + x)) + 1 - begin, 0)
+        magnitude, angle = magnitudes[r, begin : begin + count], angles[r, begin : begin + count]
+        window = window_x[begin - column + radius : begin - column + radius + count]
+        for s in range(count):
+            w = (angle[s] - turned) * per_radian
+            bins[s] = np.int32(w)
+            shares[s] = w - np.float32(np.int32(w))
+        for s in range(count):
+            u = start_u + step_u * np.float32(np.int32(begin + s))
+            v = start_v + step_v * np.float32(np.int32(begin + s))
             # Rounding may put a sample a hair outside the square.
-            i, j, k = min(max(int(u), 0), SPATIAL_BINS), min(max(int(v), 0), SPATIAL_BINS), int(w)
-            u, v, w = u - np.float32(i), v - np.float32(j), w - np.float32(k)
-            cell = (j * PADDED + i) * ANGULAR_BINS
-            k, k1 = k & (ANGULAR_BINS - 1), (k + 1) & (ANGULAR_BINS - 1)
-            weight = magnitude * window_y * window_x[c - column + radius]
-            upper, rest = weight * v, one - w
+            i = min(max(np.int32(u), np.int32(0)), np.int32(SPATIAL_BINS))
+            j = min(max(np.int32(v), np.int32(0)), np.int32(SPATIAL_BINS))
+            u, v = u - np.float32(i), v - np.float32(j)
+            cells[s] = (j * np.int32(PADDED) + i) * np.int32(ANGULAR_BINS)
+            weight = magnitude[s] * window_y * window[s]
+            upper = weight * v
             lower = weight - upper
-            a, b, d, e = lower * (one - u), lower * u, upper * (one - u), upper * u
-            histogram[cell + k] += a * rest
-            histogram[cell + k1] += a * w
-            histogram[cell + ANGULAR_BINS + k] += b * rest
-            histogram[cell + ANGULAR_BINS + k1] += b * w
-            cell += PADDED * ANGULAR_BINS
-            histogram[cell + k] += d * rest
-            histogram[cell + k1] += d * w
-            histogram[cell + ANGULAR_BINS + k] += e * rest
-            histogram[cell + ANGULAR_BINS + k1] += e * w
+            weights[0, s], weights[1, s] = lower * (one - u), lower * u
+            weights[2, s], weights[3, s] = upper * (one - u), upper * u
+        for s in range(count):
+            # Unsigned: where an index cannot be negative, no instruction is spent on that case.
+            near, far = np.uint64(bins[s] & (ANGULAR_BINS - 1)), np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1))
+            share, rest, cell = shares[s], one - shares[s], np.uint64(cells[s])
+            for corner in range(4):
+                weight, first_bin = weights[corner, s], cell + CORNERS[corner]
+                histogram[first_bin + near] += weight * rest
+                histogram[first_bin + far] += weight * share
     inner = histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel()
     for limit in (CLIP, 1.0):
         norm = max(np.sqrt((inner * inner).sum()), np.float32(1e-30))

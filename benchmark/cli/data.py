@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import click
@@ -10,14 +11,19 @@ import click
 from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
 from benchmark.system.text import clean, say
 
+#: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
+COLUMNS = ("name", "state", "shapes", "classes", "source")
 
-def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
-    """Print what a list verb found, in columns or as JSON."""
+
+def print_rows(rows: list[dict[str, str]], as_json: bool, columns: Collection[str] = ()) -> None:
+    """Print what a list verb found, as JSON or in columns, with a heading where only some of them are shown."""
     if as_json:
         import json
 
         click.echo(json.dumps(rows, indent=1))
         return
+    if columns:
+        rows = [{key: key for key in columns}, *({key: row[key] for key in columns} for row in rows)]
     lines = [[clean(value) for value in row.values()] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
@@ -37,7 +43,7 @@ def list_(as_json: bool, data_root: Path | None) -> None:
     """List the data sets: official or generated, present or absent."""
     from benchmark.cli import listing
 
-    print_rows(listing.datasets(data_root), as_json)
+    print_rows(listing.datasets(data_root), as_json, COLUMNS)
 
 
 @data.command()

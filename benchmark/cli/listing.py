@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmark.errors import ConfigurationError
 from benchmark.methods import registry
+
+if TYPE_CHECKING:
+    from benchmark.protocols.tables import Table
 
 Rows = list[dict[str, str]]
 
@@ -26,15 +30,21 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
 
 
 def datasets(data_root: Path | None) -> Rows:
-    """Name, presence and summary of each data set."""
+    """Name, presence, size and source of each data set."""
     from benchmark.datasets.catalogue import CATALOGUE, is_present
 
     return [
         {
             "name": name,
             "kind": "official" if known.folder else "generated",
-            "state": "present" if is_present(name, data_root) else f"absent: DATA_ROOT/{known.folder}",
+            "state": "present" if is_present(name, data_root) else f"not at {known.folder}",
+            "shapes": str(known.n_shapes or "?"),
+            "classes": str(known.n_classes),
+            "source": known.origin or "generated",
             "summary": known.summary,
+            "url": known.url,
+            "terms": known.terms,
+            "use": known.other_use or "retrieval",
         }
         for name, known in CATALOGUE.items()
     ]
@@ -42,19 +52,25 @@ def datasets(data_root: Path | None) -> Rows:
 
 def tables(data_root: Path | None) -> Rows:
     """Numeral, the data set that would be used, and caption of each table."""
-    from benchmark.datasets.catalogue import is_present
     from benchmark.protocols.tables import TABLES
 
     return [
         {
             "table": table.identifier,
-            "dataset": table.dataset
-            if is_present(table.dataset, data_root)
-            else f"{table.stand_in} (stand-in for {table.dataset})",
+            "dataset": _data_of(table, data_root),
             "caption": table.caption,
         }
         for table in TABLES
     ]
+
+
+def _data_of(table: Table, data_root: Path | None) -> str:
+    from benchmark.datasets.catalogue import is_present
+
+    present = [name for name in (table.dataset, *table.any_of) if name and is_present(name, data_root)]
+    if present or table.any_of:
+        return ", ".join(present) or f"none of {len(table.any_of)} sets is here"
+    return f"{table.stand_in} (stand-in for {table.dataset})"
 
 
 def models(results: Path) -> Rows:

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from benchmark import __version__
-from benchmark.cli.data import data, print_rows
+from benchmark.cli.data import COLUMNS, data, print_rows
 from benchmark.cli.options import (
     INTERRUPTED,
     NOT_OK,
@@ -119,7 +119,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
         "tables": lambda: listing.tables(data_root),
         "models": lambda: listing.models(results),
     }[what]()
-    print_rows(rows, as_json)
+    print_rows(rows, as_json, COLUMNS if what == "datasets" else ())
 
 
 @cli.command()
@@ -255,7 +255,10 @@ def main() -> None:
     pin_threads()
     _open_streams()
     try:
-        cli.main(prog_name=PROGRAM, standalone_mode=False)
+        with cli.make_context(PROGRAM, sys.argv[1:]) as context:
+            cli.invoke(context)
+    except click.exceptions.Exit as end:
+        sys.exit(end.exit_code)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(USAGE)
@@ -265,10 +268,10 @@ def main() -> None:
         _refuse(str(error))
     except (click.Abort, KeyboardInterrupt):
         _refuse("interrupted; finished jobs are kept", INTERRUPTED)
-    except SystemExit as end:
-        if isinstance(end.__context__, BrokenPipeError):  # click has taken care of what is left in the buffer
-            sys.exit(NOT_LISTENED)
-        raise
+    except BrokenPipeError:
+        for number in (1, 2):  # what is left in their buffers goes nowhere, without a word
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        sys.exit(NOT_LISTENED)
     except OSError as error:
         _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; make room or choose another place")
     except Exception as error:

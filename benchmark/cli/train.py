@@ -15,6 +15,7 @@ from benchmark.system.text import say
 
 if TYPE_CHECKING:
     from benchmark.methods.registry import MethodSpec
+    from benchmark.protocols.trainings import Training
 
 #: Options of this verb that a method gets by their own name.
 SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
@@ -57,7 +58,7 @@ def train(
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.learning import Learner
-    from benchmark.protocols.trainings import SAMPLED_BODIES, find_training, trainings_of, with_validation
+    from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, find_training, trainings_of, with_validation
     from benchmark.storage.store import Store
     from benchmark.system.calls import call_apart
 
@@ -65,7 +66,9 @@ def train(
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise _no_learner(method, plugins)
-    trainings = [find_training(only)] if only else trainings_of(learner, table, data_root).values()
+    trainings = [find_training(only)] if only else [*trainings_of(learner, table, data_root).values()]
+    if n_sampled and not any(training.name == SAMPLED for training in trainings):
+        raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "leave --sampled out")
     if n_validation:
         trainings = [with_validation(training, n_validation) for training in trainings]
     schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
@@ -73,16 +76,16 @@ def train(
     for training in trainings:
         say(f"{spec.name}, {training.name}")
         call_apart(
-            train_one, spec, training.name, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
+            train_one, spec, training, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
             what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
-            say=say,
+            all_memory=True, say=say,
         )  # fmt: skip
         say(f"the model is in {store.models / training.name / learner.model_name}")
 
 
 def train_one(
     spec: MethodSpec,
-    training: str,
+    training: Training,
     results: Path,
     data_root: Path | None,
     schedule: Mapping[str, Any],
@@ -96,7 +99,7 @@ def train_one(
     spec
         A learner.
     training
-        Name of the training.
+        What to train it on.
     results, data_root
         Where models go and shapes come from.
     schedule
@@ -107,13 +110,15 @@ def train_one(
         Told about progress.
     """
     from benchmark.jobs.training_pairs import training_data
-    from benchmark.protocols.trainings import find_training
+    from benchmark.learning import ChecksOptions
     from benchmark.storage.store import Store
 
     learner: Any = spec.create()
+    if isinstance(learner, ChecksOptions):
+        learner.check_options(schedule)
     store = Store.open(results)
-    data = training_data(find_training(training), store, data_root, say, n_sampled)
-    learner.train(data, store.models / training / learner.model_name, schedule, say)
+    data = training_data(training, store, data_root, say, n_sampled)
+    learner.train(data, store.models / training.name / learner.model_name, schedule, say)
 
 
 def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed: int | None) -> MethodSpec:

@@ -109,6 +109,13 @@ def check_retrievable(dataset: Dataset, entries: Iterable[Entry] | None = None) 
         )
 
 
+def printable(name: str) -> str:
+    r"""A name as it may stand in a record: what cannot be printed or encoded is written as in Python, ``\x00``."""
+    if name.isprintable():
+        return name
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in name)
+
+
 def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)

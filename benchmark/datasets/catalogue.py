@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset
+from benchmark.datasets.base import Dataset, printable
+from benchmark.datasets.official import tosca
+from benchmark.datasets.official.sets import SETS
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
 Loader = Callable[[Path], Dataset]
@@ -23,28 +25,42 @@ class DatasetSource:
         One line for ``list datasets``.
     load
         Makes the data set; takes the data root, which generated sets do not look at.
+    n_shapes, n_classes
+        Its size; ``n_shapes`` is None where no source states it.
     folder
         Where an official set lies under the data root; "" for a generated one.
+    origin, url, terms
+        Who gives an official set out, where to get it, and what it may be used for.
+    other_use
+        What a set of a single subject is for, where nothing can be retrieved; "" for a set that is ranked.
     """
 
     summary: str
     load: Loader
+    n_shapes: int | None
+    n_classes: int
     folder: str = ""
+    origin: str = ""
+    url: str = ""
+    terms: str = ""
+    other_use: str = ""
 
 
-def _tosca(root: Path) -> Dataset:
-    from benchmark.datasets.tosca import tosca
-
-    return tosca(root)
-
-
-def _shrec14(part: str) -> Loader:
-    def load(root: Path) -> Dataset:
-        from benchmark.datasets.shrec14 import shrec14
-
-        return shrec14(root, part)
-
-    return load
+def _official(name: str) -> DatasetSource:
+    known = SETS[name]
+    layout = known.layout
+    size = f"{layout.n_shapes} shapes in" if layout.n_shapes else "shapes in"
+    return DatasetSource(
+        f"{known.title}, {size} {layout.n_classes} {'class' if layout.n_classes == 1 else 'classes'}",
+        lambda root: SETS[name].open(name, root),
+        layout.n_shapes,
+        layout.n_classes,
+        known.folder,
+        known.origin,
+        known.url,
+        known.terms,
+        known.other_use,
+    )
 
 
 def _humans(_: Path) -> Dataset:
@@ -66,16 +82,28 @@ def _animals(_: Path) -> Dataset:
 
 
 CATALOGUE: dict[str, DatasetSource] = {
-    "shrec14-synthetic": DatasetSource(
-        "SHREC'14 synthetic humans, 15 subjects x 20 poses", _shrec14("synthetic"), "shrec14/synthetic"
+    "shrec14-synthetic": _official("shrec14-synthetic"),
+    "shrec14-real": _official("shrec14-real"),
+    "tosca": DatasetSource(
+        "TOSCA high resolution, 80 shapes in 9 classes",
+        tosca.tosca,
+        sum(tosca.CLASS_SIZES.values()),
+        len(tosca.CLASS_SIZES),
+        "tosca",
+        "Technion",
+        "http://tosca.cs.technion.ac.il/book/resources_data.html",
+        "academic research; cite",
     ),
-    "shrec14-real": DatasetSource("SHREC'14 real humans, 40 subjects x 10 poses", _shrec14("real"), "shrec14/real"),
-    "tosca": DatasetSource("TOSCA high resolution, 80 shapes in 9 classes", _tosca, "tosca"),
-    "humans": DatasetSource("generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans),
+    "humans": DatasetSource(
+        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
+    ),
     "humans-scanlike": DatasetSource(
-        "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike
+        "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
-    "animals": DatasetSource("generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals),
+    "animals": DatasetSource(
+        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals, 80, 9
+    ),
+    **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }
 
 
@@ -113,14 +141,21 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if not is_present(name, data_root):
         where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
         raise DatasetError(
-            f"data set '{name}' is not at {where}", "put it there and pass --data-root, or use its stand-in"
+            f"data set '{name}' is not at {where}",
+            f"put it there and pass --data-root; it comes from {source.url}",
         )
     return source.load(data_root or Path())
 
 
+def check_ranked(dataset: Dataset) -> None:
+    """Raise ``DatasetError`` for an official set of a single subject, which is for something else."""
+    if dataset.name in CATALOGUE and (use := CATALOGUE[dataset.name].other_use):
+        raise DatasetError(f"data set '{dataset.name}' shows one subject, so nothing can be retrieved", use)
+
+
 def folder_name(folder: Path) -> str:
     """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
-    name = folder.resolve().name
+    name = printable(folder.resolve().name)
     return f"{name}-folder" if name in CATALOGUE else name
 
 

@@ -5,33 +5,27 @@ from __future__ import annotations
 import re
 import statistics
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import all_mesh_files, sub_folders
 from benchmark.datasets.inspection import Inspection, flaws, inspect
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, read_manifest
+from benchmark.datasets.official.sets import SETS
+from benchmark.datasets.official.tosca import CLASS_SIZES
 from benchmark.datasets.settings import SETTINGS_FILE
-from benchmark.datasets.shrec14 import SIZES
-from benchmark.datasets.tosca import CLASS_SIZES
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
-from benchmark.geometry.depth import FILL
+from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_width
 
 Severity = Literal["error", "warning"]
 
-#: Shapes of each class of the official sets, by the name of the set.
-OFFICIAL_SIZES: dict[str, dict[str, int]] = {
-    "tosca": CLASS_SIZES,
-    **{
-        f"shrec14-{part}": {str(subject): poses for subject in range(count // poses)}
-        for part, (poses, count) in SIZES.items()
-    },
-}
+#: Shapes of each class of the official sets that can be opened with fewer, by the name of the set.
+OFFICIAL_SIZES: dict[str, dict[str, int]] = {"tosca": CLASS_SIZES}
 
 
 @dataclass(frozen=True)
@@ -145,7 +139,7 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     anomalies = list(_of_classes(dataset))
     folder = dataset.folder if isinstance(dataset, FolderDataset) else None
     if folder is not None:
-        anomalies += _of_files(folder, dataset.entries)
+        anomalies += _of_files(folder, dataset.entries, numbers_known=dataset.name in SETS)
     inspections, of_shapes = _inspect_all(dataset, folder, watched)
     if folder is not None:
         anomalies += _of_manifest(folder, dataset.entries, inspections)
@@ -173,6 +167,11 @@ def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Wat
 
 def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
     try:
+        check_ranked(dataset)
+    except DatasetError as error:
+        yield Anomaly("warning", dataset.name, error.problem, error.mend)
+        return
+    try:
         check_retrievable(dataset)
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.mend)
@@ -190,7 +189,7 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
             )
 
 
-def _of_files(folder: Path, entries: Sequence[Entry]) -> Iterator[Anomaly]:
+def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = False) -> Iterator[Anomaly]:
     used = {entry.path for entry in entries}
     places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
     for place in places:
@@ -210,7 +209,8 @@ def _of_files(folder: Path, entries: Sequence[Entry]) -> Iterator[Anomaly]:
             if path not in used:
                 what = "is none of the shapes of this data set"
                 yield Anomaly("warning", _relative(path, folder), what, "remove it, or list it if it belongs here")
-        yield from _of_numbers(place, by_stem, folder)
+        if not numbers_known:
+            yield from _of_numbers(place, by_stem, folder)
 
 
 def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Anomaly]:
@@ -236,7 +236,7 @@ def _inspect_all(
     inspections: dict[str, Inspection] = {}
     anomalies: list[Anomaly] = []
     first_with: dict[str, str] = {}
-    widest, widest_file = 0.0, ""
+    extents: dict[str, float] = {}
     for entry in watched(dataset.entries):
         file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
         try:
@@ -251,13 +251,31 @@ def _inspect_all(
         twin = first_with.setdefault(found.digest, file)
         if twin != file:
             anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
-        if found.extent > widest:
-            widest, widest_file = found.extent, file
-    if dataset.half_width is not None and widest >= dataset.half_width:
-        what = f"extends to {widest:.6g}, beyond the camera's half width of {dataset.half_width:.6g}"
-        mend = f"set half_width = {widest / FILL:.6g} in {SETTINGS_FILE}, or remove it"
-        anomalies.append(Anomaly("error", widest_file, what, mend))
-    return inspections, anomalies
+        if found.extent:
+            extents[file] = found.extent
+    return inspections, [*anomalies, *_of_frame(dataset, extents)]
+
+
+def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomaly]:
+    """Shapes that are too large for the camera's frame, or of which too few pixels would show."""
+    if not extents:
+        return
+    declared = dataset.half_width
+    widest = max(extents, key=extents.__getitem__)
+    if declared is not None and extents[widest] >= declared:
+        what = f"extends to {extents[widest]:.6g}, beyond the camera's half width of {declared:.6g}"
+        mend = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
+        yield Anomaly("error", widest, what, mend)
+    fitted = common_half_width(list(extents.values())) / FILL
+    for file, extent in extents.items():
+        where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
+        if declared is None and extent >= fitted:
+            what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
+            mend = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
+            yield Anomaly("warning", file, what, mend)
+        elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
+            what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
+            yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
 
 
 def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, Inspection]) -> Iterator[Anomaly]:

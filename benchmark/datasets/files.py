@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmark.datasets.base import Entry
-from benchmark.errors import BenchmarkError, UnreadableMesh
+from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
@@ -70,6 +70,27 @@ def file_digest(path: Path) -> str:
         return _digest(path.absolute(), facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
     except OSError as error:
         raise UnreadableMesh(f"cannot read {path}: {error.strerror}", "check the file and its rights") from error
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is anything of this name, be it a link that leads nowhere."""
+    return path.is_symlink() or path.exists()
+
+
+def text_of(path: Path) -> str:
+    """Text of a list of shapes or of settings.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be read, or is not UTF-8.
+    """
+    try:
+        if not path.is_file():
+            raise DatasetError(f"{path} is no file, or a link that leads nowhere", "correct it or remove it")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
 
 
 @functools.lru_cache(maxsize=65536)

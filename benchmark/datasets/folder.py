@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from benchmark.datasets.base import Entry, natural_key
-from benchmark.datasets.files import FolderDataset
+from benchmark.datasets.base import Entry, natural_key, printable
+from benchmark.datasets.files import FolderDataset, text_of
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, inside, read_manifest
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
@@ -46,10 +47,11 @@ def folder_dataset(folder: Path) -> FolderDataset:
     elif cla:
         entries = _from_cla(cla, files)
     elif files:
-        entries = [Entry(path.stem, subject_of_stem(path.stem), _pose_of_stem(path.stem), path) for path in files]
+        stems = [(printable(path.stem), path) for path in files]
+        entries = [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in stems]
     else:
         entries = [
-            Entry(f"{sub.name}/{path.stem}", sub.name, path.stem, path)
+            Entry(printable(f"{sub.name}/{path.stem}"), printable(sub.name), printable(path.stem), path)
             for sub in sub_folders(folder)
             for path in mesh_files(sub)
         ]
@@ -57,13 +59,19 @@ def folder_dataset(folder: Path) -> FolderDataset:
         raise DatasetError(
             f"no meshes in {folder}", f"expected files ending in {', '.join(EXTENSIONS)}, or sub-folders of such files"
         )
-    name = folder.resolve().name
+    twice = [name for name, count in Counter(entry.identifier for entry in entries).items() if count > 1]
+    if twice:
+        raise DatasetError(f"{folder} holds two meshes that are both written '{twice[0]}'", "rename one of them")
+    name = printable(folder.resolve().name)
     return with_settings(FolderDataset(name=name, title=name, entries=tuple(entries), folder=folder))
 
 
 def sub_folders(folder: Path) -> list[Path]:
-    """Visible sub-folders in natural order."""
-    found = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    """Visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
+    try:
+        found = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    except OSError as error:
+        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
     return sorted(found, key=lambda path: natural_key(path.name))
 
 
@@ -84,13 +92,16 @@ def mesh_files(folder: Path) -> list[Path]:
 def all_mesh_files(folder: Path) -> list[Path]:
     """Mesh files of one folder, the preferred extensions first, several per stem where there are several.
 
+    A link that leads nowhere is among them: its shape is missing, and must not be so in silence.
+
     Raises
     ------
     DatasetError
         If the folder does not exist or cannot be listed.
     """
     try:
-        found = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in EXTENSIONS and path.is_file()]
+        named = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in EXTENSIONS]
+        found = [path for path in named if path.is_file() or (path.is_symlink() and not path.exists())]
     except OSError as error:
         raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
     return sorted(found, key=lambda path: EXTENSIONS.index(path.suffix.lower()))
@@ -122,21 +133,18 @@ def read_cla(path: Path) -> dict[int, str]:
     DatasetError
         If the header, a count or a number is wrong, naming the file.
     """
-    try:
-        words = path.read_text(encoding="utf-8").split()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"cannot read {path}: {error}", "check the file and its rights") from error
+    words = text_of(path).split()
     if words[:2] != ["PSB", "1"]:
         raise DatasetError(
             f"{path} does not start with 'PSB 1'", "use the classification format of the Princeton Shape Benchmark"
         )
     try:
-        n_classes, n_models = int(words[2]), int(words[3])
+        n_classes, n_models = _whole(words[2]), _whole(words[3])
         subjects: dict[int, str] = {}
         position, classes = 4, 0
         while position < len(words):
-            name, count = words[position], int(words[position + 2])
-            numbers = [int(word) for word in words[position + 3 : position + 3 + count]]
+            name, count = printable(words[position]), _whole(words[position + 2])
+            numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
                 raise DatasetError(
                     f"{path}: class '{name}' announces {count} models but lists {len(numbers)}", "complete the file"
@@ -159,6 +167,12 @@ def read_cla(path: Path) -> dict[int, str]:
     return subjects
 
 
+def _whole(word: str) -> int:
+    if not re.fullmatch("[0-9]{1,18}", word):
+        raise ValueError(f"{word[:80]!r} is not a whole number")
+    return int(word)
+
+
 def subject_of_stem(stem: str) -> str:
     """Class that a file name tells: the name without its trailing number."""
     return re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
@@ -172,24 +186,31 @@ def _from_manifest(folder: Path, manifest: Iterable[ManifestRow]) -> list[Entry]
     entries: dict[str, Entry] = {}
     for row in manifest:
         path = inside(folder, row.file, folder / MANIFEST_FILE)
-        if not path.is_file():
+        if not _is_file(path):
             raise DatasetError(
                 f"{folder / MANIFEST_FILE} names '{row.file}', which is not there", "add the mesh or remove the line"
             )
-        identifier = Path(row.file).with_suffix("").as_posix()
+        identifier = printable(Path(row.file).with_suffix("").as_posix())
         if identifier in entries:
             raise DatasetError(
                 f"{folder / MANIFEST_FILE} names '{identifier}' in two formats", "keep one line for each shape"
             )
-        pose = path.stem if row.pose is None else row.pose
-        entries[identifier] = Entry(identifier, str(row.subject), pose, path)
+        pose = printable(path.stem if row.pose is None else row.pose)
+        entries[identifier] = Entry(identifier, printable(str(row.subject)), pose, path)
     return list(entries.values())
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
     by_number: dict[int, list[Path]] = {}
     for path in files:
-        match = re.search(r"[0-9]+$", path.stem)
+        match = re.search(r"[0-9]+\Z", path.stem)
         if match:
             by_number.setdefault(int(match.group()), []).append(path)
     subjects = read_cla(cla)
@@ -210,7 +231,8 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
                 f"{cla} lists model {number}, which may be {path.name} or {others[0].name}", "keep one of them"
             )
         inside(cla.parent, path.name, cla)
-        entries.append(Entry(path.stem, subject, path.stem, path))
+        stem = printable(path.stem)
+        entries.append(Entry(stem, subject, stem, path))
     return entries
 
 

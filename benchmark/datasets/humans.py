@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
+from benchmark.datasets.skinning import linear_blend_skinning
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import connected_components
@@ -158,11 +159,24 @@ def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subjec
     list of tuple
         Each body with its poses, to be passed on to :func:`human_meshes`.
     """
-    sample: list[tuple[Subject, Sequence[Pose]]] = []
-    for index in range(n_subjects):
-        of_subject, of_poses = (np.random.default_rng([seed, index, part]) for part in range(2))
-        sample.append((new_subject(of_subject), [perturbed_pose(of_poses) for _ in range(n_poses)]))
-    return sample
+    return [sample_human(index, n_poses, seed) for index in range(n_subjects)]
+
+
+def sample_human(index: int, n_poses: int, seed: int, draw: int = 0) -> tuple[Subject, Sequence[Pose]]:
+    """One body of :func:`sample_humans` with its poses.
+
+    Parameters
+    ----------
+    index
+        Place in the sample.
+    n_poses, seed
+        As there.
+    draw
+        How often this place was drawn before; each draw gives another body in other poses.
+    """
+    further = [draw] if draw else []
+    of_subject, of_poses = (np.random.default_rng([seed, index, part, *further]) for part in range(2))
+    return new_subject(of_subject), [perturbed_pose(of_poses) for _ in range(n_poses)]
 
 
 def _missing(package: str) -> DatasetError:
@@ -174,14 +188,26 @@ def _body() -> _Body:
     try:
         import anny
         import anny.paths
-        import torch  # noqa: F401
+        import torch
     except ImportError as error:
         raise _missing((error.name or "anny").partition(".")[0]) from error
 
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
         sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
-    # Linear blend skinning on the CPU, in double precision: the same on every machine, unlike the Warp kernels.
-    model = anny.Anny(skinning_method="lbs", pose_parameterization="local-ref")
+
+    class Body(anny.Anny):  # type: ignore[misc]
+        """The model with a compiled kernel in double precision.
+
+        It is much faster than the dense one of the package, and the same on every machine, unlike those of Warp.
+        """
+
+        def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
+            bones, weights = self.vertex_bone_indices.numpy(), self.vertex_bone_weights.numpy()
+            return torch.from_numpy(
+                linear_blend_skinning(rest_vertices.numpy(), bones, weights, bone_transforms.numpy())
+            )
+
+    model = Body(skinning_method="lbs", pose_parameterization="local-ref")
     faces = model.get_triangular_faces().numpy().astype(np.int32)
     labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
     # Eyes and tongue are components of their own, inside the head.

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmark.datasets.files import is_there, text_of
 from benchmark.errors import DatasetError, did_you_mean
 
 MANIFEST_FILE = "MANIFEST.tsv"
@@ -55,12 +56,9 @@ def read_manifest(folder: Path) -> tuple[ManifestRow, ...]:
         If the file is not such a table, names a file twice, or names one outside the folder.
     """
     path = folder / MANIFEST_FILE
-    if not path.exists():
+    if not is_there(path):
         return ()
-    try:
-        lines = path.read_text(encoding="utf-8").rstrip("\n").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
+    lines = text_of(path).rstrip("\n").split("\n")
     columns = lines[0].split("\t")
     if "file" not in columns:
         raise DatasetError(f"the first line of {path} names no column 'file'", f"begin with {'<tab>'.join(_COLUMNS)}")
@@ -104,10 +102,14 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     Raises
     ------
     DatasetError
-        If the path leads out of the folder.
+        If the path leads out of the folder, or is none.
     """
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        is_inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # a NUL, a name too long, a circle of links
+        raise DatasetError(f"{source} names {name[:80]!r}, which is no path: {error}", "correct the name") from error
+    if not is_inside:
         raise DatasetError(
             f"{source} names '{name}', which lies outside its folder", "copy the mesh into the folder and name it there"
         )
@@ -117,8 +119,8 @@ def inside(folder: Path, name: str, source: Path) -> Path:
 def _row(cells: dict[str, str], where: str) -> ManifestRow:
     counts = {}
     for column in ("vertices", "faces"):
-        if column in cells and not re.fullmatch("[0-9]+", cells[column]):
-            raise DatasetError(f"{where}: {column} are '{cells[column]}'", "write a whole number")
+        if column in cells and not re.fullmatch("[0-9]{1,18}", cells[column]):
+            raise DatasetError(f"{where}: {column} are {cells[column][:80]!r}", "write a whole number")
         counts[column] = int(cells[column]) if column in cells else None
     if not cells["file"]:
         raise DatasetError(f"{where} names no file", "complete or remove the line")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmark.datasets.files import FolderDataset
+from benchmark.datasets.files import FolderDataset, is_there, text_of
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 
@@ -42,7 +42,7 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
         If the file cannot be read, or a value has the wrong type.
     """
     path = dataset.folder / SETTINGS_FILE
-    if not path.exists():
+    if not is_there(path):
         return dataset
     values = _read(path)
     poses: dict[str, list[str]] = {}
@@ -66,8 +66,8 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        values = tomllib.loads(text_of(path))
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and brackets as deep
         raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
     for key in values:
         if key not in _KEYS:
@@ -78,7 +78,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _half_width(value: Any, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= sys.float_info.max:
         raise DatasetError(f"{path}: half_width is {value!r}", "write a positive number in units of the files")
     return float(value)
 
@@ -127,7 +127,7 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     default = (0.0, 1.0, 0.0) if up == "y" else (0.0, 0.0, 1.0)
     try:
         return Camera(_vector(value["direction"]), _vector(value["up"]) if "up" in value else default)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DatasetError(f"{path}: {error}", mend) from error
     except ConfigurationError as error:
         raise DatasetError(f"{path}: {error.problem}", error.mend) from error
@@ -141,6 +141,8 @@ def _vector(value: Any) -> tuple[float, float, float]:
 
 
 def _y_up(camera: Camera) -> Camera:
-    """The same camera for shapes whose y points up and who face +z."""
+    """The same camera for shapes whose y points up and who face +z; one that has y up already stays."""
+    if camera.up == (0.0, 1.0, 0.0):
+        return camera
     (x, y, z), (a, b, c) = camera.direction, camera.up
     return Camera((x, z, -y), (a, c, -b))

@@ -10,7 +10,8 @@ set, which declares one half width, are therefore comparable pixel by pixel.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import statistics
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.camera import Camera
-from benchmark.geometry.cleaning import compact, connected_components, make_manifold
+from benchmark.geometry.cleaning import LARGEST_LOSS, compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
@@ -36,6 +37,16 @@ JUMP = 0.05
 
 FILL = 0.9
 """Share of the frame that the largest shape of a data set fills."""
+
+OUTSIZE = 5.0
+"""A shape of more than this times the median width has no say in the frame of its data set.
+
+Mistakes of unit are factors of ten or more, and children and adults, or a cat and a gorilla, differ by less than three.
+In the widest frame that this allows the median shape still spans 90 of the 500 pixels.
+"""
+
+FEWEST_PIXELS = 200
+"""Pixels that show a shape at the least: a tenth of the samples that the surface behind them should have."""
 
 _TIE = 1e-6
 """Depths that differ by less count as equal where a diagonal is chosen: ten times the rounding error of an image."""
@@ -62,6 +73,8 @@ class ViewReport:
         Pieces that were dropped because they have fewer than ``SPECK`` vertices.
     lost_samples
         Sampled foreground pixels that the surface does not hold: those of specks and those that no triangle reaches.
+    lost_area
+        Their share of the sampled foreground pixels.
     """
 
     foreground: int
@@ -70,6 +83,7 @@ class ViewReport:
     bridges: int
     specks: int
     lost_samples: int
+    lost_area: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +160,26 @@ def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -
     return extent / fill
 
 
+def common_half_width(half_widths: Sequence[float]) -> float:
+    """Half width that the shapes of a data set share: that of the widest one, but for those that are out of scale.
+
+    One file in another unit, or with a stray vertex far away, would else shrink all others to a few pixels. The rule
+    looks at sizes alone: a shape is out of scale if it is more than ``OUTSIZE`` times as wide as the median one.
+
+    Parameters
+    ----------
+    half_widths
+        Half width, or extent, of each shape; at least one.
+
+    Returns
+    -------
+    float
+        The largest one that is not out of scale, unchanged.
+    """
+    limit = OUTSIZE * statistics.median_low(half_widths)
+    return max(each for each in half_widths if each <= limit)
+
+
 def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:
     """Depth image of the centred shape.
 
@@ -171,10 +205,8 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     ------
     ConfigurationError
         If the half width or the size is not positive.
-    DatasetError
-        If the shape does not fit the frame.
     UnsupportedShape
-        If the shape has no faces.
+        If the shape has no faces, or does not fit the frame.
     """
     if not (np.isfinite(half_width) and half_width > 0 and size > 0):
         raise ConfigurationError(
@@ -184,10 +216,11 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
         raise UnsupportedShape("a mesh without faces casts no depth image", "pass a surface, not a point cloud")
     points = camera_coordinates(mesh, camera) / half_width
     extent = float(np.abs(points).max())
-    if extent >= 1:
-        raise DatasetError(
-            f"the shape extends to {extent:.3f} of the half width {half_width:g}",
-            f"give the data set a half width of at least {extent * half_width / FILL:.6g}",
+    if not extent < 1:
+        raise UnsupportedShape(
+            f"the shape extends to {extent:.4g} of the half width {half_width:g} of the camera's frame",
+            "check its unit and look for stray vertices, or give the data set a half width of at least "
+            f"{extent * half_width / FILL:.6g}",
         )
     pixels = np.empty_like(points)
     pixels[:, 0] = (1 + points[:, 0]) * (size / 2)
@@ -255,15 +288,33 @@ def back_project(
             f"{foreground} pixels of foreground hold no piece of {SPECK} samples",
             "check the half width of the data set or sample with a smaller stride",
         )
-    lost = int(np.count_nonzero(samples)) - len(np.unique(mesh.vertices[:, :2], axis=0))
+    sampled = int(np.count_nonzero(samples))
+    lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, bridges = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost)
+    return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost, round(lost / sampled, 6))
 
 
 def depth_surface(mesh: Mesh, camera: Camera, half_width: float) -> View:
-    """Depth image of a shape and the surface behind it; see :func:`render_depth` and :func:`back_project`."""
+    """Depth image of a shape and the surface behind it; see :func:`render_depth` and :func:`back_project`.
+
+    Raises
+    ------
+    UnsupportedShape
+        If fewer than ``FEWEST_PIXELS`` show the shape, or more than ``LARGEST_LOSS`` of them are lost.
+    """
     depth = render_depth(mesh, camera, half_width)
+    foreground = int(np.count_nonzero(depth))
+    if foreground < FEWEST_PIXELS:
+        raise UnsupportedShape(
+            f"the camera sees {foreground} pixels of the shape, fewer than {FEWEST_PIXELS}",
+            "check its unit against the other shapes of the data set",
+        )
     surface, report = back_project(depth, half_width)
+    if report.lost_area > LARGEST_LOSS:
+        raise UnsupportedShape(
+            f"{report.lost_area:.0%} of what the camera sees belongs to no piece of {SPECK} samples",
+            "join what belongs together, and remove what does not belong to the shape",
+        )
     return View(depth, surface, report)
 
 

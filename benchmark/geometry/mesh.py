@@ -28,15 +28,16 @@ class Mesh:
     Raises
     ------
     InvalidMesh
-        If the arrays have the wrong shape, a coordinate is not finite, or a face names a vertex that does not exist.
+        If the arrays have the wrong shape, a coordinate is not a finite real number, or a face names by anything but an
+        integer, or names a vertex that does not exist. Nothing is cast that would change.
     """
 
     vertices: Points
     faces: Faces
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", _read_only(self.vertices, np.float64, "vertices"))
-        object.__setattr__(self, "faces", _read_only(self.faces, np.int32, "faces"))
+        object.__setattr__(self, "vertices", _read_only(self.vertices, np.float64, "vertices", "fiu"))
+        object.__setattr__(self, "faces", _read_only(self.faces, np.int32, "faces", "iu"))
         if not np.isfinite(self.vertices).all():
             bad = int((~np.isfinite(self.vertices).all(axis=1)).sum())
             raise InvalidMesh(
@@ -72,15 +73,23 @@ class Mesh:
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return the same triangles over other positions of the same vertices."""
-        return Mesh(np.asarray(vertices, dtype=np.float64), self.faces)
+        return Mesh(vertices, self.faces)  # type: ignore[arg-type]
 
 
-def _read_only(array: ArrayLike, dtype: type, what: str) -> NDArray[Any]:
-    given = np.asarray(array)
+def _read_only(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
+    try:
+        given = np.asarray(array)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise InvalidMesh(f"{what} are no array: {error}", "pass an array of shape (count, 3)") from error
     if given.size == 0:
-        given = given.reshape(0, 3)
+        given = np.empty((0, 3), dtype)
     if given.ndim != 2 or given.shape[1] != 3:
         raise InvalidMesh(f"{what} have shape {given.shape}, not (count, 3)", "pass triangles in three dimensions")
+    if given.dtype.kind not in kinds:
+        wanted = "real numbers" if "f" in kinds else "integers"
+        raise InvalidMesh(f"{what} are of type {given.dtype}, not {wanted}", f"pass {wanted}")
+    if "f" not in kinds and given.size and not 0 <= given.min() <= given.max() <= np.iinfo(dtype).max:
+        raise InvalidMesh(f"{what} name vertices {given.min()} to {given.max()}", "count the vertices from 0")
     copy: NDArray[Any] = np.array(given, dtype=dtype, order="C", copy=True)
     copy.flags.writeable = False
     return copy

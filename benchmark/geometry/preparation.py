@@ -9,9 +9,11 @@ import numpy as np
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
+    LARGEST_LOSS,
     clean,
     compact,
     component_areas,
+    extent_of,
     make_manifold,
 )
 from benchmark.geometry.edges import edges_of
@@ -19,6 +21,9 @@ from benchmark.geometry.mesh import Mesh
 
 # Components with a smaller share of the area are debris; larger ones are parts of the shape.
 SMALLEST_SHARE = 0.01
+LARGEST_DEGENERATE_SHARE = 0.5
+"""Share of triangles without area: beyond it, one stray vertex has made all others vanish beside it."""
+
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
 _FEWEST_VERTICES = 4
@@ -37,8 +42,9 @@ class Prepared:
     report
         What preparation found and did: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
         ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
-        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``dropped_area`` (share
-        of the area), ``bridges``, ``vertices`` and ``faces`` of the result, ``euler_characteristic``.
+        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``lost_area`` (share of
+        the area that went with them or with faces at non-manifold edges), ``bridges``, ``vertices`` and ``faces`` of
+        the result, ``euler_characteristic``.
     """
 
     mesh: Mesh
@@ -68,28 +74,38 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     Raises
     ------
     InvalidMesh
-        If nothing usable is left: no area, or fewer than four vertices.
+        If nothing usable is left: no area, fewer than four vertices, or less than ``1 - LARGEST_LOSS`` of the area.
     """
-    extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
-    if not 0 < extent < np.inf:
-        raise InvalidMesh(
-            f"the bounding box of the mesh has extent {extent}", "pass a surface of finite, positive size"
-        )
     # Areas must not underflow, whatever the unit of the file; a power of two changes no digit: duplicates stay equal.
-    unit = 2.0 ** np.floor(np.log2(extent))
+    unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
     cleaned, found = clean(mesh.with_vertices(mesh.vertices / unit))
     if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
         raise InvalidMesh(
             f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
             f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
         )
-    work = make_manifold(cleaned.with_vertices(cleaned.vertices - cleaned.vertices.mean(axis=0)))
+    if found.degenerate_faces > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
+        raise InvalidMesh(
+            f"{found.degenerate_faces} of {mesh.n_faces} triangles have no area",
+            "look for stray vertices, or export it again",
+        )
+    centred = cleaned.with_vertices(cleaned.vertices - cleaned.vertices.mean(axis=0))
+    work = make_manifold(centred)
     areas, of_face = component_areas(work)
     kept = areas >= SMALLEST_SHARE * areas.sum()
     kept[np.argmax(areas)] = True
     work = compact(work.vertices, work.faces[kept[of_face]])
     source_area = work.area * unit**2
-    work, bridges = bridge_components(make_manifold(clean(decimate(work, n_vertices))[0]))
+    decimated = decimate(work, n_vertices)
+    opened = make_manifold(clean(decimated)[0])
+    lost = max(0.0, round(1 - work.area / centred.area * (opened.area / decimated.area), 6))
+    if lost > LARGEST_LOSS:
+        raise InvalidMesh(
+            f"preparation would lose {lost:.0%} of the area: {int((~kept).sum())} of {len(areas)} components are small "
+            "debris, or triangles overlap in edges",
+            "join what belongs together, and remove what does not belong to the shape",
+        )
+    work, bridges = bridge_components(opened)
     if work.n_vertices < _FEWEST_VERTICES:
         raise InvalidMesh(
             f"only {work.n_vertices} vertices remain after preparation",
@@ -108,7 +124,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "non_manifold_vertices": found.non_manifold_vertices,
         "components": found.components,
         "dropped_components": int((~kept).sum()),
-        "dropped_area": float(areas[~kept].sum() / areas.sum()),
+        "lost_area": lost,
         "bridges": bridges,
         "vertices": result.n_vertices,
         "faces": result.n_faces,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,17 +15,11 @@ from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.runner import failure, keep, work
 from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
-from benchmark.system.workers import ending, memory_per_worker
-
-#: Share of the machine's memory that all workers together may take.
-MEMORY_SHARE = 0.85
+from benchmark.storage.store import StorageError, Store
+from benchmark.system.workers import BY_HAND, ending, memory_per_worker
 
 #: Seconds between two looks at the workers.
 _INTERVAL = 0.1
-
-#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
-_BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _LIVES = 2
@@ -139,7 +132,7 @@ class _Run:
     def records(self) -> Iterator[tuple[Order, Record]]:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
-        self.memory = memory_per_worker(self.workers, MEMORY_SHARE)
+        self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
         self._share_out(self.orders)
         try:
@@ -176,6 +169,7 @@ class _Run:
 
     def _refused(self, task: Task, error: OSError) -> None:
         """The system starts no process now: ask again later, when others may have ended."""
+        self._require_folder()
         if isinstance(task, Ranking):
             self.to_rank += task.orders
         else:
@@ -187,6 +181,13 @@ class _Run:
                 f"the system starts no process: {error.strerror}",
                 "end other programs or run with --executor serial; finished jobs are kept",
             ) from error
+
+    def _require_folder(self) -> None:
+        if not self.store.progress.is_dir():
+            raise StorageError(
+                f"{self.store.root} vanished during the run",
+                "bring it back or choose another --results DIR, and run again",
+            )
 
     def _next_share(self) -> Share | None:
         """The next share, without the jobs that another run is at."""
@@ -248,6 +249,7 @@ class _Run:
     def _died(self, worker: TaskWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
+        self._require_folder()
         if not status.job:
             self.stillborn += 1
             if self.stillborn >= _BIRTHS:
@@ -256,7 +258,7 @@ class _Run:
                     "find out what ends them, or run with --executor serial; finished jobs are kept",
                 )
             self._again(worker, without="")
-        elif -code in _BY_HAND:
+        elif -code in BY_HAND:
             self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
             if self.deaths[status.job] < _LIVES:
                 self._again(worker, without="")

@@ -27,6 +27,9 @@ PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
 #: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
 CHANGED = "changed"
 
+#: Status of a job whose results could not be written; it is run again without being asked.
+UNSAVED = "unsaved"
+
 
 @dataclass(frozen=True)
 class Job:
@@ -162,7 +165,7 @@ def _job(
     recipe = job_recipe(gallery, input_, spec, data, models, seed)
     key = keys.digest(recipe)
     record = store.records.read(key)
-    if record is not None and record["status"] != CHANGED:
+    if record is not None and record["status"] not in (CHANGED, UNSAVED):
         status = record["status"]
         if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
             return job("cached" if status == "ok" else "failed", _told(record), recipe)

@@ -14,7 +14,7 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
-from benchmark.jobs.stages.view import half_width_of, seen
+from benchmark.jobs.stages.view import frame_of, half_width_of, seen
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
@@ -113,7 +113,7 @@ class Preparation:
                 widths.append(half_width_of(self.mesh(entry), self.dataset.camera(entry)))
             except ShapeError:
                 continue  # this shape is counted as unsupported when its turn comes
-        return {"half_width": np.asarray(max(widths, default=1.0))}
+        return {"half_width": np.asarray(frame_of(widths))}
 
     def _kept(self, recipe: Recipe, compute: Callable[[], Arrays], work: str, *, scratch: bool = False) -> Artefact:
         if self.store is not None:

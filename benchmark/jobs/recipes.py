@@ -23,8 +23,9 @@ _STAGES = "benchmark.jobs.stages"
 #: Module of the stage that prepares a shape for each input.
 PREPARATION: dict[Input, str] = {"mesh": f"{_STAGES}.complete", "view": f"{_STAGES}.view"}
 
-#: What a learner's own training imports cannot change a form that a finished model makes.
-_NOT_FOR_FORMS = ("train",)
+#: What a learner's own training imports, and the look at its options before it, cannot change a form that a finished
+#: model makes.
+_NOT_FOR_FORMS = ("train", "check_options")
 
 
 def dataset_module(dataset: Dataset) -> str:

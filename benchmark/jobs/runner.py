@@ -20,14 +20,14 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.jobs import recipes
 from benchmark.jobs.orders import Order, Ranking, Share, Task
-from benchmark.jobs.plan import CHANGED, difference
+from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import ranking
 from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
+from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
 
 __all__ = ["failure", "keep", "make_forms", "work"]
@@ -165,6 +165,8 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
         )
     except _CodeChanged as error:
         keep(order, store, failure(CHANGED, str(error)))
+    except StorageError as error:
+        keep(order, store, failure(UNSAVED, f"{where}{error}"))
     except BenchmarkError as error:
         keep(order, store, failure("failed", f"{where}{error}"))
     except BaseException as error:  # also what ends a program: a method must not end the run

@@ -5,6 +5,7 @@ That no shape to be tested, nor another shape of its subject, is among them is c
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import render_depth
+from benchmark.geometry.depth import camera_coordinates, render_depth
+from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import dataset_module, preparation_code, source_code
 from benchmark.learning import TrainingData, TrainingPair
@@ -29,6 +31,11 @@ from benchmark.storage.store import Store
 __all__ = ["training_data"]
 
 Say = Callable[[str], None]
+
+_Body = tuple[humans.Subject, Sequence[Pose]]
+
+#: Images of a sampled body: the canonical pose and its own.
+_IMAGES = 1 + SAMPLED_POSES
 
 
 def training_data(
@@ -45,7 +52,7 @@ def training_data(
     data_root
         The folder that holds the official sets.
     say
-        Told about shapes that cannot be rendered.
+        Told about shapes that cannot be rendered, and about sampled bodies that are drawn again.
     n_sampled
         Number of bodies where they are sampled.
 
@@ -70,8 +77,8 @@ def training_data(
         subjects=tuple(dict.fromkeys(entry.subject for entry in shown)),
         identifiers=tuple(entry.identifier for entry in shown),
         n_pairs=len(pairs),
-        pairs=lambda: _pairs(pairs, preparation),
-        unseen=lambda: _pairs(_renderable(tested, preparation, say), preparation),
+        pairs=lambda start=0: _pairs(pairs[start:], preparation),
+        unseen=lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
     )
     _check_apart(data, tested)
     return data
@@ -135,39 +142,54 @@ def _sampled(
     training: Training, preparation: Preparation, tested: Iterable[Entry], say: Say, n_bodies: int
 ) -> TrainingData:
     """Pairs of bodies beyond the data set; they are made as they are read, for they are too many to be kept."""
-    bodies = [
-        (f"sample-{number}", body, (POSES[humans.CANONICAL_POSE], *poses))
-        for number, (body, poses) in enumerate(humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0))
-    ]
-    recipes = [humans.recipe(body, pose) for _, body, poses in bodies for pose in poses]
+    bodies = humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0)
+    names = [f"sample-{number}" for number in range(n_bodies)]
+    recipes = [humans.recipe(body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses)]
     frame = [repr(FRONT), preparation.half_width, preparation_code("view").digest]
     data = TrainingData(
         name=training.name,
         title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {preparation.dataset.title}",
         digest=keys.digest([recipes, frame, source_code(dataset_module(preparation.dataset)).digest]),
-        subjects=tuple(name for name, _, _ in bodies),
-        identifiers=tuple(f"{name}_{number}" for name, _, poses in bodies for number in range(len(poses))),
+        subjects=tuple(names),
+        identifiers=tuple(f"{name}_{number}" for name in names for number in range(_IMAGES)),
         n_pairs=len(recipes),
-        pairs=lambda: _sampled_pairs(bodies, preparation.half_width),
-        unseen=lambda: _pairs(_renderable(tested, preparation, say), preparation),
+        pairs=lambda start=0: _sampled_pairs(bodies, preparation.half_width, say, start),
+        unseen=lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
     )
     _check_apart(data, tested)
     return data
 
 
-def _sampled_pairs(
-    bodies: Sequence[tuple[str, humans.Subject, Sequence[Pose]]], half_width: float
-) -> Iterator[TrainingPair]:
-    meshes = humans.human_meshes((body, pose) for _, body, poses in bodies for pose in poses)
-    for name, _, poses in bodies:
-        target = None
-        for number in range(len(poses)):
-            image = render_depth(next(meshes), FRONT, half_width)
-            target = image if target is None else target
-            yield TrainingPair(
-                identifier=f"{name}_{number}",
-                subject=name,
-                target_identifier=f"{name}_0",
-                image=image,
-                target=target,
-            )
+def _sampled_pairs(bodies: Sequence[_Body], half_width: float, say: Say, start: int) -> Iterator[TrainingPair]:
+    first, skipped = divmod(start, _IMAGES)
+    drawn_again = 0
+    meshes = _in_all_poses(bodies[first:])
+    for number in range(first, len(bodies)):
+        name = f"sample-{number}"
+        of_body = list(itertools.islice(meshes, _IMAGES))
+        draw = 0
+        while any(_leaves_frame(mesh, half_width) for mesh in of_body):
+            draw, drawn_again = draw + 1, drawn_again + 1
+            say(f"{name} leaves the frame and is drawn again ({drawn_again} so far)")
+            of_body = list(_in_all_poses([humans.sample_human(number, SAMPLED_POSES, seed=0, draw=draw)]))
+        images = [render_depth(mesh, FRONT, half_width) for mesh in of_body]
+        for place, image in enumerate(images):
+            if place >= skipped:
+                yield TrainingPair(
+                    identifier=f"{name}_{place}",
+                    subject=name,
+                    target_identifier=f"{name}_0",
+                    image=image,
+                    target=images[0],
+                )
+        skipped = 0
+
+
+def _in_all_poses(bodies: Iterable[_Body]) -> Iterator[Mesh]:
+    """Each body in the canonical pose, then in its own."""
+    canonical = POSES[humans.CANONICAL_POSE]
+    return humans.human_meshes((body, pose) for body, poses in bodies for pose in (canonical, *poses))
+
+
+def _leaves_frame(mesh: Mesh, half_width: float) -> bool:
+    return bool(np.abs(camera_coordinates(mesh, FRONT) / half_width).max() >= 1)

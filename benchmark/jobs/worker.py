@@ -115,9 +115,10 @@ def _beside(status_file: Path) -> Path:
 
 def _do(task: Task, status_file: Path, trace_file: Path) -> None:
     """Do the task, in its process."""
-    trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
-    faulthandler.enable(trace, all_threads=False)
-    faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
+    with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
+        trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
+        faulthandler.enable(trace, all_threads=False)
+        faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
     from benchmark.jobs.runner import work
 
     latest = Status()
@@ -127,6 +128,7 @@ def _do(task: Task, status_file: Path, trace_file: Path) -> None:
         nonlocal latest
         latest = Status(job, steps, shape, is_done)
         with suppress(OSError):  # a full disk is told of by what cannot do without it
+            beside.parent.mkdir(exist_ok=True)  # somebody may have removed it
             beside.write_text(json.dumps(asdict(latest)), encoding="utf-8")
             beside.replace(status_file)  # so that no reader finds half of it
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ class Model:
     folder: Path
     card: Mapping[str, Any]
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """What recipes name it by: its card, and by it the weights, wherever they lie."""
         return card_digest(self.card)[:16]

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, folder_name, is_path, is_present, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, check_ranked, folder_name, is_path, is_present, open_dataset
+from benchmark.datasets.official.sets import EXTENDED
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
@@ -33,7 +34,7 @@ class Table:
     caption
         What the table shows, without naming the data.
     dataset
-        Name or path of the set that the paper uses.
+        Name or path of the set that the paper uses; "" for a table of several sets.
     stand_in
         Generated set that takes its place when it is absent; "" if there is none.
     subjects
@@ -54,11 +55,13 @@ class Table:
         learner has a row there. 0 for a table without.
     extended_learners
         Whether learners beyond the paper's have rows without being asked for by name; a model of each must exist.
+    any_of
+        Sets that it is made for, each on its own, as far as they are present; empty for a table of one set.
     """
 
     identifier: str
     caption: str
-    dataset: str
+    dataset: str = ""
     stand_in: str = ""
     subjects: tuple[int | str, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
@@ -68,6 +71,12 @@ class Table:
     ablation: bool = False
     extended_learners: bool = False
     split_size: int = 0
+    any_of: tuple[str, ...] = ()
+
+    @property
+    def datasets(self) -> tuple[str, ...]:
+        """Sets that it can be made for."""
+        return tuple(name for name in (self.dataset, self.stand_in, *self.any_of) if name)
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -127,6 +136,13 @@ TABLES: tuple[Table, ...] = (
         folds=SUBJECT_FOLDS,
         in_quick_runs=False,
         ablation=True,
+    ),
+    Table(
+        "extended",
+        "Retrieval on further official sets (without figures of the paper)",
+        any_of=EXTENDED,
+        in_quick_runs=False,
+        all_unseen=False,
     ),
 )
 
@@ -287,7 +303,7 @@ def galleries(
         if quick and known[name].ablation:
             raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
     made = [table for table in known.values() if _is_made(table, wanted_tables, wanted_sets, quick)]
-    chosen = [(table, _source(table, data_root)) for table in made]
+    chosen = [(table, name) for table in made for name in _sources(table, data_root, wanted_tables)]
     if wanted_sets:
         chosen = [(table, name) for name in wanted_sets for table in _tables_of(name, made, own=not wanted_tables)]
         if not chosen:
@@ -312,16 +328,26 @@ def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> b
     return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)
 
 
-def _source(table: Table, data_root: Path | None) -> str:
-    return table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in
+def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> list[str]:
+    """Sets that a table is made for; of several, those that are present, and an error if it is asked for in vain."""
+    if not table.any_of:
+        return [table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in]
+    present = [name for name in table.any_of if is_present(name, data_root)]
+    if not present and table.identifier in asked_for:
+        absent = ", ".join(f"{name} ({CATALOGUE[name].folder}/)" for name in table.any_of)
+        raise DatasetError(
+            f"table {table.identifier} has no data: of its sets none is at {data_root or 'DATA_ROOT'}: {absent}",
+            "put one there and pass --data-root; 'data list --json' says where each is given out",
+        )
+    return present
 
 
 def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
     """Tables that use a set; where none does, one of its own if that is wanted."""
     if name not in CATALOGUE and not is_path(name):
         raise did_you_mean("data set", name, CATALOGUE)
-    if any(name in (table.dataset, table.stand_in) for table in TABLES) or not own:
-        return [table for table in made if name in (table.dataset, table.stand_in)]
+    if any(name in table.datasets for table in TABLES) or not own:
+        return [table for table in made if name in table.datasets]
     own_name = name if name in CATALOGUE else folder_name(Path(name))
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
@@ -330,6 +356,7 @@ def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
 
 def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> list[Gallery]:
     dataset = open_dataset(name, data_root)
+    check_ranked(dataset)
     check_retrievable(dataset)
 
     def gallery(subjects: tuple[int | str, ...], part: str = "", fold: int | None = None) -> Gallery:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
+from benchmark.storage.keys import digest
+from benchmark.system.text import brief
 
 #: Parameter of learners that tells trainings of one row apart.
 TRAINING_SEED = "training_seed"
@@ -47,7 +50,7 @@ class Row:
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
             told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
         mark = f" {OUTDATED}" if any(cell.outdated for cell in self.cells.values()) else ""
-        return self.title + (f" ({', '.join(told)})" if told else "") + mark
+        return brief(self.title) + (f" ({', '.join(told)})" if told else "") + mark
 
 
 @dataclass(frozen=True)
@@ -128,21 +131,21 @@ class TableContent:
             lines.append(f"Not run: {', '.join(not_run)}.")
         if bridges := self._bridges():
             lines.append(bridges)
-        return lines
+        return [*lines, *self._lost()]
 
     def _left_out(self) -> Iterable[str]:
         for row in self.rows:
             for input_, cell in row.cells.items():
                 if left_out := cell.record.get("unsupported", []):
-                    names = ", ".join(name for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-                    yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {left_out[0][1]}"
+                    names = ", ".join(brief(name) for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
+                    yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {brief(left_out[0][1])}"
 
     def _without_scores(self) -> dict[str, list[str]]:
         found: dict[str, list[str]] = {}
         for row in self.rows:
             for input_, cell in row.cells.items():
                 if cell.status not in ("ok", "missing"):
-                    reason = cell.record.get("reason", "")
+                    reason = brief(cell.record.get("reason", ""))
                     found.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(row.title)
         return found
 
@@ -151,7 +154,7 @@ class TableContent:
         for row in self.rows:
             for cell in row.cells.values():
                 if cell.outdated:
-                    of_rows = found.setdefault(f"made before the last change ({cell.outdated})", [])
+                    of_rows = found.setdefault(f"made before the last change ({brief(cell.outdated)})", [])
                     of_rows += [row.title] if row.title not in of_rows else []
         return found
 
@@ -170,13 +173,36 @@ class TableContent:
         return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
 
     def _bridges(self) -> str:
-        for row in self.rows:
-            cell = row.cells.get("view")
-            found = cell.record.get("notes", {}).get("bridges") if cell else None
-            if found:
-                return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
+        if found := self._noted("bridges", "view"):
+            return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
         return ""
 
+    def _lost(self) -> Iterable[str]:
+        """How much of the shapes was lost before any method saw them, where it is worth telling."""
+        for input_ in self.inputs:
+            found = self._noted("lost_area", input_)
+            if found and found["max"] > _WORTH_TELLING:
+                what = "of what the camera sees" if input_ == "view" else "of the area"
+                yield (
+                    f"{input_.capitalize()} input: preparation lost {found['mean']:.1%} {what} per shape on average, "
+                    f"{found['max']:.1%} at most."
+                )
+
+    def _noted(self, name: str, input_: Input) -> Mapping[str, float] | None:
+        """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
+        for row in self.rows:
+            cell = row.cells.get(input_)
+            found = cell.record.get("notes", {}).get(name) if cell else None
+            if found and {"mean", "max"} <= found.keys():  # a method may note something else by this name
+                return cast(Mapping[str, float], found)
+        return None
+
+
+#: Share of the largest loss from which on a table tells how much was lost.
+_WORTH_TELLING = 0.01
+
+#: Characters of a file name, which has room for 255 bytes.
+_LONGEST_NAME = 60
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
 
@@ -189,14 +215,19 @@ def _of_jobs(row: Row) -> Iterable[str]:
         if 0 < cell.n_averaged < cell.n_wanted:
             yield (
                 f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
-                f"({cell.record.get('reason', 'the others were not run')})"
+                f"({brief(cell.record.get('reason', 'the others were not run'))})"
             )
 
 
 def file_stem(table: str, dataset: str, *, quick: bool) -> str:
-    """Name of the files of a table on a data set."""
+    """Name of the files of a table on a data set: letters, digits, dots, hyphens and underscores.
+
+    A name that had to be changed by more than its spaces gets a digest, so that two tables never share a file.
+    """
     parts = ["table", table] + ([dataset] if dataset != table else [])
-    return "-".join(parts + (["quick"] if quick else [])).replace(" ", "-").replace("/", "-")
+    whole = "-".join(parts + (["quick"] if quick else [])).replace(" ", "-").replace("/", "-")
+    name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
+    return name if name == whole else f"{name}-{digest(whole)[:8]}"
 
 
 def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[TableContent]:
@@ -217,11 +248,16 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
         for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
             if not wanted or table in wanted:
                 grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
-    known = {table.identifier: table for table in TABLES}
-    order = {name: place for place, name in enumerate(known)}
+    order = {table.identifier: number for number, table in enumerate(TABLES)}
     places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
-    made = (_content(known.get(place[0]) or own_table(place[1]), grouped[place]) for place in places)
+    made = (_content(_table(*place[:2]), grouped[place]) for place in places)
     return [table for table in made if table.rows]
+
+
+def _table(identifier: str, dataset: str) -> Table:
+    """The paper's table of a data set; for all other sets one of its own, even for a folder that is called "I"."""
+    known = (t for t in TABLES if t.identifier == identifier and dataset in (t.dataset, t.stand_in))
+    return next(known, None) or own_table(dataset)
 
 
 def own_table(dataset: str) -> Table:
@@ -242,7 +278,7 @@ def _content(table: Table, results: Sequence[Result]) -> TableContent:
             row = row_of(table, result.record)
             by_row.setdefault(row, {}).setdefault(cast(Input, result.record["input"]), []).append(result)
     inputs = tuple(i for i in INPUTS if any(i in cells for cells in by_row.values()))
-    printed = paper.rows(table.identifier)
+    printed = paper.rows(table.identifier) if table in TABLES else {}
     quick = bool(results[0].record["data"]["quick"])
     n_folds = 1 if quick else max(1, len(table.folds))
     cells: dict[str, dict[Input, Cell]] = {

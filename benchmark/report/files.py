@@ -10,6 +10,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, latex, markdown
 from benchmark.report.splits import has_splits, splits_markdown
+from benchmark.system.files import sweep, write_text
 
 
 def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
@@ -33,19 +34,26 @@ def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, 
 
 
 def write(files: Mapping[str, str], folder: Path) -> None:
-    """Write the files into a folder, which is made if need be."""
+    """Write the files into a folder, which is made if need be; each is whole, or what it was before."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+            write_text(folder / name, text)
+        sweep(folder, deep=False)
     except OSError as error:
-        raise BenchmarkError(f"cannot write to {folder}: {error.strerror}", "choose another folder with -o") from error
+        raise BenchmarkError(
+            f"cannot write to {folder}: {error.strerror}", "free some space or choose another folder with -o"
+        ) from error
 
 
 def stale(files: Mapping[str, str], folder: Path) -> list[str]:
     """Names of files that are missing in a folder or differ from what they should hold."""
-    return [
-        name
-        for name, text in files.items()
-        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
-    ]
+    return [name for name, text in files.items() if _content(folder / name) != text]
+
+
+def _content(path: Path) -> str | None:
+    """What a file holds; None where there is none that can be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return None

@@ -11,6 +11,7 @@ from typing import Any
 from benchmark.contracts import Input
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
+from benchmark.report.escaping import csv_cell, latex_text, markdown_line, markdown_text
 from benchmark.storage.keys import digest
 from retrieval.measures import PRINTED
 
@@ -20,11 +21,12 @@ BLANK = "--"
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
     header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in PRINTED)]
-    body = [[row.label, *values] for row, values in zip(table.rows, cells(table, "**{}**", " ± "), strict=True)]
+    figures = cells(table, "**{}**", " ± ")
+    body = [[markdown_text(row.label), *values] for row, values in zip(table.rows, figures, strict=True)]
     body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in PRINTED)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    lines = [f"**{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).**", ""]
+    lines = [f"**{markdown_text(f'{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).')}**", ""]
     for line in [header, rule, *body]:
         first, *rest = line
         lines.append(
@@ -33,7 +35,7 @@ def markdown(table: TableContent) -> str:
             + " |"
         )
     notes = table.notes()
-    return "\n".join([*lines, *([""] if notes else []), *(f"- {note}" for note in notes)]) + "\n"
+    return "\n".join([*lines, *([""] if notes else []), *(f"- {markdown_line(note)}" for note in notes)]) + "\n"
 
 
 def latex(table: TableContent) -> str:
@@ -42,7 +44,7 @@ def latex(table: TableContent) -> str:
     column = 2
     spans, rules = [], []
     for group, _ in groups:
-        spans.append(rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{{_escape(group)}}}")
+        spans.append(rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{{latex_text(group)}}}")
         rules.append(rf"\cmidrule(lr){{{column}-{column + len(PRINTED) - 1}}}")
         column += len(PRINTED)
     caption = f"{table.table.caption}: {table.data_title} ({table.size}). {_legend(table)}"
@@ -50,8 +52,8 @@ def latex(table: TableContent) -> str:
         f"% {table.file_stem}, made from records {_digest(table)}",
         r"\begin{table}",
         r"\centering",
-        rf"\caption{{{_escape(caption)}}}",
-        rf"\label{{tab:{table.file_stem.replace(' ', '-')}}}",
+        rf"\caption{{{latex_text(caption)}}}",
+        rf"\label{{tab:{table.file_stem}}}",
         rf"\begin{{tabular}}{{l{'r' * len(PRINTED) * len(groups)}}}",
         r"\toprule",
         " & ".join(["", *spans]) + r" \\",
@@ -64,12 +66,12 @@ def latex(table: TableContent) -> str:
         if last and row.family != last:
             lines.append(r"\midrule")
         last = row.family
-        lines.append(" & ".join([_escape(row.label), *values]) + r" \\")
+        lines.append(" & ".join([latex_text(row.label), *values]) + r" \\")
     chance = [number(table.chance[metric]) for _ in groups for metric in PRINTED]
     lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
     notes = table.notes()
     if notes:
-        lines.append(r"\par\smallskip{\footnotesize " + " ".join(_escape(_sentence(note)) for note in notes) + "}")
+        lines.append(r"\par\smallskip{\footnotesize " + " ".join(latex_text(_sentence(note)) for note in notes) + "}")
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
@@ -102,7 +104,7 @@ def as_csv(tables: Sequence[TableContent]) -> str:
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
-        writer.writerow(flat)
+        writer.writerow({name: csv_cell(value) for name, value in flat.items()})
     return text.getvalue()
 
 
@@ -201,13 +203,3 @@ def _digest(table: TableContent) -> str:
         return {"key": cell.record.get("key"), "scores": cell.scores, "status": cell.status}
 
     return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])
-
-
-_LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
-    "†": r"\dag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-}  # fmt: skip
-
-
-def _escape(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from html import escape
+from urllib.parse import quote
 
 from benchmark.report.content import TableContent
+from benchmark.report.escaping import html_text
 from benchmark.report.formats import BLANK, cells, column_groups, number
 from retrieval.measures import PRINTED
 
@@ -35,26 +37,28 @@ def page(tables: Sequence[TableContent], figures: Mapping[str, str]) -> str:
     for table in tables:
         parts.append(_table(table))
         if table.file_stem in figures:
-            parts.append(f"<img src='{escape(figures[table.file_stem], quote=True)}' alt='Canonical forms'>")
+            parts.append(f"<img src='{quote(os.fsencode(figures[table.file_stem]))}' alt='Canonical forms'>")
     return "\n".join(parts) + "</html>\n"
 
 
 def _table(table: TableContent) -> str:
     groups = column_groups(table)
     heading = f"Table {table.identifier}. {table.table.caption}: {table.data_title} ({table.size})"
-    lines = [f"<h2>{escape(heading)}</h2>", "<table><thead><tr><th></th>"]
-    lines += [f"<th colspan='{len(PRINTED)}'>{escape(name)}</th>" for name, _ in groups]
+    lines = [f"<h2>{html_text(heading)}</h2>", "<table><thead><tr><th></th>"]
+    lines += [f"<th colspan='{len(PRINTED)}'>{html_text(name)}</th>" for name, _ in groups]
     lines += [
         "</tr><tr><th>Method</th>",
         *(f"<th>{metric}</th>" for _ in groups for metric in PRINTED),
         "</tr></thead><tbody>",
     ]
     for row, values in zip(table.rows, cells(table, "<b>{}</b>", " ± "), strict=True):
-        lines.append(f"<tr><td>{escape(row.label)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
+        lines.append(
+            f"<tr><td>{html_text(row.label)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>"
+        )
     chance = "".join(f"<td>{number(table.chance[metric])}</td>" for _ in groups for metric in PRINTED)
     lines.append(f"<tr class='chance'><td>Chance</td>{chance}</tr></tbody></table>")
     notes = table.notes()
     if notes:
-        lines += ["<ul>", *(f"<li>{escape(note)}</li>" for note in notes), "</ul>"]
+        lines += ["<ul>", *(f"<li>{html_text(note)}</li>" for note in notes), "</ul>"]
     lines.append(f"<p>{BLANK}: no result.</p>")
     return "\n".join(lines)

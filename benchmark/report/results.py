@@ -130,7 +130,7 @@ class Results:
         if name not in CATALOGUE or not is_present(name, self.data_root):
             return None
         if (name, quick) not in self._galleries:
-            tables = [t.identifier for t in TABLES if name in (t.dataset, t.stand_in) and not (quick and t.ablation)]
+            tables = [t.identifier for t in TABLES if name in t.datasets and not (quick and t.ablation)]
             found = galleries(tables, [name], self.data_root, quick)
             self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
         return self._galleries[name, quick].get(record["gallery"])
@@ -142,7 +142,7 @@ def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
     names = tuple(
         table.identifier
         for table in TABLES
-        if dataset in (table.dataset, table.stand_in)
+        if dataset in table.datasets
         and gallery in [gallery_name(dataset, part, quick=quick) for part in table.parts]
         and not (quick and table.ablation)
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmark.report.content import Row, TableContent
+from benchmark.report.escaping import markdown_text
 from retrieval.measures import PRINTED
 
 
@@ -24,14 +25,14 @@ def splits_markdown(table: TableContent) -> str:
     counts = next(cell.record["splits"] for row in table.rows for cell in row.cells.values() if "splits" in cell.record)
     lines = [
         f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
-        f"{table.data_title}. Median (5 % to 95 %).**",
+        f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**",
         "",
         "| Method | input | " + " | ".join(PRINTED) + " |",
         "| --- | --- | " + " | ".join("---:" for _ in PRINTED) + " |",
     ]
     for label, input_, quantiles in found:
         figures = ("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in PRINTED)
-        lines.append(f"| {label} | {input_} | " + " | ".join(figures) + " |")
+        lines.append(f"| {markdown_text(label)} | {input_} | " + " | ".join(figures) + " |")
     return "\n".join(lines) + "\n"
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from benchmark import errors
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.system.files import write_text
-from benchmark.system.workers import Worker, ending
+from benchmark.system.workers import BY_HAND, Worker, ending, memory_per_worker
 
 #: Seconds between two looks at what is said.
 _INTERVAL = 0.1
@@ -29,13 +29,17 @@ class BrokenCall(BenchmarkError):
     """Code that was called in a process of its own crashed, hung, ended its process, or raised what it should not."""
 
 
+class KilledCall(BrokenCall):
+    """Somebody else may have ended the process."""
+
+
 def call_apart(
     function: Callable[..., Any],
     *arguments: Any,
     what: str,
     mend: str,
     limit: float | None = None,
-    memory: int | None = None,
+    all_memory: bool = False,
     quiet: bool = False,
     say: Callable[[str], None] | None = None,
 ) -> Any:
@@ -53,8 +57,10 @@ def call_apart(
         What to do if it breaks.
     limit
         Seconds that it may take, from one line that it says to the next; None for no limit.
-    memory, quiet
-        See :class:`benchmark.system.workers.Worker`.
+    all_memory
+        Whether it may take more than most of the machine's memory.
+    quiet
+        Whether nothing that it prints is seen.
     say
         Told what the function says while it is at work; with it, the function is given one more argument, to say a line
         to.
@@ -73,6 +79,7 @@ def call_apart(
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as name:
         folder = Path(name)
+        memory = None if all_memory else memory_per_worker()
         try:
             worker = Worker(_answer, function, arguments, folder, say is not None, memory=memory, quiet=quiet)
         except OSError as error:
@@ -116,13 +123,14 @@ def _told(path: Path, code: int, what: str, mend: str) -> Any:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise BrokenCall(f"{what} ended its process ({ending(code)})", mend) from None
+        kind = KilledCall if -code in BY_HAND else BrokenCall
+        raise kind(f"{what} ended its process ({ending(code)})", mend) from None
     if "answer" in found:
         return found["answer"]
     if "raised" in found:
         raise BrokenCall(f"{what} raises {found['raised']}", mend)
-    kind = getattr(errors, found["kind"], BenchmarkError)
-    raise kind(found["problem"], found["mend"])
+    error: type[BenchmarkError] = getattr(errors, found["kind"], BenchmarkError)
+    raise error(found["problem"], found["mend"])
 
 
 def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Path, speaks: bool) -> None:

@@ -18,7 +18,8 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     Parameters
     ----------
     path
-        The file; its folder is made if need be. It gets the rights that the umask leaves.
+        The file; its folder is made if need be. It gets the rights that the umask leaves. A device or a pipe, which
+        holds nothing to keep, is written to and not replaced.
     write
         Called with the binary file to write to.
     durable
@@ -29,6 +30,10 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     OSError
         If the file cannot be written; nothing is left behind then.
     """
+    if path.is_char_device() or path.is_fifo():
+        with path.open("wb") as file:
+            write(file)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     # The name says who writes, so that what a killed process leaves behind can be told from what is being written.
     temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
@@ -49,18 +54,18 @@ def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
 
 
-def leftovers(folder: Path) -> Iterator[Path]:
-    """Temporary files below a folder whose writers are no longer alive."""
-    for path in folder.rglob(f".*-*{_SUFFIX}"):
+def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:
+    """Temporary files in a folder, and in those below it, whose writers are no longer alive."""
+    for path in (folder.rglob if deep else folder.glob)(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
         if writer.isdecimal() and not is_alive(int(writer)):
             yield path
 
 
-def sweep(folder: Path) -> int:
-    """Remove what killed writers left below a folder; returns the number of files."""
+def sweep(folder: Path, *, deep: bool = True) -> int:
+    """Remove what killed writers left in a folder, and in those below it; returns the number of files."""
     count = 0
-    for path in leftovers(folder):
+    for path in leftovers(folder, deep=deep):
         with contextlib.suppress(OSError):
             path.unlink()
             count += 1

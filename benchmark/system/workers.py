@@ -21,6 +21,12 @@ _PARENT_DEATH_SIGNAL = 1
 #: Seconds that a process has to end once it was killed.
 GRACE = 5.0
 
+#: Share of the machine's memory that all workers together may take.
+MEMORY_SHARE = 0.85
+
+#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
+BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
+
 _numbers = itertools.count()
 
 
@@ -99,11 +105,11 @@ def ending(code: int) -> str:
         return f"signal {-code}"
 
 
-def memory_per_worker(workers: int, share: float) -> int:
-    """Bytes that one of several workers may take."""
+def memory_per_worker(workers: int = 1) -> int:
+    """Bytes that one of several workers may take: together, most of the machine's memory."""
     import psutil
 
-    return int(psutil.virtual_memory().total * share / workers)
+    return int(psutil.virtual_memory().total * MEMORY_SHARE / workers)
 
 
 def _main(

@@ -7,7 +7,7 @@ from baselines._kernels.smacof import smacof
 from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS
 from benchmark.contracts import Shape
-from benchmark.datasets.tosca import tosca
+from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import prepare
 from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, spread

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from benchmark.datasets.tosca import tosca
 from scipy.linalg import eigh
 
 from baselines._kernels.sampling import farthest_points
@@ -7,7 +8,6 @@ from baselines._kernels.smacof import smacof
 from baselines.least_squares_mds import LeastSquaresMDS
 from baselines.subspace_mds import SubspaceMDS
 from benchmark.contracts import Shape
-from benchmark.datasets.tosca import tosca
 from benchmark.geometry.preparation import prepare
 from tests.baselines.deformable import shape_of, sheet
 from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread

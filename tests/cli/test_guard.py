@@ -5,11 +5,16 @@ from pathlib import Path
 
 import click
 import pytest
+from matplotlib.figure import Figure
 
 from benchmark.cli.main import cli, main
 from benchmark.cli.options import _inspected
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.methods import inspection
+from benchmark.report.pictures.forms import save
+from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
+from tests.records import record
 from tests.toy import rod, write_off, write_rods
 
 
@@ -85,7 +90,6 @@ def test_results_without_a_name_do_not_go_into_this_folder(call, tmp_path):
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "x"])
 def test_no_method_takes_a_number_that_makes_no_sense(value):
-    from benchmark.errors import ConfigurationError
     from benchmark.methods.registry import BUILT_IN, methods, variant
 
     known = methods()
@@ -209,15 +213,20 @@ def test_check_fails_the_check_in_which_a_method_ends_its_process_and_goes_on_wi
 
 
 def test_a_report_draws_what_can_be_drawn(call, rods, tmp_path):
-    """Of a method that crashes and one with a title that is no formula."""
+    """Of a method that crashes and has a title that is no formula."""
     plugin = write_plugin(tmp_path / "tried.py", name="crash", at_work="crashes", info="title='Cost $ x_{'")
-    common = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")
-    assert call("run", *common, "--executor", "serial")[0] == 0
-    code, _, error = call("report", *common, "--plugin", plugin, "-o", tmp_path / "report", "--timeout", "30s")
+    store = Store.open(tmp_path / "results")
+    store.write_record(record(method="surface-area", data={"source": str(rods)}))
+    selection = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")
+    code, _, error = call("report", *selection, "--plugin", plugin, "-o", tmp_path / "report")
     assert (code, error) == (0, "")
     assert (tmp_path / "report" / "forms-rods.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_figure_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    assert "cannot write" in refused(call("report", *common, "-o", tmp_path / "file" / "folder"))
+    with pytest.raises(BenchmarkError, match="cannot write .*; choose another folder with -o"):
+        save(Figure(), tmp_path / "file" / "forms.png")
 
 
 @pytest.mark.parametrize(

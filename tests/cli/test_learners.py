@@ -7,9 +7,11 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.errors import BenchmarkError
+from benchmark.cli.train import train_one
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.learning import card_digest
 from benchmark.methods.registry import methods, variant
+from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
@@ -243,10 +245,37 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
+        (("mean-target", "--sampled", 5), "mean-target is not trained on sampled bodies here; leave --sampled out"),
+        (("mean-target", "-t", "III", "--validation", 4), "cannot hold back 4 of 4 subjects; choose fewer than 4"),
     ],
 )
 def test_what_cannot_be_trained_is_named(arguments, message, tmp_path):
     assert message in call("train", *arguments, "--results", tmp_path, fails=True)
+
+
+def test_subjects_are_held_back_from_a_training(root, tmp_path):
+    said = call(
+        "train", "mean-target", "-t", "III", "--validation", 2, "--results", tmp_path, "--data-root", root
+    ).splitlines()  # fmt: skip
+    folder = tmp_path / "models" / "tosca-III-validation-2" / "plain-seed0"
+    # Of centaur, dog, gorilla and wolf the first and the last are held back; two of the four are there.
+    assert said[:2] == ["mean-target, tosca-III-validation-2", "3 of 3 pairs, 3 unseen, []"]
+    assert json.loads((folder / "card.json").read_text())["subjects"] == ["dog"]
+
+
+def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, monkeypatch):
+    def made(*_):
+        raise AssertionError("data was made")
+
+    monkeypatch.setattr("benchmark.jobs.training_pairs.training_data", made)
+    spec, training = methods()["learned-wide-extra"], find_training("humans-sampled")
+    for schedule, told in (
+        ({"device": "tpu"}, "unknown device"),
+        ({"epoch": "3"}, "did you mean epochs"),
+        ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
+    ):
+        with pytest.raises(ConfigurationError, match=told):
+            train_one(spec, training, tmp_path, None, schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

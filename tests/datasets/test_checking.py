@@ -187,7 +187,7 @@ def test_an_incomplete_official_set_is_an_error(tmp_path):
         write_off(folder / f"{number}.off", rod(0.1, number))
     report = check_source("shrec14-synthetic", tmp_path)
     assert not report.usable
-    assert "holds 2 numbered meshes, not 0 to 299, number 2 is missing" in str(report.anomalies[0])
+    assert "holds 2 shapes, not the official 300: shape '2' is missing" in str(report.anomalies[0])
     for number in range(3):
         write_off(tmp_path / "tosca" / f"cat{number}.off", rod(0.1, number))
         write_off(tmp_path / "tosca" / f"pig{number}.off", rod(0.2, number))

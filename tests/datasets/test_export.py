@@ -1,4 +1,5 @@
 import json
+import re
 import tomllib
 from dataclasses import dataclass
 
@@ -14,10 +15,10 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest
-from benchmark.datasets.tosca import tosca
+from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.depth import depth_surface
+from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_rods
 
@@ -62,9 +63,9 @@ def test_the_same_shapes_come_back(tmp_path, layout):
         assert first.vertices.tobytes() == second.vertices.tobytes()
         assert first.faces.tobytes() == second.faces.tobytes()
         views = [
-            depth_surface(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
+            render_depth(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
         ]
-        assert views[0].depth.tobytes() == views[1].depth.tobytes()
+        assert views[0].tobytes() == views[1].tobytes()
 
 
 def test_the_layouts_have_the_names_and_the_classes_of_the_official_sets(tmp_path):
@@ -238,11 +239,11 @@ def test_the_list_says_what_is_here(tmp_path):
     rows = json.loads(CliRunner().invoke(data, ["list", "--json", "--data-root", str(tmp_path)]).output)
     states = {row["name"]: (row["kind"], row["state"]) for row in rows}
     assert states["tosca"] == ("official", "present")
-    assert states["shrec14-real"] == ("official", "absent: DATA_ROOT/shrec14/real")
+    assert states["shrec14-real"] == ("official", "not at shrec14/real")
     assert states["humans"] == ("generated", "present")
     text = CliRunner().invoke(data, ["list"], env={"CANONICAL_FORMS_DATA": str(tmp_path)}).output
-    assert len(text.splitlines()) == len(rows)
-    assert "tosca              official   present" in text
+    assert len(text.splitlines()) == len(rows) + 1
+    assert re.search("^tosca +present +80 +9 ", text, re.M)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import time
 from fnmatch import fnmatch
@@ -38,6 +39,7 @@ def main(
 ) -> None:
     """Try the suite with faults of every kind, and report what they cost."""
     pin_threads()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # reports what was tried, and leaves nothing behind
     begun = time.monotonic()
     cases = [
         case

@@ -13,7 +13,6 @@ import os
 import resource
 import signal
 import sys
-from pathlib import Path
 from typing import Any
 
 #: In place of a file to write to: a pipe whose reader has gone.
@@ -113,7 +112,3 @@ def _drop_rights() -> None:
     for place in (0, 1, 2):  # effective, permitted, inheritable
         rights[place] &= mask
     library.capset(header, rights)
-
-
-if __name__ == "__main__":
-    sys.exit(f"{Path(__file__).name} is started by tests.faults.commands")

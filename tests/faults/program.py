@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +31,8 @@ def run(
 ) -> list[Outcome]:
     """Try cases in their order, each in a folder of its own that is removed afterwards.
 
+    An interrupt lets the cases that have begun come to their end; what was tried until then is returned.
+
     Parameters
     ----------
     cases
@@ -46,6 +49,8 @@ def run(
     begun = time.monotonic()
     place = Path(tempfile.mkdtemp(prefix="faults-"))
     launchers: SimpleQueue[Launcher] = SimpleQueue()
+    found: dict[str, Outcome] = {}
+    stopped = threading.Event()
     opened = [Launcher() for _ in range(min(workers, len(cases)))]
     for launcher in opened:
         launchers.put(launcher)
@@ -53,9 +58,9 @@ def run(
         rods = write_rods(place / "rods")
         expected = undisturbed(place / "undisturbed", rods, opened[0])
 
-        def attempt(case: Case) -> Outcome | None:
-            if seconds is not None and time.monotonic() - begun > seconds:
-                return None
+        def attempt(case: Case) -> None:
+            if stopped.is_set() or (seconds is not None and time.monotonic() - begun > seconds):
+                return
             launcher = launchers.get()
             folder = place / case.name.replace("/", "-")
             folder.mkdir()
@@ -64,11 +69,16 @@ def run(
             finally:
                 launchers.put(launcher)
                 shutil.rmtree(folder, ignore_errors=True)
+            found[case.name] = outcome
             tell(outcome)
-            return outcome
 
         with ThreadPoolExecutor(workers) as pool:
-            return [outcome for outcome in pool.map(attempt, cases) if outcome is not None]
+            try:
+                for attempted in [pool.submit(attempt, case) for case in cases]:
+                    attempted.result()
+            except KeyboardInterrupt:
+                stopped.set()
+        return [found[case.name] for case in cases if case.name in found]
     finally:
         for launcher in opened:
             launcher.close()

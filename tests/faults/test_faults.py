@@ -56,8 +56,8 @@ def test_a_long_round_crosses_no_border(tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
-    assert set(report["sections"]) == set(SECTIONS)
-    assert all(figures["tried"] and not figures["crossings"] for figures in report["sections"].values())
+    assert {name.partition("/")[0] for name in report["cases"]} == set(SECTIONS)
+    assert all(figures["tried"] and not figures["crossings"] for figures in report["cases"].values())
 
 
 #: Bad methods that are tried whatever the long round draws: each ends its worker, or leaves something, in its own way.
@@ -163,15 +163,15 @@ def test_the_report_counts_by_section_and_says_how_to_do_it_again():
     assert "python -m tests.faults --only kills/001 --seed 3" in text
 
 
-def test_a_section_is_published_in_place_of_its_former_figures(tmp_path):
+def test_a_case_is_published_in_place_of_its_former_figures(tmp_path):
     for folder in ("docs", "results"):
         (tmp_path / folder).mkdir()
     publish(as_json(OUTCOMES, seed=3, seconds=21.4), tmp_path)
-    publish(as_json([Outcome("kills/000", tried=7)], seed=4, seconds=9.0), tmp_path)
+    publish(as_json([Outcome("kills/001", tried=7)], seed=4, seconds=9.0), tmp_path)
     text = (tmp_path / DOCUMENT).read_text()
-    assert "| kills | 1 | 7 | 0 | 0 | 0 | 0 | 0 |  |  |" in text
+    assert "| kills | 2 | 12 | 0 | 0 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
     assert "| disks | 1 | 1 | 0 | 0 | 0 | 0 | 0 |  |  |" in text
-    assert "Seeds: kills 4, disks 3." in text
+    assert [figures["seed"] for figures in json.loads((tmp_path / REPORT).read_text()).values()] == [3, 3, 4]
 
 
 def test_the_document_says_what_the_report_says():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,8 +12,16 @@ from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.cleaning import fans_per_vertex
-from benchmark.geometry.depth import SPECK, back_project, depth_surface, fit_half_width, render_depth
+from benchmark.geometry.cleaning import LARGEST_LOSS, fans_per_vertex
+from benchmark.geometry.depth import (
+    FEWEST_PIXELS,
+    SPECK,
+    back_project,
+    common_half_width,
+    depth_surface,
+    fit_half_width,
+    render_depth,
+)
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 
@@ -120,11 +130,50 @@ def test_half_width_of_nothing_is_an_error() -> None:
 
 
 def test_a_shape_beyond_the_frame_is_an_error_that_names_the_half_width() -> None:
-    with pytest.raises(DatasetError, match=r"half width of at least 1\.11111"):
+    with pytest.raises(UnsupportedShape, match=r"half width of at least 1\.11111"):
         render_depth(rectangle(2.0, 1.0), TOWARDS, 1.0)
     deep = joined(rectangle(0.1, 0.1, z=-3), rectangle(0.1, 0.1, z=3))
-    with pytest.raises(DatasetError, match="extends to"):
+    with pytest.raises(UnsupportedShape, match="extends to"):
         render_depth(deep, TOWARDS, 1.0)
+
+
+def test_the_common_frame_is_that_of_the_widest_shape_whatever_the_mixture() -> None:
+    # Mouse-sized to man-sized: every one has its say while the median is within the factor.
+    assert common_half_width([1.0]) == 1.0
+    assert common_half_width([0.5, 1.8, 1.7, 0.6]) == 1.8
+    assert common_half_width([0.01, 0.02, 1.0, 1.1, 4.9]) == 4.9
+
+
+@pytest.mark.parametrize("odd", [[1e5], [6.0], [1e-5], [1e100, 1e99], [5.1, 1e-90]])
+def test_shapes_out_of_scale_have_no_say_in_the_common_frame(odd: list[float]) -> None:
+    usual = [0.8, 1.0, 1.0, 1.2]
+    assert common_half_width(usual + odd) == 1.2
+    assert common_half_width(odd + usual) == 1.2
+
+
+def test_a_shape_of_a_few_pixels_is_refused() -> None:
+    wide = math.sqrt(FEWEST_PIXELS) / 250  # side of a square of as many pixels
+    assert depth_surface(rectangle(wide * 1.1, wide * 1.1), TOWARDS, 1.0).report.foreground >= FEWEST_PIXELS
+    with pytest.raises(UnsupportedShape, match="pixels of the shape, fewer than 200; check its unit"):
+        depth_surface(rectangle(wide * 0.9, wide * 0.9), TOWARDS, 1.0)
+    with pytest.raises(UnsupportedShape, match="sees 0 pixels"):
+        depth_surface(rectangle(1e-9, 1e-9), TOWARDS, 1.0)
+
+
+def test_a_view_of_scraps_is_refused_and_a_few_scraps_are_noted() -> None:
+    # Sheets of 3 x 3 pixels, four pixels apart: at a stride of one each gives a speck of at most nine samples.
+    def scraps(count: int) -> Mesh:
+        at = np.stack(np.divmod(np.arange(count), 20), axis=1) * 4 / 250
+        return joined(*(Mesh(scrap.vertices + np.append(place, 0), scrap.faces) for place in at))
+
+    scrap = rectangle(2.2 / 250, 2.2 / 250)
+    with pytest.raises(UnsupportedShape, match="100% of what the camera sees|hold no piece"):
+        depth_surface(scraps(400), TOWARDS, 1.0)
+    sheet = rectangle(0.4, 0.4, x=-0.5)
+    report = depth_surface(joined(sheet, scraps(40)), TOWARDS, 1.0).report
+    assert 0 < report.lost_area < LARGEST_LOSS
+    with pytest.raises(UnsupportedShape, match="% of what the camera sees belongs to no piece of 8 samples"):
+        depth_surface(joined(rectangle(0.1, 0.1, x=-0.5), scraps(400)), TOWARDS, 1.0)
 
 
 def test_points_cast_no_image() -> None:

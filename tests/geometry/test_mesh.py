@@ -39,6 +39,14 @@ def test_arrays_are_copied_and_read_only():
         (TRIANGLE, [[-1, 1, 2]], "-1"),
         (TRIANGLE, [[0, 1, 2, 2]], "shape"),
         (TRIANGLE[:, :2], [[0, 1, 2]], "shape"),
+        (TRIANGLE + 0j, [[0, 1, 2]], "vertices are of type complex128, not real numbers"),
+        (TRIANGLE.astype(str), [[0, 1, 2]], "vertices are of type <U32, not real numbers"),
+        (TRIANGLE > 0, [[0, 1, 2]], "vertices are of type bool"),
+        (TRIANGLE.astype(object), [[0, 1, 2]], "vertices are of type object"),
+        (TRIANGLE, [[0.0, 1.0, 2.0]], "faces are of type float64, not integers"),
+        (TRIANGLE, [["0", "1", "2"]], "faces are of type <U1, not integers"),
+        (TRIANGLE, [[0, 1, 2**32 + 2]], "name vertices 0 to 4294967298"),
+        ([[0, 0], [1, 0, 0]], [[0, 1, 2]], "vertices are no array"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(vertices, faces, words):

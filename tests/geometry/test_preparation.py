@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.cleaning import clean, connected_components, fans_per_vertex
+from benchmark.geometry.cleaning import LARGEST_LOSS, clean, connected_components, fans_per_vertex
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate, prepare
@@ -98,18 +98,60 @@ def test_limbs_are_bridged_and_debris_is_dropped():
     prepared = prepare(joined(speck, body, limb), 1000)
     report = prepared.report
     assert (report["components"], report["dropped_components"], report["bridges"]) == (3, 1, 1)
-    assert report["dropped_area"] == pytest.approx(speck.area / (speck.area + body.area + limb.area))
+    assert report["lost_area"] == pytest.approx(speck.area / (speck.area + body.area + limb.area), abs=1e-6)
     assert prepared.source_area == pytest.approx(body.area + limb.area)
     assert_ready(prepared)
     extent = np.ptp(prepared.mesh.vertices, axis=0)
     assert extent[0] / extent[1] == pytest.approx(2.7 / 2.0, rel=0.03)
 
 
-def test_many_parts_all_below_one_per_cent_keep_the_largest():
-    parts = [sphere(1).with_vertices(sphere(1).vertices * (1 + 0.001 * at) + [3 * at, 0, 0]) for at in range(150)]
-    prepared = prepare(joined(*parts))
-    assert prepared.report["dropped_components"] == 149
-    assert prepared.mesh.n_vertices == 42
+def debris(count):
+    """Equal small spheres in a row, each a component."""
+    ball = sphere(0)
+    return joined(*(ball.with_vertices(0.1 * ball.vertices + [0.3 * at, 3, 0]) for at in range(count)))
+
+
+def test_a_little_debris_is_dropped_and_noted():
+    body = sphere(3)
+    prepared = prepare(joined(body, debris(12)))
+    dropped = debris(12).area
+    assert prepared.report["dropped_components"] == 12
+    assert prepared.report["lost_area"] == pytest.approx(dropped / (dropped + body.area), abs=1e-6)
+    assert 0.05 < prepared.report["lost_area"] < LARGEST_LOSS
+    assert_ready(prepared)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        debris(5000),
+        joined(sphere(3), debris(60)),
+        joined(*(Mesh(np.eye(3) + 2 * at, [[0, 1, 2]]) for at in range(1000)), sphere(0)),
+    ],
+    ids=["equal components", "as much debris as body", "soup of triangles"],
+)
+def test_a_shape_that_is_mostly_debris_is_refused(mesh):
+    with pytest.raises(InvalidMesh, match=r"preparation would lose \d+% of the area: .* join what belongs together"):
+        prepare(mesh)
+
+
+def test_a_shape_that_vanishes_beside_a_stray_vertex_is_refused():
+    body = limbed_body(3)
+    far = body.vertices.copy()
+    far[17] *= 1e160
+    with pytest.raises(InvalidMesh, match="extent"):
+        prepare(Mesh(far, body.faces))
+    with pytest.raises(InvalidMesh, match=r"of 1280 triangles have no area; look for stray vertices"):
+        prepare(Mesh(far * 1e-80, body.faces))
+
+
+def test_triangles_that_overlap_in_edges_count_as_lost():
+    """A fan of 40 triangles around one edge: two of them can stay."""
+    angles = np.linspace(0, 6, 40)
+    leaves = np.stack([np.cos(angles), np.sin(angles), 0.5 + 0 * angles], axis=1)
+    book = Mesh(np.concatenate([[[0, 0, 0], [0, 0, 1]], leaves]), [[0, 1, 2 + at] for at in range(40)])
+    with pytest.raises(InvalidMesh, match="lose 95% of the area"):
+        prepare(book)
 
 
 def test_dirty_mesh_is_mended_and_the_report_says_how():

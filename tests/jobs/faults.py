@@ -1,5 +1,6 @@
 """A plugin file of methods that go wrong, and tell which processes they are; ``tests/faults`` has many more."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from benchmark.contracts import UnsupportedShape, canonical_form
 
-#: Where methods say which processes they are.
+#: Where methods say which processes they are and have started.
 NOTES = Path(os.environ["FAULTS_NOTES"])
 
 
@@ -20,8 +21,9 @@ def note(name, *processes):
 
 @canonical_form(name="hang", title="Hang")
 def hang(shape):
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"], start_new_session=True)
-    note("children-of-hang", child.pid)
+    if multiprocessing.parent_process() is not None:  # where nobody watches over a method, nothing is to be left behind
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"], start_new_session=True)
+        note("children-of-hang", child.pid)
     note("hang", os.getpid())
     time.sleep(3600)
 

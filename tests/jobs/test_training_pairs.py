@@ -8,7 +8,7 @@ import pytest
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
 from benchmark.jobs import training_pairs as pairs
@@ -75,6 +75,10 @@ def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch, s
     assert np.array_equal(got[0].image, got[2].target)
     assert not np.array_equal(got[0].image, got[1].image)
     assert [pair.identifier for pair in data.pairs()] == [pair.identifier for pair in got]
+    later = list(data.pairs(2))
+    assert [pair.identifier for pair in later] == ["0-2", "3-0", "3-1", "3-2"]
+    assert np.array_equal(later[0].target, got[0].image)
+    assert [pair.identifier for pair in data.unseen(1)] == ["12-5"]
 
 
 def test_images_are_those_that_methods_are_given(monkeypatch, store):
@@ -137,3 +141,48 @@ def test_sampled_bodies_stream_in_the_frame_of_the_data_set(store):
     assert data.digest != larger.digest
     assert data.identifiers == larger.identifiers[:14]
     assert not set(data.subjects) & {entry.subject for entry in humans.Humans().entries}
+
+
+def test_sampled_pairs_go_on_anywhere(store):
+    data = pairs.training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
+    whole = list(data.pairs())
+    for start in (0, 3, 7, 12, 14):
+        rest = list(data.pairs(start))
+        assert [pair.identifier for pair in rest] == list(data.identifiers[start:])
+        for mine, theirs in zip(rest, whole[start:], strict=True):
+            assert np.array_equal(mine.image, theirs.image)
+            assert np.array_equal(mine.target, theirs.target)
+
+
+def test_a_sampled_body_that_leaves_the_frame_is_drawn_again_and_told(monkeypatch, store):
+    first, again = humans.sample_human(1, 6, seed=0), humans.sample_human(1, 6, seed=0, draw=1)
+    assert first[0] != again[0]
+    leaving = {1: [humans.human_mesh(*pose_of(first, place)) for place in range(7)]}
+    monkeypatch.setattr(
+        pairs, "_leaves_frame", lambda mesh, _: any(np.array_equal(mesh.vertices, m.vertices) for m in leaving[1])
+    )
+    said = []
+    data = pairs.training_data(TRAININGS["humans-sampled"], store, None, said.append, n_sampled=3)
+    got = list(data.pairs())
+    assert said == ["sample-1 leaves the frame and is drawn again (1 so far)"]
+    assert [pair.identifier for pair in got] == list(data.identifiers)
+    expected = render_depth(humans.human_mesh(*pose_of(again, 4)), FRONT, humans.Humans().half_width)
+    assert np.array_equal(got[7 + 4].image, expected)
+    assert np.array_equal(next(iter(data.pairs(11))).image, expected)
+
+
+def pose_of(sample, place):
+    body, poses = sample
+    return body, (humans.POSES[humans.CANONICAL_POSE], *poses)[place]
+
+
+def test_a_body_leaves_the_frame_exactly_where_it_cannot_be_rendered():
+    mesh = rod(0.1, 0.0, rings=8, sides=8)
+    half_width = float(np.abs(mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2).max())
+    for factor, leaves in ((1.001, False), (1.0, True), (0.999, True)):
+        assert pairs._leaves_frame(mesh, half_width * factor) == leaves
+        if leaves:
+            with pytest.raises(DatasetError, match="the shape extends to"):
+                render_depth(mesh, FRONT, half_width * factor)
+        else:
+            render_depth(mesh, FRONT, half_width * factor)

@@ -15,12 +15,15 @@ from benchmark.methods.registry import methods, select
 from benchmark.storage.store import Store
 from tests.records import record
 
+#: Key of the job that comes first.
+FIRST = record(method="surface-area")["key"]
+
 #: Ways for a worker to go, each a status at its end and an exit code.
 BORN_DEAD = (Status(), -signal.SIGKILL)
-KILLED = (Status("surface-area", 1, "b"), -signal.SIGKILL)
-CRASHED = (Status("surface-area", 1, "b"), -signal.SIGSEGV)
-DIED_AFTERWARDS = (Status("surface-area", 3, is_done=True), 1)
-DONE = (Status("surface-area", 3, is_done=True), 0)
+KILLED = (Status(FIRST, 1, "b"), -signal.SIGKILL)
+CRASHED = (Status(FIRST, 1, "b"), -signal.SIGSEGV)
+DIED_AFTERWARDS = (Status(FIRST, 3, is_done=True), 1)
+DONE = (Status(FIRST, 3, is_done=True), 0)
 
 
 class Scripted:
@@ -38,7 +41,7 @@ class Scripted:
         self.sentinel = progress.open()
         if self.status.is_done and isinstance(task, Ranking):
             for order in task.orders:
-                Store.open(order.results).write_record(record(method=order.key, code=order.key) | {"key": order.key})
+                Store.open(order.results).write_record(record(method=order.facts["method"]))
 
     def end(self):
         self.sentinel.close()
@@ -57,19 +60,21 @@ def run(tmp_path, monkeypatch):
         )
         monkeypatch.setattr(executors, "_PATIENCE", 0.0)
         (tmp_path / "sentinel").write_text("")
-        facts = {name: record()[name] for name in ("gallery", "title", "family", "parameters", "data", "target")}
-        orders = [
-            Order(
-                key=spec.name, facts=facts | {"input": "mesh", "method": spec.name}, dataset="rods", data_root=None,
-                identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path, recipe={},
-                all_unseen=False,
-            )
-            for spec in select(("surface-area", "identity"), methods())
-        ]  # fmt: skip
+        orders = []
+        for spec in select(("surface-area", "identity"), methods()):
+            made = record(method=spec.name)
+            told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
+            orders.append(
+                Order(
+                    key=made["key"], facts={name: made[name] for name in told}, dataset="rods", data_root=None,
+                    identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path,
+                    recipe=made["recipe"], all_unseen=False,
+                )
+            )  # fmt: skip
         Store.open(tmp_path)
         with Claims(tmp_path / "claims") as claims:
             done = ProcessExecutor(1, claims).execute(orders, lambda names, steps: None)
-            return {order.key: found for order, found in done}
+            return {order.method.name: found for order, found in done}
 
     return run_
 
@@ -88,7 +93,7 @@ ALL_OK = {"surface-area": "ok", "identity": "ok"}
         (BORN_DEAD,) * 5,
         (KILLED,),
         (KILLED, BORN_DEAD, BORN_DEAD),
-        ((Status("surface-area", 1, "b"), -signal.SIGTERM),),
+        ((Status(FIRST, 1, "b"), -signal.SIGTERM),),
         (DIED_AFTERWARDS,),
         (OSError(11, "Resource temporarily unavailable"),) * 5,
         (DONE, BORN_DEAD, BORN_DEAD),

@@ -45,7 +45,7 @@ ROOT = Path(__file__).parents[2]
 #: Machinery that calls stages.
 CALLERS = frozenset(
     {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.runner", "benchmark.storage.costs",
-     "benchmark.storage.store", "benchmark.storage.environment"}
+     "benchmark.storage.store", "benchmark.storage.arrays", "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.

@@ -146,6 +146,7 @@ def test_another_seed_or_other_data_are_another_training(trained: Path) -> None:
         ({"threads": "many"}, "'many' does not fit threads of the training; write a whole number of at least 1"),
         ({"threads": "0"}, "'0' does not fit threads of the training"),
         ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean cpu"),
+        ({"resolution": 16}, "network 'tiny' has no resolution 16; pass --resolution 32 to 2048"),
     ],
 )
 def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:
@@ -163,7 +164,7 @@ def test_an_unknown_configuration_leaves_no_folder(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("tiny")
 def test_no_pair_is_no_training(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="no pair to train on"):
-        again(tmp_path, data=replace(toy_data(), pairs=lambda: iter(())))
+        again(tmp_path, data=replace(toy_data(), pairs=lambda start=0: iter(())))
 
 
 def test_the_card_is_plain_json(trained: Path) -> None:

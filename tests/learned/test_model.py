@@ -11,14 +11,18 @@ from typing import Any
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from safetensors.torch import load, save
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
-from learned.card import _TOLD
+from learned.card import _TOLD, LARGEST, network_of
 from learned.model import load_model, predict
 from learned.network import build
 from tests.learned.toy import TINY
+
+JSON = st.none() | st.booleans() | st.integers() | st.text(max_size=5) | st.lists(st.text(max_size=3), max_size=2)
 
 IMAGE = torch.linspace(0, 1, 32 * 32).reshape(1, 32, 32)
 
@@ -137,6 +141,21 @@ def test_every_field_of_a_card_is_there_and_of_its_kind(copied: Path, field: str
     edit_card(copied, lambda card: card.pop(field))
     with pytest.raises(ConfigurationError, match="train the model again"):
         load_model(copied)
+
+
+@given(st.data())
+def test_whatever_stands_on_a_card_is_taken_or_refused_by_name(trained: Path, data: st.DataObject) -> None:
+    card = read_card(trained)
+    inner, name = card, data.draw(st.sampled_from(sorted(card)))
+    if isinstance(card[name], dict) and card[name] and data.draw(st.booleans()):
+        inner, name = card[name], data.draw(st.sampled_from(sorted(card[name])))
+    inner[name] = data.draw(JSON)
+    try:
+        found = network_of(card, trained)
+    except ConfigurationError as error:
+        assert error.mend == "train the model again"
+    else:
+        assert 1 <= found.resolution <= LARGEST
 
 
 def test_a_field_that_no_card_has_is_refused(copied: Path) -> None:

@@ -8,9 +8,17 @@ from typing import Any
 import pytest
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from learned.configuration import CONFIGURATIONS, LITERAL, configuration
-from learned.network import EncoderDecoder, LongRangeFeatures, ShortRangeFeatures, build, n_parameters
+from learned.network import (
+    EncoderDecoder,
+    LongRangeFeatures,
+    SameSizeDeconvolution,
+    ShortRangeFeatures,
+    build,
+    n_parameters,
+)
 
 #: Maxima of a pool depend on the input, so receptive fields are the union over some of them.
 N_INPUTS = 3
@@ -93,7 +101,7 @@ def test_short_range_features_are_five_convolutions_and_four_transposed_ones() -
     blocks = build(LITERAL).short_range
     assert isinstance(blocks, ShortRangeFeatures)
     kinds = [[type(layer) for layer in block] for block in blocks]
-    assert kinds == [[nn.Conv2d, nn.LeakyReLU]] * 5 + [[nn.ConvTranspose2d, nn.LeakyReLU]] * 4
+    assert kinds == [[nn.Conv2d, nn.LeakyReLU]] * 5 + [[SameSizeDeconvolution, nn.LeakyReLU]] * 4
     assert {layer.negative_slope for layer in blocks.modules() if isinstance(layer, nn.LeakyReLU)} == {0.2}
 
 
@@ -101,7 +109,7 @@ def test_long_range_features_have_dilations_two_to_six() -> None:
     blocks = build(LITERAL).long_range
     assert isinstance(blocks, LongRangeFeatures)
     kinds = [[type(layer) for layer in block] for block in blocks]
-    assert kinds == [[nn.Conv2d, nn.LeakyReLU, nn.ConvTranspose2d, nn.LeakyReLU]] * 5
+    assert kinds == [[nn.Conv2d, nn.LeakyReLU, SameSizeDeconvolution, nn.LeakyReLU]] * 5
     assert [block[0].dilation for block in blocks] == [(d, d) for d in (2, 3, 4, 5, 6)]
     assert [block[2].dilation for block in blocks] == [(d, d) for d in (2, 3, 4, 5, 6)]
 
@@ -231,3 +239,16 @@ def test_the_mask_begins_as_background() -> None:
     # Most of a depth image is background; a network that starts at one half would first have to learn that.
     mask = build(LITERAL)(images(2, 64, 64))[:, 1]
     assert 0.01 < mask.mean() < 0.2
+
+
+@pytest.mark.parametrize(("channels_out", "dilation"), [(3, 1), (1, 1), (3, 4)])
+def test_a_deconvolution_of_the_same_size_is_the_one_of_torch(channels_out: int, dilation: int) -> None:
+    ours = SameSizeDeconvolution(2, channels_out, 3, padding=dilation, dilation=dilation).double()
+    image = torch.rand(2, 2, 20, 17, dtype=torch.float64, requires_grad=True)
+    theirs = functional.conv_transpose2d(image, ours.weight, ours.bias, padding=dilation, dilation=dilation)
+    torch.testing.assert_close(ours(image), theirs, rtol=0, atol=1e-12)
+    towards = torch.rand_like(theirs)
+    wanted = (image, ours.weight, ours.bias)
+    found, expected = (torch.autograd.grad(result, wanted, towards) for result in (ours(image), theirs))
+    for mine, other in zip(found, expected, strict=True):
+        torch.testing.assert_close(mine, other, rtol=0, atol=1e-10)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -78,8 +79,8 @@ def toy_data() -> TrainingData:
         subjects=tuple(BUILDS),
         identifiers=tuple(f"{subject}-{bend}" for subject in BUILDS for bend in BENDS),
         n_pairs=len(BUILDS) * len(BENDS),
-        pairs=lambda: toy_pairs(BUILDS),
-        unseen=lambda: toy_pairs({"plump": (0.5, 0.4)}),
+        pairs=lambda start=0: itertools.islice(toy_pairs(BUILDS), start, None),
+        unseen=lambda start=0: itertools.islice(toy_pairs({"plump": (0.5, 0.4)}), start, None),
     )
 
 

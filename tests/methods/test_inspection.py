@@ -1,7 +1,9 @@
 """Plugin files are looked at from a safe distance before they are imported."""
 
 import sys
+import time
 
+import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
@@ -23,6 +25,11 @@ from tests.plugins import write_plugin
         ({"on_making": "sys-exits"}, "tried cannot be made: SystemExit: 0"),
         ({"field": "needed: int"}, "tried cannot be made: TypeError: .*missing 1 required .*'needed'"),
         ({"field": "lock: Any = field(default_factory=threading.Lock)"}, "do not fit into JSON .lock"),
+        (
+            {"on_import": "import numpy; numpy.asarray = None"},
+            "changes numpy.asarray, .* leave other modules as they are",
+        ),
+        ({"on_making": "time.sleep = print"}, "changes time.sleep"),
         ({"name": 5}, "Tried: name 5 is not lower-case words joined by hyphens; write it so"),
         ({"name": "Big Name"}, "name 'Big Name' is not lower-case words"),
         ({"name": "a" * 61}, "60 characters at most"),
@@ -36,7 +43,9 @@ from tests.plugins import write_plugin
         ({"info": "title='T', deterministic=1"}, "deterministic is 1; write True or False"),
     ],
 )
-def test_what_a_method_cannot_be_is_named_with_its_mend(faults, message, tmp_path):
+def test_what_a_method_cannot_be_is_named_with_its_mend(faults, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(np, "asarray", np.asarray)  # some change them
+    monkeypatch.setattr(time, "sleep", time.sleep)
     with pytest.raises(ConfigurationError, match=message):
         describe(str(write_plugin(tmp_path / "tried.py", **faults)))
 
@@ -70,6 +79,21 @@ def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(fa
         inspect([path])
     assert str(caught.value).startswith(f"plugin {path} {said}")
     assert not plugins.is_imported(str(path))
+
+
+def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
+    once = "path = __file__ + '.seen'; seen = os.path.exists(path); open(path, 'w').close()\n"
+    path = write_plugin(tmp_path / "tried.py", on_import=once + "seen or os.kill(os.getpid(), signal.SIGKILL)")
+    inspect([path])
+    path = write_plugin(tmp_path / "always.py", on_import="os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ConfigurationError, match="ended its process .SIGKILL.; mend the file"):
+        inspect([path])
+
+
+@pytest.mark.slow
+def test_packages_of_others_may_be_imported(tmp_path):
+    imports = "import numba, torch, trimesh, igl, pymeshlab, sklearn.cluster, pandas, matplotlib.pyplot, scipy.optimize"
+    inspect([write_plugin(tmp_path / "tried.py", on_import=imports)])
 
 
 def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):

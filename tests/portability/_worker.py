@@ -19,8 +19,8 @@ import numpy as np
 
 from benchmark.contracts import Descriptor, Method, Shape
 from benchmark.datasets.base import Entry
+from benchmark.datasets.official.tosca import tosca
 from benchmark.datasets.settings import FolderDataset
-from benchmark.datasets.tosca import tosca
 from benchmark.errors import ShapeError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import depth_surface, fit_half_width

@@ -142,3 +142,15 @@ def test_extra_training_data_is_marked():
     extra = [[MODEL | {"digest": digest, "extra_data": True}] for digest in "abc"]
     table = tables_of(*(of_fold(k, 0.5, models=extra[k]) for k in range(3)))["IV"]
     assert next(row for row in table.rows if row.method == "learned").label == "Our (extra training data, 3 models)"
+
+
+@pytest.mark.parametrize(("most", "told"), [(0.25, True), (0.011, True), (0.01, False), (0.0, False)])
+def test_a_table_tells_how_much_preparation_lost(most, told):
+    notes = {"lost_area": {"mean": 0.004, "max": most}}
+    found = results(*(record(input_=input_, notes=notes) for input_ in ("mesh", "view")))
+    lines = [line for table in contents(found) for line in table.notes() if "preparation lost" in line]
+    expected = [
+        f"Mesh input: preparation lost 0.4% of the area per shape on average, {most:.1%} at most.",
+        f"View input: preparation lost 0.4% of what the camera sees per shape on average, {most:.1%} at most.",
+    ]
+    assert lines == (expected if told else [])

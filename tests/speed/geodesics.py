@@ -24,7 +24,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 from benchmark.datasets.base import Dataset  # noqa: E402
 from benchmark.datasets.humans import Humans  # noqa: E402
-from benchmark.datasets.tosca import tosca  # noqa: E402
+from benchmark.datasets.official.tosca import tosca  # noqa: E402
 from benchmark.geometry import geodesics  # noqa: E402
 from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402

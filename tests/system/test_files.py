@@ -26,6 +26,14 @@ def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
     assert path.read_bytes() == "new ünd whole".encode()
 
 
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    link = tmp_path / "nothing"
+    link.symlink_to(os.devnull)
+    write_text(link, "text")
+    assert link.is_symlink()
+    assert list(tmp_path.iterdir()) == [link]
+
+
 def test_an_interrupt_leaves_nothing_behind(tmp_path):
     def interrupted(_):
         raise KeyboardInterrupt
@@ -67,3 +75,11 @@ def test_only_what_dead_writers_left_is_swept(tmp_path):
 def test_a_number_that_no_process_has_is_dead(tmp_path):
     (tmp_path / f".{10**30}-x.tmp").write_text("")
     assert sweep(tmp_path) == 1
+
+
+def test_a_folder_alone_is_swept_without_those_below_it(tmp_path):
+    (tmp_path / "below").mkdir()
+    for folder in (tmp_path, tmp_path / "below"):
+        (folder / ".99999999-x.tmp").write_text("")
+    assert sweep(tmp_path, deep=False) == 1
+    assert [path.name for path in (tmp_path / "below").iterdir()] == [".99999999-x.tmp"]

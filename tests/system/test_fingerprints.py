@@ -121,7 +121,7 @@ def test_imports_of_a_function_that_a_stage_never_calls_are_left_out(package):
 
 
 def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
-    forms = fingerprints.code_of("learned.methods", without=("train",))
+    forms = fingerprints.code_of("learned.methods", without=("train", "check_options"))
     assert {"learned.methods", "learned.prediction", "learned.network", "learned.images"} <= set(forms)
     assert not {"learned.pictures", "learned.fitting", "learned.training", "learned.pairs"} & set(forms)
     assert "learned.pictures" in fingerprints.code_of("learned.methods")
@@ -137,7 +137,7 @@ def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
     def prints():
         command = (
             "from benchmark.system import fingerprints\n"
-            "print(fingerprints.fingerprint('learned.methods', without=('train',)).digest)\n"
+            "print(fingerprints.fingerprint('learned.methods', without=('train', 'check_options')).digest)\n"
             "print(fingerprints.fingerprint('learned.methods').digest)"
         )
         done = subprocess.run(

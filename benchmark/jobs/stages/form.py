@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Descriptor, Mesh, Method, Shape
-from benchmark.errors import InvalidMesh
+from benchmark.contracts import CanonicalForm, Descriptor, Mesh, Method, Shape
+from benchmark.errors import InvalidForm, InvalidMesh
 
 Arrays = Mapping[str, NDArray[Any]]
+
+_MEND = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 
 
 def canonicalise(method: Method, shape: Shape) -> Arrays:
@@ -29,18 +31,38 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
     Raises
     ------
     ShapeError
-        If the method refuses the shape, or a coordinate is not finite.
+        If the method refuses the shape.
+    InvalidForm
+        If it returns what is no form of it.
     """
-    form = method.canonicalise(shape)
-    mesh = form.mesh  # raises when the method returned NaN
+    try:
+        form = method.canonicalise(shape)
+        if not isinstance(form, CanonicalForm):
+            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _MEND)
+        mesh = form.mesh
+    except InvalidMesh as error:  # the shape is in order, so what is not was made of it
+        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _MEND) from error
     with np.errstate(over="ignore"):
         vertices = mesh.vertices.astype(np.float32)
-    if not np.isfinite(vertices).all():
-        raise InvalidMesh("the form is too large for single precision", "keep the scale of the shape")
+    if not (np.isfinite(vertices).all() and mesh.n_faces):
+        what = "coordinates too large for single precision" if mesh.n_faces else "a form without triangles"
+        raise InvalidForm(
+            f"method '{method.info.name}' returned {what}", "keep the scale and the triangles of the shape"
+        )
     arrays: dict[str, NDArray[Any]] = {"vertices": vertices}
     if mesh.faces.shape != shape.mesh.faces.shape or (mesh.faces != shape.mesh.faces).any():
         arrays["faces"] = mesh.faces
-    return {**arrays, **{f"note:{name}": np.asarray(value) for name, value in form.notes.items()}}
+    return {**arrays, **{f"note:{name}": _note(method, name, value) for name, value in form.notes.items()}}
+
+
+def _note(method: Method, name: str, value: Any) -> NDArray[Any]:
+    note = np.asarray(value)
+    if note.ndim or note.dtype.kind not in "biufU":
+        raise InvalidForm(
+            f"method '{method.info.name}' returned {type(value).__name__} as note '{name}'",
+            "note numbers and strings only",
+        )
+    return note
 
 
 def form_mesh(arrays: Arrays, shape: Mesh) -> Mesh:
@@ -49,5 +71,20 @@ def form_mesh(arrays: Arrays, shape: Mesh) -> Mesh:
 
 
 def describe(method: Descriptor, shape: Shape) -> Arrays:
-    """Make the descriptor of a shape: ``descriptor``, shape (k,), float64."""
-    return {"descriptor": np.asarray(method.describe(shape), dtype=np.float64)}
+    """Make the descriptor of a shape: ``descriptor``, shape (k,), float64.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    InvalidForm
+        If it returns anything but a vector of finite numbers.
+    """
+    found = np.asarray(method.describe(shape))
+    if found.ndim != 1 or not found.size or found.dtype.kind not in "iuf":
+        what = f"an array of shape {found.shape} and type {found.dtype}"
+    elif not np.isfinite(found).all():
+        what = "a descriptor with NaN or infinite numbers"
+    else:
+        return {"descriptor": found.astype(np.float64)}
+    raise InvalidForm(f"method '{method.info.name}' returned {what}", "return a vector of finite numbers")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.errors import InvalidMesh
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import depth_surface, fit_half_width
+from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 
 
@@ -50,10 +51,18 @@ def seen(source: Mesh, camera: Camera, half_width: float) -> Mapping[str, NDArra
 
 
 def half_width_of(source: Mesh, camera: Camera) -> float:
-    """Half the width of the frame that a mesh fills, in file units; raises ``ShapeError`` if it has no extent."""
+    """Half the width of the frame that a mesh fills, in file units; raises ``ShapeError`` if it has no surface."""
     return fit_half_width([_surface(source)], camera)
+
+
+def frame_of(half_widths: Sequence[float]) -> float:
+    """Half the width of the frame of a data set, from that of each of its shapes; any frame will do without shapes."""
+    return common_half_width(half_widths) if half_widths else 1.0
 
 
 def _surface(source: Mesh) -> Mesh:
     """The mesh without vertices that no face names: they would move the centre and the frame of the camera."""
-    return clean(source)[0]
+    surface, found = clean(source)
+    if not surface.n_faces:
+        raise InvalidMesh(f"none of the {found.faces_before} triangles has an area", "export the mesh again")
+    return surface

@@ -13,6 +13,7 @@ from typing import Literal
 from benchmark.methods.conformance.checks import OF_THE_ANSWER, OF_THE_CLASS, Check, check_answer, check_requirements
 from benchmark.methods.conformance.shapes import figure
 from benchmark.methods.conformance.trial import Skipped, Trial, Warned, explain
+from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.system.calls import BrokenCall, call_apart
 
@@ -85,6 +86,11 @@ def check_apart(target: str, limit: float | None = None) -> Report:
         Name of a method, or path of a ``.py`` file.
     limit
         Seconds that one check may take; None for no limit.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such method, or the file cannot be imported.
     """
     findings: dict[str, list[Finding]] = {}
     at: list[str] = []
@@ -95,6 +101,8 @@ def check_apart(target: str, limit: float | None = None) -> Report:
         if found:
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
+    if target.endswith(".py"):
+        inspect([Path(target)], made=False)
     what, mend = f"checking {target}", "mend the method: a shape that it cannot treat raises UnsupportedShape"
     while True:
         try:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
-from benchmark.errors import BenchmarkError, UnsupportedShape, one_line
+from benchmark.errors import BenchmarkError, InvalidMesh, UnsupportedShape, one_line
 from benchmark.methods.conformance.shapes import BENDS, figure, view
 from benchmark.methods.registry import MethodSpec
 
@@ -142,6 +142,8 @@ def explain(error: BaseException) -> str:
         return f"cannot import what it needs ({error}); name packages beyond the core in info.requires"
     if isinstance(error, UnsupportedShape):
         return f"refuses an ordinary surface ({error}); treat it"
+    if isinstance(error, InvalidMesh):  # the shape is in order, so what is not was made of it
+        return f"returns no canonical form: {error.problem}; return shape.form(vertices) with finite numbers"
     if isinstance(error, ValueError) and "read-only" in str(error):
         return "writes into its input; work on a copy"
     if isinstance(error, (Failed, BenchmarkError)):

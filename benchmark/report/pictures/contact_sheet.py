@@ -91,7 +91,7 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
     ConfigurationError
         If a number is not positive, or so many poses do not fit the width.
     DatasetError
-        If the data set is empty, or a shape extends beyond the frame of the camera.
+        If the data set is empty.
     """
     rows = select(dataset, n_subjects, n_poses)
     half_width = Preparation(dataset, "view").half_width
@@ -100,6 +100,7 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
     for entry in (entry for row in rows for entry in row):
         try:
             mesh = clean(dataset.load(entry))[0]
+            render_depth(mesh, dataset.camera(entry), half_width, 1)  # refuses what does not fit the frame
             sights[entry.identifier] = _Sight(mesh, dataset.camera(entry), half_width)
         except ShapeError as error:
             problems.append(f"{entry.identifier}: {error}")

@@ -23,6 +23,7 @@ from benchmark.report.content import file_stem
 from benchmark.report.pictures.drawing import Image, depth_picture, principal_frame, shaded
 from benchmark.storage.store import Store
 from benchmark.system.calls import call_apart
+from benchmark.system.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,8 +111,8 @@ def forms_figure(
         inputs = [_input_picture(preparation, entry, size) for entry in entries]
         rows = [_form_pictures(by_place[name, input_], preparation, selection, entries, size, limit) for name in shown]
         for number, entry in enumerate(entries):
-            columns.append((f"{input_}: {entry.identifier}", [inputs[number], *(row[number] for row in rows)]))
-    titles = ["input", *(available[name].method.title for name in shown)]
+            columns.append((clean(f"{input_}: {entry.identifier}"), [inputs[number], *(row[number] for row in rows)]))
+    titles = ["input", *(clean(available[name].method.title) for name in shown)]
     figure = Figure(figsize=(1.7 * len(columns) + 1.2, 1.7 * len(titles) + 0.3), dpi=100)
     axes = figure.subplots(len(titles), len(columns), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
     for j, (heading, pictures) in enumerate(columns):
@@ -140,7 +141,7 @@ def _fill(place: Any, picture: Picture, size: int) -> None:
         place.imshow(picture, interpolation="antialiased")
         return
     place.imshow(np.ones((size, size, 3)), interpolation="antialiased")
-    said = "\n".join(textwrap.wrap(picture, 28, max_lines=8, placeholder=" ..."))
+    said = "\n".join(textwrap.wrap(clean(picture), 28, max_lines=8, placeholder=" ..."))
     place.text(
         0.5, 0.5, said, transform=place.transAxes, ha="center", va="center", fontsize=5, color="0.4", parse_math=False
     )

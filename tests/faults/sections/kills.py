@@ -16,10 +16,10 @@ import psutil
 from tests.faults.cases import Border, Case
 from tests.faults.commands import Running
 from tests.faults.plugin_files import LIGHT
-from tests.faults.scene import INNOCENT, INTERRUPTED, NOT_OK, OK, STALL, Scene
+from tests.faults.scene import INNOCENT, INTERRUPTED, NOT_OK, OK, STALL, USAGE, Scene
 
 #: Kills in one results folder, after which its jobs are brought to their end.
-PER_CASE = 5
+PER_CASE = 8
 
 #: Longest age at which a worker is struck, in seconds; most live less long.
 LIFE = 4.0
@@ -27,6 +27,9 @@ LIFE = 4.0
 METHODS = (INNOCENT, "light-size", "light-children")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 TARGETS = ("worker", "worker", "worker", "harness", "session", "child")
+
+#: Exit codes of a run that was struck: a plugin file is refused if all processes that look at it are killed.
+_ENDS = (OK, NOT_OK, USAGE)
 
 #: Repetitions after which jobs that nobody disturbs must be done.
 _REPETITIONS = 3
@@ -102,7 +105,7 @@ class _Siege:
             elif (victim := self._victim(stroke, age)) is not None:
                 break
             elif self.running.has_ended():
-                self._look_at_end((OK, NOT_OK))
+                self._look_at_end(_ENDS)
                 age /= 2
             time.sleep(0.01)
         assert self.running is not None
@@ -115,10 +118,8 @@ class _Siege:
                 os.kill(victim, stroke.number)
         self.struck.update(self.births)
         self.struck_at = time.time()
-        if stroke.fells_harness:
-            ended = {-stroke.number, 128 + stroke.number, INTERRUPTED}
-            # It may have come to its end in the very moment.
-            self._look_at_end((*ended, OK, NOT_OK) if self.running.has_ended() else (*ended, OK))
+        if stroke.fells_harness:  # it may have come to its end in the very moment
+            self._look_at_end((-stroke.number, 128 + stroke.number, INTERRUPTED, *_ENDS))
 
     def _victim(self, stroke: Stroke, age: float) -> int | None:
         """Number of the process to strike, if it is there and the youngest worker is of the right age."""
@@ -198,7 +199,7 @@ class _Siege:
 
     def _ends_well(self) -> bool:
         assert self.running is not None
-        done = self.scene.finish(self.running, f"run after {self.said}", codes=(OK, NOT_OK), seconds=1.0)
+        done = self.scene.finish(self.running, f"run after {self.said}", codes=_ENDS, seconds=1.0)
         self.running = None
         self._look_at_records()
         if done.code != OK:

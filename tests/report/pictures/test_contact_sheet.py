@@ -9,7 +9,7 @@ from PIL import Image
 from benchmark.cli.data import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.tosca import tosca
+from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
@@ -156,9 +156,10 @@ def test_a_shape_that_cannot_be_read_is_crossed_out_and_reported():
     assert corners[1] == pytest.approx(sheets._FAINT, abs=8)
 
 
-def test_a_shape_beyond_the_frame_is_an_error():
-    with pytest.raises(DatasetError, match="half width"):
-        contact_sheet(Rods(half_width=0.3))
+def test_shapes_beyond_the_frame_are_crossed_out_and_reported():
+    problems = contact_sheet(Rods(half_width=0.3)).problems
+    assert problems
+    assert all("of the half width 0.3 of the camera's frame" in problem for problem in problems)
 
 
 def test_a_set_without_a_frame_gets_the_one_that_fits_all_shapes():

@@ -31,7 +31,7 @@ CLASS_SIZES = {
 #: The null pose of each class is number 0; the set has no gorilla0, and gorilla1 is the one that stands upright.
 CANONICAL_POSE = {subject: "1" if subject == "gorilla" else "0" for subject in CLASS_SIZES}
 
-_STEM = re.compile(r"^(?P<subject>[a-z]+)(?P<pose>[0-9]+)$")
+_STEM = re.compile(r"(?P<subject>[a-z]+)(?P<pose>[0-9]+)")
 
 
 def tosca(data_root: Path) -> FolderDataset:
@@ -48,7 +48,7 @@ def tosca(data_root: Path) -> FolderDataset:
     folder = data_root / "tosca"
     entries: dict[str, Entry] = {}
     for path in mesh_files(folder):
-        match = _STEM.match(path.stem.lower())
+        match = _STEM.fullmatch(path.stem.lower())
         if not match:
             continue
         entry = Entry(match[0], match["subject"], match["pose"], path)

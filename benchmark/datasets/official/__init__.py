@@ -1,0 +1,1 @@
+"""Sets that other people made, in the layouts in which they are given out."""

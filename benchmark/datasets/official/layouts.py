@@ -1,0 +1,297 @@
+"""How official sets lay out their files: which shapes belong to one, and which subject each of them shows.
+
+A layout is read from the folder of the set or from any folder up to three levels below it, as the archives unpack. Case
+and leading zeros of a file name are of no account. What is not as the set was given out is a ``DatasetError`` that
+names the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Set
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from benchmark.datasets.base import Entry, natural_key
+from benchmark.datasets.files import file_digest
+from benchmark.datasets.folder import mesh_files, read_cla, sub_folders
+from benchmark.errors import DatasetError, UnreadableMesh
+
+#: Lists of classes in the format of the Princeton Shape Benchmark go by these names.
+LISTS = ("*.cla", "categories.txt")
+
+_DEPTH = 3
+_UNPACK = "unpack the official archive there, or name the folder, -d FOLDER, where no official set is meant"
+
+
+class Layout(Protocol):
+    """The shapes of an official set.
+
+    Attributes
+    ----------
+    n_shapes, n_classes
+        How many there are; None where no source states it.
+    """
+
+    @property
+    def n_shapes(self) -> int | None: ...  # noqa: D102
+    @property
+    def n_classes(self) -> int: ...  # noqa: D102
+
+    def entries(self, folder: Path) -> tuple[Entry, ...]:
+        """Read the shapes in the order of the set, or raise ``DatasetError``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Named:
+    """A set whose file names are all known and tell the subject.
+
+    Parameters
+    ----------
+    shapes
+        Subject and pose by file name without its extension, in the order of the set.
+    """
+
+    shapes: Mapping[str, tuple[str, str]]
+
+    @property
+    def n_shapes(self) -> int:
+        """Number of shapes."""
+        return len(self.shapes)
+
+    @property
+    def n_classes(self) -> int:
+        """Number of subjects."""
+        return len({subject for subject, _ in self.shapes.values()})
+
+    def entries(self, folder: Path) -> tuple[Entry, ...]:
+        """Read the shapes; a list of classes beside them must agree with their names."""
+        stems = {_key(stem): stem for stem in self.shapes}
+        files = _files(folder, {_form(stem) for stem in self.shapes})
+        missing = [stem for key, stem in stems.items() if key not in files]
+        surplus = [path for key, path in files.items() if key not in stems]
+        if missing or surplus:
+            what = [f"shape '{stem}' is missing" for stem in missing[:1]]
+            what += [f"{path.name} is one too many" for path in surplus[:1]]
+            raise DatasetError(
+                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
+                _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
+            )
+        _check_copies(files.values())
+        if source := _list(folder):
+            self._check_list(source)
+        return tuple(Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items())
+
+    def _check_list(self, source: Path) -> None:
+        """Raise ``DatasetError`` unless the list groups the shapes as their names do."""
+        subjects = {_number(stem): subject for stem, (subject, _) in self.shapes.items()}
+        classes = read_cla(source)
+        if classes.keys() != subjects.keys():
+            first, last = min(subjects), max(subjects)
+            raise DatasetError(
+                f"{source} does not list models {first} to {last}",
+                _renumber(subjects, classes) or "fetch the official list or remove it",
+            )
+        pairs: dict[str, str] = {}
+        for number, subject in subjects.items():
+            known = pairs.setdefault(classes[number], subject)
+            if known != subject or len(set(pairs.values())) != len(pairs):
+                raise DatasetError(
+                    f"{source} puts model {number} into class '{classes[number]}', but it shows subject '{subject}'",
+                    "fetch the official list or remove it",
+                )
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A set of numbered files whose classes stand in a list beside them, or are the folders that they lie in.
+
+    Parameters
+    ----------
+    n_classes, n_poses
+        Number of classes, and of shapes in each of them.
+    prefix
+        What stands before the number.
+    members
+        Class by the digest of its numbers, see :func:`members_digest`; empty where the official list is not known, so
+        that the list of the folder is believed.
+    """
+
+    n_classes: int
+    n_poses: int
+    prefix: str = "t"
+    members: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def n_shapes(self) -> int:
+        """Number of shapes."""
+        return self.n_classes * self.n_poses
+
+    def entries(self, folder: Path) -> tuple[Entry, ...]:
+        """Read the shapes, by number."""
+        files = {_number(key): path for key, path in _files(folder, {f"{self.prefix}#"}).items()}
+        source = _list(folder)
+        classes = read_cla(source) if source else _folder_classes(files)
+        if source:
+            self._check_numbers(classes.keys(), files, source)
+        if len(files) != self.n_shapes:
+            raise DatasetError(f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK)
+        if not source and len(set(classes.values())) == 1:
+            raise DatasetError(f"{folder} holds no list of classes", "put the official .cla file there")
+        named = self._official_names(classes, source or folder)
+        _check_copies(files.values())
+        return tuple(
+            Entry(files[number].stem, named[classes[number]], files[number].stem, files[number])
+            for number in sorted(files)
+        )
+
+    def _check_numbers(self, listed: Set[int], files: Mapping[int, Path], source: Path) -> None:
+        """Raise ``DatasetError`` unless the list and the meshes have the same numbers."""
+        missing, surplus = sorted(listed - files.keys()), sorted(files.keys() - listed)
+        if missing or surplus:
+            what = f"there is no {self.prefix.upper()}{missing[0]}" if missing else f"{files[surplus[0]].name} is extra"
+            shifted = _renumber(listed, files)
+            raise DatasetError(
+                f"{source} lists {len(listed)} models for {len(files)} meshes: {what}",
+                f"{shifted}, or shift the list" if shifted else _UNPACK,
+            )
+
+    def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
+        """Official name of each class that is listed; raises ``DatasetError`` unless it has its official members."""
+        sizes = Counter(classes.values())
+        if len(sizes) != self.n_classes:
+            raise DatasetError(f"{source} has {len(sizes)} classes, not the official {self.n_classes}", _UNPACK)
+        for name, size in sizes.items():
+            if size != self.n_poses:
+                raise DatasetError(
+                    f"class '{name}' of {source} has {size} models, not the official {self.n_poses}",
+                    "fetch the official list: a model stands in another class",
+                )
+        if not self.members:
+            return {name: name for name in sizes}
+        digests = {name: members_digest(n for n, other in classes.items() if other == name) for name in sizes}
+        if wrong := [f"'{name}'" for name, digest in digests.items() if digest not in self.members]:
+            raise DatasetError(
+                f"classes {', '.join(wrong)} of {source} do not hold their official models",
+                "fetch the official list: some stand in another class",
+            )
+        return {name: self.members[digest] for name, digest in digests.items()}
+
+
+@dataclass(frozen=True)
+class Classed:
+    """A set whose file names are a class and a number, where no source states how many there are of each.
+
+    Parameters
+    ----------
+    classes
+        Class by what stands before the number.
+    """
+
+    classes: Mapping[str, str]
+
+    @property
+    def n_shapes(self) -> None:
+        """Not known."""
+        return
+
+    @property
+    def n_classes(self) -> int:
+        """Number of classes."""
+        return len(self.classes)
+
+    def entries(self, folder: Path) -> tuple[Entry, ...]:
+        """Read the shapes, class by class."""
+        files = _files(folder, {f"{prefix}#" for prefix in self.classes})
+        found = {prefix: [key for key in files if _form(key) == f"{prefix}#"] for prefix in self.classes}
+        for prefix, keys in found.items():
+            if not keys:
+                raise DatasetError(f"{folder} holds no shape of class '{self.classes[prefix]}', {prefix}1", _UNPACK)
+        _check_copies(files.values())
+        return tuple(
+            Entry(files[key].stem, self.classes[prefix], str(_number(key)), files[key])
+            for prefix, keys in found.items()
+            for key in sorted(keys, key=natural_key)
+        )
+
+
+def members_digest(numbers: Iterable[int]) -> str:
+    """What tells the members of a class apart from any others: eight hexadecimal digits."""
+    return hashlib.sha256(",".join(map(str, sorted(numbers))).encode()).hexdigest()[:8]
+
+
+def _key(stem: str) -> str:
+    return re.sub(r"[0-9]+", lambda match: str(int(match[0])), stem.lower())
+
+
+def _form(stem: str) -> str:
+    return re.sub(r"[0-9]+", "#", stem.lower())
+
+
+def _number(stem: str) -> int:
+    return int(re.findall(r"[0-9]+", stem)[-1])
+
+
+def _places(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
+    yield folder
+    if depth:
+        for sub in sub_folders(folder):
+            yield from _places(sub, depth - 1)
+
+
+def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
+    """Meshes with one of these forms of name, by key."""
+    found: dict[str, Path] = {}
+    for place in _places(folder):
+        for path in mesh_files(place):
+            if _form(path.stem) in forms and found.setdefault(_key(path.stem), path) != path:
+                one, other = found[_key(path.stem)].relative_to(folder), path.relative_to(folder)
+                raise DatasetError(f"{folder} holds one shape as {one} and {other}", "keep one of them")
+    return found
+
+
+def _list(folder: Path) -> Path | None:
+    found = [path for place in _places(folder) for name in LISTS for path in sorted(place.glob(name))]
+    if len(found) > 1:
+        names = " and ".join(path.relative_to(folder).as_posix() for path in found[:2])
+        raise DatasetError(f"{folder} holds {names}", "keep the list that classifies these meshes")
+    return found[0] if found else None
+
+
+def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
+    """Class of each number by the folder of its file, above ``train`` and ``test``."""
+    above = {
+        number: path.parents[1] if path.parent.name in ("train", "test") else path.parent
+        for number, path in files.items()
+    }
+    return {number: folder.name for number, folder in above.items()}
+
+
+def _check_copies(paths: Iterable[Path]) -> None:
+    """Raise ``DatasetError`` if two files have the same bytes; empty ones are unreadable, each for itself."""
+    by_size: dict[int, list[Path]] = {}
+    for path in paths:
+        by_size.setdefault(path.stat().st_size, []).append(path)
+    by_size.pop(0, None)
+    for alike in by_size.values():
+        first: dict[str, Path] = {}
+        for path in alike if len(alike) > 1 else ():
+            try:
+                digest = file_digest(path)
+            except UnreadableMesh:
+                continue  # costs its shape alone
+            if first.setdefault(digest, path) != path:
+                raise DatasetError(f"{path} is a copy of {first[digest].name}", "fetch the official file again")
+
+
+def _renumber(expected: Iterable[int], found: Iterable[int]) -> str:
+    """How to mend numbers that are all one too high or too low; "" if they are not."""
+    wanted, given = sorted(expected), sorted(found)
+    for step, mend in (1, "subtract 1 from"), (-1, "add 1 to"):
+        if [number + step for number in wanted] == given and wanted:
+            return f"the numbers begin with {given[0]}: {mend} each"
+    return ""

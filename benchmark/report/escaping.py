@@ -1,0 +1,57 @@
+"""Text as each format takes it for text: names, titles and reasons may hold anything and stay what they are."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+from benchmark.system.text import clean
+
+#: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
+#: name or a number.
+_MARKS = re.compile(r"[\\*\[\]<|~$]|(?<![^\W_])_|_(?![^\W_])|&(?=[#\w])|`")
+
+#: What begins a list, a quotation or a heading where it begins a line.
+_AT_START = re.compile(r"\d{1,9}(?=[.)])|(?=[#>+=-])")
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "<": r"\textless{}",
+    ">": r"\textgreater{}", "|": r"\textbar{}", "†": r"\dag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+}  # fmt: skip
+
+
+def markdown_text(text: object) -> str:
+    """A name in Markdown, in a table or a line."""
+    return _MARKS.sub(r"\\\g<0>", clean(text))
+
+
+def markdown_line(text: object) -> str:
+    """A sentence in Markdown that begins a line; commands between single backticks stay code."""
+    told = clean(text).strip()
+    if "``" in told or told.count("`") % 2:
+        marked = markdown_text(told)
+    else:
+        parts = told.split("`")
+        marked = "`".join(part if number % 2 else markdown_text(part) for number, part in enumerate(parts))
+    begins = _AT_START.match(marked)
+    return marked if begins is None else f"{begins[0]}\\{marked[begins.end() :]}"
+
+
+def latex_text(text: object) -> str:
+    r"""Text in LaTeX; what stands after a line break must not look like an argument of ``\\``."""
+    told = "".join(_LATEX.get(character, character) for character in clean(text))
+    return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
+
+
+def html_text(text: object) -> str:
+    """Text in HTML, also between quotes."""
+    return escape(clean(text), quote=True)
+
+
+def csv_cell(value: object) -> object:
+    """A cell that no spreadsheet takes for a formula; numbers stay numbers."""
+    if not isinstance(value, str):
+        return value
+    told = clean(value)
+    return f"'{told}" if told.lstrip().startswith(("=", "+", "-", "@")) else told

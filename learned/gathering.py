@@ -1,0 +1,105 @@
+"""Pairs of a training in memory, kept on disk as they are gathered: making many of them takes longer than an epoch."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import shutil
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from benchmark.learning import TrainingData
+from benchmark.system.fingerprints import fingerprint
+from learned.checkpoint import write
+from learned.pairs import Pairs, gather, joined
+
+RUN = 512
+"""Pairs in a file: what an interruption costs at most, a few seconds; fewer than that are gathered without a file."""
+
+TELL_SECONDS = 20.0
+"""Time between words about progress."""
+
+_FOLDER = "gathered"
+
+
+def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable[[str], None]) -> Pairs:
+    """Shrink all pairs of a training into memory, those that were gathered before from their files.
+
+    Parameters
+    ----------
+    data
+        The pairs.
+    resolution
+        Pixels per side.
+    folder
+        Of the model; the files go into a folder of their own inside, see :func:`forget`.
+    say
+        Told about progress.
+
+    Raises
+    ------
+    TrainingError
+        If there is no pair, or a file cannot be written.
+    """
+    code = fingerprint("learned.pairs").code
+    recipe = json.dumps({"data": data.digest, "resolution": resolution, "code": dict(code)}, sort_keys=True)
+    runs: list[Pairs] = []
+    while (found := _read(_path(folder, len(runs)), recipe)) is not None:
+        runs.append(found)
+    count = RUN * len(runs)
+    if count:
+        say(f"found {count} pairs that were gathered before")
+    told = began = time.perf_counter()
+    gathered_before = count
+    pairs = data.pairs(count)
+    while some := list(itertools.islice(pairs, RUN)):
+        runs.append(gather(some, resolution))
+        count += len(some)
+        if len(some) == RUN:
+            _write(_path(folder, len(runs) - 1), runs[-1], recipe)
+        if (now := time.perf_counter()) - told > TELL_SECONDS:
+            left = (now - began) / (count - gathered_before) * (data.n_pairs - count)
+            say(f"gathered {count} of {data.n_pairs} pairs, about {left:.0f} s left")
+            told = now
+    return joined(runs) if runs else gather((), resolution)
+
+
+def forget(folder: Path) -> None:
+    """Remove the files, which a finished model needs no more."""
+    shutil.rmtree(folder / _FOLDER, ignore_errors=True)
+
+
+def _path(folder: Path, run: int) -> Path:
+    return folder / _FOLDER / f"{run:05d}.npz"
+
+
+def _write(path: Path, pairs: Pairs, recipe: str) -> None:
+    path.parent.mkdir(exist_ok=True)
+    content = io.BytesIO()
+    np.savez_compressed(
+        content,
+        recipe=np.array(recipe),
+        identifiers=np.array(pairs.identifiers),
+        images=pairs.images.numpy(),
+        targets=pairs.targets.numpy(),
+        target_of=pairs.target_of.numpy(),
+    )
+    write(path, content.getvalue())
+
+
+def _read(path: Path, recipe: str) -> Pairs | None:
+    """Pairs of a file, unless it is not there, damaged, or of another recipe: then they are made again."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            if str(file["recipe"]) != recipe:
+                return None
+            tensors = (torch.from_numpy(file[name]) for name in ("images", "targets", "target_of"))
+            return Pairs(tuple(file["identifiers"].tolist()), *tensors)
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+        return None

@@ -1,0 +1,161 @@
+"""Lists, settings and names that no data set should have: a named error before any work, or one shape that is lost."""
+
+import os
+import re
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.datasets.checking import check, check_source
+from benchmark.datasets.folder import folder_dataset
+from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.geometry.mesh import Mesh
+from tests.toy import rod, write_off, write_rods
+
+
+@pytest.fixture
+def rods(tmp_path):
+    return write_rods(tmp_path / "rods")
+
+
+def refused(folder, message):
+    """The same problem is named by the loader, the check, the plan and the run, and nothing else comes out."""
+    with pytest.raises(BenchmarkError, match=message) as caught:
+        folder_dataset(folder)
+    assert caught.value.mend
+    report = check_source(str(folder), None)
+    assert not report.usable
+    assert any(caught.value.problem in str(anomaly) for anomaly in report.anomalies)
+    for verb in (["data", "check"], ["plan", "-m", "identity", "-d"], ["run", "-m", "identity", "-d"]):
+        extra = [] if verb[0] == "data" else ["--results", str(folder.parent / "results")]
+        done = CliRunner().invoke(cli, [*verb, str(folder), *extra])
+        # What is no problem that the user can mend would leave the program as a traceback.
+        assert isinstance(done.exception, (SystemExit, BenchmarkError)), done.output
+        assert done.exit_code != 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"file\tclass\nthin0.off\0\ta\n", "names 'thin0.off.x00', which is no path"),
+        (b"file\tclass\n" + b"x" * 5000 + b".off\ta\n", "is no path|is not there"),
+        (b"file\tclass\tvertices\nthin0.off\ta\t" + b"9" * 5000 + b"\n", "line 2: vertices are '9{80}'; write a whole"),
+        (b"file\tclass\tfaces\nthin0.off\ta\t1_0\n", "line 2: faces are '1_0'; write a whole number"),
+        ("file\tclass\tfaces\nthin0.off\ta\t١\n".encode(), "write a whole number"),
+        (b"file\tclass\nthin0.off\t\xff\xfe\n", "cannot read .*MANIFEST.tsv: 'utf-8' codec"),
+        (b"file\tclass\n../outside.off\ta\n", "which lies outside its folder"),
+        (b"file\tclass\nloop.off\ta\n", "which is no path|which is not there"),
+        (b"file\tclass\ngone.off\ta\n", "names 'gone.off', which is not there"),
+        (b"file\tclass\nout.off\ta\n", "names 'out.off', which lies outside its folder"),
+    ],
+    ids=["NUL", "long name", "digits", "underscore", "script", "bytes", "outside", "loop", "dangling", "link outside"],
+)
+def test_a_hostile_manifest_is_named_by_every_verb(rods, content, message):
+    write_off(rods.parent / "outside.off", rod(0.1, 0.3))
+    (rods / "gone.off").symlink_to("nowhere.off")
+    (rods / "loop.off").symlink_to("loop.off")
+    (rods / "out.off").symlink_to(rods.parent / "outside.off")
+    (rods / "MANIFEST.tsv").write_bytes(content)
+    refused(rods, message)
+
+
+@pytest.mark.parametrize("name", ["MANIFEST.tsv", "dataset.toml", "classes.cla"])
+def test_a_list_that_is_no_file_is_named(rods, name):
+    (rods / name).symlink_to("nowhere")
+    refused(rods, f"{name} is no file, or a link that leads nowhere")
+    (rods / name).unlink()
+    (rods / name).mkdir()
+    refused(rods, f"{name} is no file")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "half_width = 1" + "0" * 400,
+        "half_width = " + "9" * 5000,
+        "half_width = " + "[" * 5000,
+        "camera = { direction = [1" + "0" * 400 + ", 0, 0] }",
+    ],
+    ids=["too large", "digits", "brackets", "direction"],
+)
+def test_hostile_settings_are_named(rods, text):
+    (rods / "dataset.toml").write_text(text)
+    refused(rods, "dataset.toml")
+
+
+@pytest.mark.parametrize("word", ["1_0", "-1", "٣", "9" * 5000, "0x1"])
+def test_a_number_in_a_cla_file_is_of_ascii_digits(tmp_path, word):
+    write_off(tmp_path / "0.off", rod(0.1, 0.0))
+    (tmp_path / "x.cla").write_text(f"PSB 1\n1 1\n\na 0 {word}\n0\n")
+    with pytest.raises(DatasetError, match="is not a whole number; expected '<name>"):
+        folder_dataset(tmp_path)
+
+
+def test_a_link_that_leads_nowhere_costs_its_shape(rods):
+    (rods / "thin9.off").symlink_to("nowhere.off")
+    dataset = folder_dataset(rods)
+    (lost,) = (entry for entry in dataset.entries if entry.identifier == "thin9")
+    with pytest.raises(UnreadableMesh, match=r"thin9\.off: No such file"):
+        dataset.load(lost)
+    (anomaly,) = check(dataset).anomalies
+    assert str(anomaly).startswith("error    thin9.off  No such file or directory; check the path")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such names")
+def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
+    raw = os.fsencode(rods)
+    (rods / "thin0.off").rename(rods / "thin\n0.off")
+    (rods / "thin1.off").rename(rods / "thin\x1b[31m1.off")
+    os.rename(raw + b"/thin2.off", raw + b"/thin\xff2.off")  # noqa: PTH104
+    entries = {entry.identifier: entry for entry in folder_dataset(rods).entries}
+    assert {r"thin\n0", r"thin\x1b[31m1", r"thin\udcff2"} <= entries.keys()
+    assert entries[r"thin\n0"].subject == r"thin\n"
+    for entry in entries.values():
+        for text in (entry.identifier, entry.subject, entry.pose):
+            assert text.isprintable()
+            text.encode("utf-8")
+        assert folder_dataset(rods).load(entry).n_vertices == 290
+    (rods / r"thin\n0.off").write_bytes((rods / "thin\n0.off").read_bytes())
+    with pytest.raises(DatasetError, match="two meshes that are both written"):
+        folder_dataset(rods)
+
+
+# Shapes out of scale
+
+
+def scaled(name, factor):
+    return lambda rods: write_off(rods / name, Mesh(factor * rod(0.1, 0.7).vertices, rod(0.1, 0.7).faces))
+
+
+def spiked(rods):
+    mesh = rod(0.1, 0.7)
+    vertices = mesh.vertices.copy()
+    vertices[7] *= 1e5
+    write_off(rods / "thin7.off", Mesh(vertices, mesh.faces))
+
+
+def collinear(rods):
+    write_off(rods / "thin7.off", Mesh(rod(0.1, 0.7).vertices * [1, 0, 0], rod(0.1, 0.7).faces))
+
+
+BAD = {
+    "equal points": (scaled("thin7.off", 0.0), "error    thin7.off  the bounding box of the mesh has extent 0; "),
+    "collinear": (collinear, "error    thin7.off  no face has an area"),
+    "vanishing": (scaled("thin7.off", 1e-160), "error    thin7.off  the bounding box of the mesh has extent"),
+    "enormous": (scaled("thin7.off", 1e160), "error    thin7.off  the bounding box of the mesh has extent"),
+    "large": (scaled("thin7.off", 1e5), "warning  thin7.off  extends to .*, out of scale with the others"),
+    "small": (scaled("thin7.off", 1e-5), "warning  thin7.off  extends to .*, almost nothing in a frame"),
+    "spike": (spiked, "warning  thin7.off  extends to .*, out of scale with the others"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_shape_out_of_scale_is_named_by_the_check(rods, what):
+    spoil, message = BAD[what]
+    spoil(rods)
+    report = check_source(str(rods), None)
+    found = [anomaly for anomaly in report.anomalies if anomaly.file == "thin7.off"]
+    assert any(re.match(message, str(anomaly)) for anomaly in found), found
+    assert not [anomaly for anomaly in report.anomalies if anomaly.file != "thin7.off"]

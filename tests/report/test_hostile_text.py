@@ -1,0 +1,248 @@
+"""Whatever a name, a title or a reason holds: every format parses back, and shows it as text."""
+
+import csv
+import io
+import json
+import os
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
+
+from benchmark.protocols.tables import Table
+from benchmark.report.content import contents, file_stem
+from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
+from benchmark.report.files import render, stale, write
+from benchmark.report.page import page
+from benchmark.report.results import Result
+from benchmark.system.text import LONGEST_REASON, clean
+from tests.records import failed, record
+
+ANY = st.text(st.characters(codec=None, exclude_categories=()), max_size=30)
+#: Text made of what means something somewhere.
+MARKS = st.lists(
+    st.sampled_from([*"|`*_[]()<>&#;!~$%^{}\\\"'=+-@.:1ab \n\x00\x1b\r\t", "&lt;", "<script>", "**", "](x)"])
+)
+TEXT = ANY | MARKS.map("".join)
+HOSTILE = "\n".join(
+    ["|<script>alert(1)</script>", "&amp;_%\\$#~^{}\x1b[31m\x00\ud800", "=1+1 \\end{table} **x** [a](b)"]
+)
+
+MARKDOWN = MarkdownIt("commonmark", {"html": True}).enable("table").enable("strikethrough")
+
+
+def plain(text):
+    """A text as Markdown and HTML show it: blanks at both ends, and several in a row, do not count."""
+    return " ".join(clean(text).split())
+
+
+def inline(tokens):
+    """Text of inline tokens, nothing but text among them."""
+    assert {token.type for token in tokens} <= {"text", "text_special"}, [token.type for token in tokens]
+    return " ".join("".join(token.content for token in tokens).split())
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("\\|")
+@example("a&#60;b &lt;")
+def test_a_name_is_text_in_a_cell_of_markdown(text):
+    table = f"| a | b |\n| --- | --- |\n| x{markdown_text(text)}x | y |\n"
+    tokens = MARKDOWN.parse(table)
+    cells = [token for token in tokens if token.type == "inline"]
+    assert [token.type for token in tokens].count("td_open") == 2
+    assert inline(cells[2].children) == plain(f"x{clean(text)}x")
+    assert cells[3].content == "y"
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("- a")
+@example("1. a")
+@example("# a")
+@example("> a")
+@example("```")
+@example("---")
+def test_a_sentence_is_one_item_of_a_list_in_markdown(text):
+    tokens = MARKDOWN.parse(f"- {markdown_line(text)} end\n- next\n")
+    assert [token.type for token in tokens if token.type.endswith("_open")] == [
+        "bullet_list_open", "list_item_open", "paragraph_open", "list_item_open", "paragraph_open",
+    ]  # fmt: skip
+    first = next(token for token in tokens if token.type == "inline")
+    assert {token.type for token in first.children} <= {"text", "text_special", "code_inline"}
+    if "`" not in text:
+        assert inline(first.children) == plain(f"{clean(text).strip()} end")
+
+
+def test_a_command_between_backticks_stays_code():
+    text = "run `train learned_x --only a|b`; *then* again"
+    assert markdown_line(text) == "run `train learned_x --only a|b`; \\*then\\* again"
+    assert markdown_line("one ` and a_b *c*") == "one \\` and a_b \\*c\\*"
+
+
+def unescaped(latex):
+    """Text that LaTeX would show, after asserting that nothing in it is a command of its author."""
+    shown = {
+        r"\textbackslash{}": "\\", r"\textless{}": "<", r"\textgreater{}": ">", r"\textbar{}": "|", r"\dag{}": "†",
+        r"$\pm$": "±", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\&": "&", r"\%": "%", r"\$": "$",
+        r"\#": "#", r"\_": "_", r"\{": "{", r"\}": "}",
+    }  # fmt: skip
+    known = re.compile("|".join(map(re.escape, sorted(shown, key=len, reverse=True))))
+    assert not re.search(r"[\\{}$&#^_%~|<>]", known.sub("", latex)), latex
+    return known.sub(lambda found: shown[found[0]], latex)
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("[1cm]")
+@example("*")
+def test_a_name_is_text_in_latex(text):
+    told = latex_text(text)
+    assert not told.lstrip().startswith(("[", "*"))
+    assert unescaped(told.removeprefix("{}")) == clean(text)
+
+
+class Reader(HTMLParser):
+    """Tags and text of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.text = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("' onerror='x")
+def test_a_name_is_text_in_html(text):
+    reader = Reader()
+    reader.feed(f"<p title='{html_text(text)}'>{html_text(text)}</p>")
+    reader.close()
+    assert [tag for tag, _ in reader.tags] == ["p"]
+    assert reader.tags[0][1] == {"title": clean(text)}
+    assert "".join(reader.text) == clean(text)
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("=1+1")
+@example(" @x")
+def test_a_name_is_text_in_csv_and_no_formula(text):
+    file = io.StringIO()
+    csv.writer(file).writerow([csv_cell(text), csv_cell(-0.5)])
+    ((told, number),) = csv.reader(io.StringIO(file.getvalue()))
+    assert told in (clean(text), f"'{clean(text)}")
+    assert not told.lstrip().startswith(("=", "+", "-", "@"))
+    assert number == "-0.5"
+
+
+def hostile_tables(text):
+    """A table of a record with scores and one without, every name in them from outside."""
+    data = {"name": text or "x", "title": text, "source": text}
+    refused = [[f"{text}{k}", text] for k in range(5)]
+    good = record(text or "m", title=text, family=text, unsupported=refused, data=data, gallery=text)
+    bad = failed("failed", text, method=f"{text}2", title=text, data=data, gallery=text)
+    return contents([Result(good, text), Result(bad)])
+
+
+@given(TEXT)
+@example(HOSTILE)
+def test_every_format_of_a_table_of_hostile_names_parses_back(text):
+    (table,) = hostile_tables(text)
+    files = render([table], ("latex", "markdown", "csv", "json"))
+    names = [name for name in files if name not in ("references.bib", "tables.csv", "tables.json")]
+    assert all(re.fullmatch(r"[\w.-]{1,120}", name) for name in files)
+    for name, content in files.items():
+        content.encode("utf-8")
+        assert all(line.isprintable() for line in content.split("\n")), name
+    (markdown,) = (files[name] for name in names if name.endswith(".md"))
+    tokens = MARKDOWN.parse(markdown)
+    kinds = [token.type for token in tokens]
+    assert kinds.count("table_open") == kinds.count("bullet_list_open") == 1
+    assert kinds.count("td_open") == 3 * 5
+    assert kinds.count("list_item_open") == len(table.notes())
+    assert not {"html_block", "heading_open", "fence", "code_block", "hr", "blockquote_open"} & set(kinds)
+    inner = {child.type for token in tokens if token.type == "inline" for child in token.children}
+    assert not inner & {"html_inline", "link_open", "image", "s_open"}
+    (latex,) = (files[name] for name in names if name.endswith(".tex"))
+    assert braces(latex) == 0
+    assert latex.count(r"\begin{table}") == latex.count(r"\end{table}") == 1
+    body = latex[latex.index(r"\midrule") : latex.index(r"\bottomrule")].split("\n")
+    assert [len(re.findall(r"(?<!\\)&", line)) for line in body if line.endswith(r"\\")] == [4, 4, 4]
+    assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}", latex.split("\n")[0])
+    assert re.search(r"^\\label\{tab:[\w.-]+\}$", latex, re.MULTILINE)
+    rows = list(csv.reader(io.StringIO(files["tables.csv"])))
+    assert len(rows) == 3
+    assert len({len(row) for row in rows}) == 1
+    assert [row["title"] for row in json.loads(files["tables.json"])] == [text, text]
+    reader = Reader()
+    picture = os.fsdecode(f"forms-{text}.png".encode("utf-8", "surrogatepass"))  # as the system tells a file name
+    reader.feed(page([table], {table.file_stem: picture}))
+    tags = [tag for tag, _ in reader.tags]
+    assert "script" not in tags
+    assert (tags.count("table"), tags.count("img"), tags.count("td")) == (1, 1, 15)
+    (source,) = (found["src"] for tag, found in reader.tags if tag == "img")
+    assert re.fullmatch(r"[\w.%~/-]+", source)
+
+
+def braces(latex):
+    """How many groups are left open; none may be closed that was not opened."""
+    depth = 0
+    for mark in re.findall(r"\\.|[{}]", latex):
+        depth += {"{": 1, "}": -1}.get(mark, 0)
+        assert depth >= 0
+    return depth
+
+
+def test_a_long_reason_is_cut_in_tables_and_whole_in_the_record():
+    reason = "because " * 400
+    bad = failed("failed", reason)
+    (table,) = contents([Result(record("gps", unsupported=[["cat0", reason]]), reason), Result(bad)])
+    for note in table.notes():
+        assert len(note) < LONGEST_REASON + 100
+    assert sum(reason[:400] in note for note in table.notes()) == 3
+    assert bad["reason"] == reason
+
+
+def test_a_folder_that_is_called_like_a_table_of_the_paper_is_none():
+    (table,) = hostile_tables("I")
+    assert (table.table.caption, table.has_paper, len(table.rows)) == ("Retrieval on I", False, 2)
+
+
+def test_two_names_never_share_a_file_and_ordinary_ones_stay():
+    assert file_stem("III", "humans", quick=True) == "table-III-humans-quick"
+    assert file_stem("I whole", "my.set_2", quick=False) == "table-I-whole-my.set_2"
+    odd = ["a\nb", "a\x00b", "a:b", "a;b", "../b", "é\udcff", "x" * 300, "x" * 301]
+    stems = [file_stem(name, name, quick=False) for name in odd]
+    assert len(set(stems)) == len(odd)
+    assert all(re.fullmatch(r"[\w.-]{1,80}", stem) for stem in stems)
+
+
+def test_files_are_written_whole_with_the_rights_of_the_umask_and_compared(tmp_path):
+    tables = hostile_tables(HOSTILE)
+    tables = [replace(tables[0], table=Table(HOSTILE, HOSTILE, HOSTILE))]
+    files = render(tables, ("latex", "markdown", "csv", "json"))
+    (tmp_path / ".99999999-ab.tmp").write_text("half")
+    write(files, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(files)
+    (tmp_path / "umask").write_text("")
+    assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1
+    assert stale(files, tmp_path) == []
+    (tmp_path / "tables.csv").write_bytes(b"\xff")
+    (tmp_path / "tables.json").unlink()
+    (tmp_path / "tables.json").mkdir()
+    assert stale(files, tmp_path) == ["tables.csv", "tables.json"]
+
+
+@pytest.mark.parametrize("cell", ["=cmd|' /C calc'!A0", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])
+def test_formulas_of_known_attacks_are_text(cell):
+    assert str(csv_cell(cell)).startswith("'")

@@ -1,0 +1,81 @@
+"""Text from outside is one line that can be printed anywhere, and says what it said."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmark.system.text import LONGEST_REASON, brief, clean, say, say_lines
+
+ANY = st.text(st.characters(codec=None, exclude_categories=()))
+
+
+@given(ANY)
+def test_whatever_it_was_it_can_be_printed_on_one_line(text):
+    told = clean(text)
+    assert told.isprintable()
+    assert told.splitlines() in ([told], [])
+    told.encode("utf-8")
+    assert clean(told) == told
+
+
+@given(st.text(st.characters(min_codepoint=32, max_codepoint=126)))
+def test_plain_text_stays_what_it_is(text):
+    assert clean(text) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a\nb", "a b"),
+        ("a  \r\n\t b", "a b"),
+        ("a  b", "a  b"),
+        ("\x1b[31mred\x1b[0m", "red"),
+        ("\x1b\x1b[31m[31mred", "\\x1b[31mred"),
+        ("\x1b]0;title\x07", "\\x1b]0;title\\x07"),
+        ("a\x00b", "a\\x00b"),
+        ("caf\udce9.off", "caf\\udce9.off"),
+        ("\u202egpj.exe", "\\u202egpj.exe"),
+        ("a\u2028b\x85c\x0bd", "a b c d"),
+        ("a\xa0b", "a b"),
+        ("Übung † ±", "Übung † ±"),
+        (None, "None"),
+    ],
+)
+def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
+    assert clean(text) == told
+
+
+@given(ANY)
+def test_a_reason_has_at_most_five_hundred_characters(text):
+    assert len(brief(text * 50)) <= LONGEST_REASON
+    assert brief("x" * 500) == "x" * 500
+    assert brief("x" * 501) == "x" * 496 + " ..."
+
+
+def test_a_line_is_one_line_and_a_block_has_its_own(capsys):
+    say("one\nline")
+    say_lines("two\nlin\x07es\n")
+    say("told\x1b[2J", err=True)
+    out, err = capsys.readouterr()
+    assert out == "one line\ntwo\nlin\\x07es\n"
+    assert err == "told\n"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1:strict"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
+    ids=str,
+)
+def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
+    """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
+    command = [sys.executable, "-m", "benchmark", "why", "†-\udcff-ü\x1b[31m", "--results", os.fspath(tmp_path)]
+    done = subprocess.run(command, capture_output=True, env=os.environ | settings, check=False, timeout=120)
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.startswith(b"error: ")
+    assert done.stderr.count(b"\n") == 1
+    assert b"\x1b" not in done.stderr
