@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from benchmark.contracts import CanonicalForm, Method
@@ -51,8 +52,10 @@ def canonicalise_file(
     mesh = read_mesh(source)
     arrays = complete(mesh) if "mesh" in spec.info.inputs else seen(mesh, FRONT, half_width_of(mesh, FRONT))
     form = maker.canonicalise(shape_of(arrays, source.stem, seed))
+    # What cannot be told about the form is found before the file is written.
+    notes = {name: value if isinstance(value, str) else float(value) for name, value in form.notes.items()}
     write_mesh(target, form.mesh)
-    return form
+    return replace(form, notes=notes)
 
 
 def canonicalise_facts(
@@ -60,5 +63,4 @@ def canonicalise_facts(
 ) -> tuple[int, dict[str, float | str]]:
     """The same as :func:`canonicalise_file` in plain values: number of vertices, and notes of the form."""
     form = canonicalise_file(Path(source), Path(target), method, [Path(path) for path in plugins], seed)
-    notes = {name: value if isinstance(value, str) else float(value) for name, value in form.notes.items()}
-    return len(form.vertices), notes
+    return len(form.vertices), dict(form.notes)

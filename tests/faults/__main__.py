@@ -14,7 +14,7 @@ import click
 from benchmark.threads import pin_threads
 from tests.faults.cases import Outcome
 from tests.faults.program import run
-from tests.faults.report import DOCUMENT, as_json, as_text, publish
+from tests.faults.report import DOCUMENT, as_json, as_text, code, publish
 from tests.faults.sections import SECTIONS, all_cases
 
 
@@ -40,7 +40,7 @@ def main(
     """Try the suite with faults of every kind, and report what they cost."""
     pin_threads()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # reports what was tried, and leaves nothing behind
-    begun = time.monotonic()
+    begun, tried = time.monotonic(), code()
     cases = [
         case
         for case in all_cases(kills, seed, shuffled=seconds is not None)
@@ -59,7 +59,7 @@ def main(
             click.echo(f"          {crossing.said}", err=True)
 
     outcomes = run(cases, seed, seconds=seconds, workers=workers, tell=tell)
-    report = as_json(outcomes, seed, time.monotonic() - begun)
+    report = as_json(outcomes, seed, time.monotonic() - begun, tried)
     click.echo(as_text(report), nl=False)
     if output:
         output.write_text(json.dumps(report, indent=1) + "\n")

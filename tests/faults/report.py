@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import statistics
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmark.system.fingerprints import fingerprint
 from tests.faults.cases import Border, Outcome
 
 #: Where the latest report of each case is kept, and the document that is made of it.
@@ -55,18 +57,24 @@ workers start as always.
 
 ## Latest report
 
-The latest try of each case that was published; the seed and the seconds of each are in
-[results/faults.json](../results/faults.json).
+The latest try of each case that was published. All of them take hours one after the other, so `--publish` joins what is
+tried part by part, with `--only`, and the report says whether it was the same code all the time. The seed, the seconds
+and the code of each case are in [results/faults.json](../results/faults.json).
 
 """
 
 
-def as_json(outcomes: Sequence[Outcome], seed: int, seconds: float) -> dict[str, Any]:
+def code() -> str:
+    """Short digest of what is tried: the code of the command line and the versions of its packages."""
+    return fingerprint("benchmark.cli.main", "baselines.surface_area", "baselines.identity").digest[:8]
+
+
+def as_json(outcomes: Sequence[Outcome], seed: int, seconds: float, code: str) -> dict[str, Any]:
     """All that was tried, by the names of the cases."""
     return {
         "seed": seed,
         "seconds": round(seconds, 1),
-        "cases": {outcome.name: _figures(outcome, seed) for outcome in outcomes},
+        "cases": {outcome.name: _figures(outcome, seed, code) for outcome in outcomes},
     }
 
 
@@ -107,12 +115,20 @@ def document(cases: Mapping[str, Mapping[str, Any]]) -> str:
         for name, figures in cases.items()
         for crossing in figures["crossings"]
     ]
-    return _TEXT + table(cases) + "".join(crossed)
+    return _TEXT + table(cases) + _codes(cases) + "".join(crossed)
 
 
-def _figures(outcome: Outcome, seed: int) -> dict[str, Any]:
+def _codes(cases: Mapping[str, Mapping[str, Any]]) -> str:
+    """Which code the cases were tried with: one, unless it changed between the parts of the report."""
+    counts = Counter(figures["code"] for figures in cases.values())
+    told = ", ".join(f"`{code}` ({count} of {len(cases)} cases)" for code, count in counts.most_common())
+    return f"\nCode that was tried, as a digest of its modules and packages: {told}.\n"
+
+
+def _figures(outcome: Outcome, seed: int, code: str) -> dict[str, Any]:
     return {
         "seed": seed,
+        "code": code,
         "tried": outcome.tried,
         "seconds": round(outcome.seconds, 1),
         "recoveries": [round(seconds, 2) for seconds in outcome.recoveries],

@@ -155,7 +155,7 @@ OUTCOMES = [
 
 
 def test_the_report_counts_by_section_and_says_how_to_do_it_again():
-    text = as_text(as_json(OUTCOMES, seed=3, seconds=21.4))
+    text = as_text(as_json(OUTCOMES, seed=3, seconds=21.4, code="ab"))
     assert "| kills | 2 | 10 | 1 | 1 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
     assert "| disks | 1 | 1 | 0 | 0 | 0 | 0 | 0 |  |  |" in text
     assert "| all | 3 | 11 | 1 | 1 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
@@ -166,11 +166,12 @@ def test_the_report_counts_by_section_and_says_how_to_do_it_again():
 def test_a_case_is_published_in_place_of_its_former_figures(tmp_path):
     for folder in ("docs", "results"):
         (tmp_path / folder).mkdir()
-    publish(as_json(OUTCOMES, seed=3, seconds=21.4), tmp_path)
-    publish(as_json([Outcome("kills/001", tried=7)], seed=4, seconds=9.0), tmp_path)
+    publish(as_json(OUTCOMES, seed=3, seconds=21.4, code="ab"), tmp_path)
+    publish(as_json([Outcome("kills/001", tried=7)], seed=4, seconds=9.0, code="cd"), tmp_path)
     text = (tmp_path / DOCUMENT).read_text()
     assert "| kills | 2 | 12 | 0 | 0 | 0 | 0 | 0 | 2.0 | 3.0 |" in text
     assert "| disks | 1 | 1 | 0 | 0 | 0 | 0 | 0 |  |  |" in text
+    assert "`ab` (2 of 3 cases), `cd` (1 of 3 cases)" in text
     assert [figures["seed"] for figures in json.loads((tmp_path / REPORT).read_text()).values()] == [3, 3, 4]
 
 
