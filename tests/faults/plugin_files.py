@@ -202,7 +202,8 @@ def _methods() -> Iterator[BadPlugin]:
         "huge-note": (
             "return CanonicalForm(vertices, shape.mesh.faces, {'n': 'x' * 10**7})", ("ok", "failed"), "",
         ),
-        "bad-note": ("return CanonicalForm(vertices, shape.mesh.faces, {1: object()})", ("unsupported", "failed"), "note"),
+        "bad-note": ("return CanonicalForm(vertices, shape.mesh.faces, {1: object()})",
+                     ("unsupported", "failed"), "note"),
         "nan-note": ("return CanonicalForm(vertices, shape.mesh.faces, {'n': float('nan')})", ("ok", "failed"), ""),
         "surrogate-note": (r"return CanonicalForm(vertices, shape.mesh.faces, {'\udcff': '\udcff'})",
                            ("ok", "failed"), ""),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.faults import commands
 from tests.faults.cases import Border, Case, Crossing, Outcome
 from tests.faults.program import run
 from tests.faults.report import DOCUMENT, REPORT, as_json, as_text, document, publish
@@ -104,6 +105,12 @@ def _act(function, **options):
     return lambda scene: scene.command(target=f"{__name__}:{function.__name__}", **options) and None
 
 
+def _leaves_an_orphan(scene: Scene) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(commands, "GRACE", 1.0)  # it will not go by itself
+        _act(leaves_a_process)(scene)
+
+
 def _loses_a_record(scene: Scene) -> None:
     scene.check_scores(INNOCENT)
 
@@ -117,8 +124,8 @@ def _leaves_half_a_record(scene: Scene) -> None:
 
 def _changes_scores(scene: Scene) -> None:
     shutil.copytree(scene.folder.parent / "undisturbed" / "results", scene.results)
-    files = (scene.results / "runs" / "records").glob("*.json")
-    path, record = next((file, each) for file in files if (each := json.loads(file.read_text()))["method"] == INNOCENT)
+    (path,) = (scene.results / "runs" / "records").glob("*.json")
+    record = json.loads(path.read_text())
     scene.check_scores(INNOCENT)
     assert scene.outcome.crossings == []
     record["scores"]["NN"] /= 2
@@ -128,7 +135,7 @@ def _changes_scores(scene: Scene) -> None:
 
 #: What each does, and the borders that the program must see crossed.
 CROSSING = {
-    "own/orphan": (_act(leaves_a_process), {Border.ORPHAN}),
+    "own/orphan": (_leaves_an_orphan, {Border.ORPHAN}),
     "own/traceback": (_act(raises), {Border.TRACEBACK}),
     "own/stall": (_act(stands_still, seconds=0.5), {Border.STALL}),
     "own/code": (_act(exits_oddly), {Border.EXIT_CODE, Border.SILENCE}),
