@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -133,6 +134,7 @@ class _Run:
     def records(self) -> Iterator[tuple[Order, Record]]:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
+        self._require_folder()
         self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
         self._share_out(self.orders)
@@ -188,6 +190,10 @@ class _Run:
             raise StorageError(
                 f"{self.store.root} vanished during the run",
                 "bring it back or choose another --results DIR, and run again",
+            )
+        if not os.access(self.store.progress, os.W_OK | os.X_OK):
+            raise StorageError(
+                f"cannot write to {self.store.progress}", "change its rights or choose another --results DIR"
             )
 
     def _next_share(self) -> Share | None:

@@ -165,3 +165,9 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     with pytest.raises(SystemExit) as left:
         worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace")
     assert left.value.code == UNWRITTEN
+
+
+def test_a_folder_in_which_no_worker_can_tell_how_far_it_is_is_named_before_one_is_started(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path / "runs" / "progress")
+    with pytest.raises(StorageError, match=f"cannot write to {tmp_path}/runs/progress; change its rights"):
+        run(OSError("a worker was started"))
