@@ -130,7 +130,7 @@ class Scene:
         for trace in () if may_trace else TRACES:
             self.require(trace not in done.said, Border.TRACEBACK, f"{name}: {_end(done.said)}")
         self.require(done.code in codes, Border.EXIT_CODE, f"{name}: {done.code}, not {codes}; {_end(done.said)}")
-        if done.code and done.code > 0:  # what is killed says nothing
+        if done.code and 0 < done.code < 128:  # what a signal ends says nothing
             self.require(bool(done.said.strip()), Border.SILENCE, f"{name}: exit code {done.code} without a word")
         return done
 
