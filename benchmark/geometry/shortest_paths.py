@@ -46,15 +46,27 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     while len(waiting):
         reference = _dijkstra(graph.starts, graph.heads, lengths, sources[waiting[0]])
         if len(waiting) == 1:
-            distances[waiting[0]] = reference
+            distances[waiting[0]] = reference * unit
             break
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(graph.starts, graph.heads, lengths, np.argsort(reference, kind="stable"), sources[block])
-        distances[block] = rows.T
+        _store(rows, unit, block, distances)
         waiting = np.delete(waiting, nearest)
-    distances *= unit
     return distances
+
+
+@njit(cache=True, nogil=True)
+def _store(rows, unit, block, distances):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write column c of ``rows``, times the unit, to row ``block[c]`` of ``distances``."""
+    count = rows.shape[0]
+    # A few rows at a time, so that they are still in the cache when their last column is read.
+    for first in range(0, count, 16):
+        last = min(first + 16, count)
+        for column in range(block.size):
+            target = distances[block[column]]
+            for vertex in range(first, last):
+                target[vertex] = unit * rows[vertex, column]
 
 
 @njit(cache=True, nogil=True)
