@@ -1,4 +1,4 @@
-"""``docs/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure of a table is typed by hand."""
+"""``docs/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure in a table is typed."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ PROFILES = """\
 Compiled loops are slow where they branch on data, load and store what could stay in a register, or look at one number
 at a time. What profiles showed, and what was done:
 
-- **Signature.** Of SIFT, a third went into blurs, a quarter into the search for extrema, a third into descriptors. Blurs
-  take several weights per pass, the search rejects pixels without a branch, and a row of samples is weighed at once
-  before it is dealt out to the histogram: half the time, the same bytes. What is left is spread evenly over blurs,
-  descriptors, drawing and the words, whose distances are one product of matrices.
+- **Signature.** Of SIFT, a third went into blurs, a quarter into the search for extrema, a third into descriptors.
+  Blurs take several weights per pass, the search rejects pixels without a branch, and a row of samples is weighed at
+  once before it is dealt out to the histogram: half the time, the same bytes. What is left is spread over blurs,
+  descriptors, drawing, and the words, whose distances are one product of matrices.
 - **Least-squares and non-metric MDS.** The time was the number of passes over all pairs. 256 spread vertices are scaled
   first, the others settle among them, and all of them take quasi-Newton steps: five or six passes instead of up to a
   hundred, to a lower stress. Pairs are ranked by the bits of their distances instead of by comparing them.
@@ -78,11 +78,10 @@ def machine() -> dict[str, Any]:
 def _processor() -> str:
     """Name and width of the vectors, by which figures differ most from machine to machine."""
     try:
-        facts = dict(
-            (part.strip() for part in line.split(":", 1)) for line in Path("/proc/cpuinfo").open() if ":" in line
-        )
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return platform.processor()
+    facts = dict((part.strip() for part in line.split(":", 1)) for line in lines if ":" in line)
     wide = ", AVX-512" if "avx512f" in facts.get("flags", "").split() else ""
     return f"{facts.get('model name', platform.processor())}{wide}"
 
