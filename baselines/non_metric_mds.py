@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -18,22 +19,29 @@ from benchmark.contracts import (
     Shape,
 )
 
+if TYPE_CHECKING:
+    from baselines._kernels.isotonic import RankedPairs
+
+_KNOTS = 256
+"""Dissimilarities between which disparities are interpolated."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class NonMetricMDS(CheckedParameters):
     r"""Non-metric scaling of the geodesic distances.
 
-    Alternates two steps, neither of which raises the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2`: the
-    disparities :math:`\hat d` become the isotonic regression of the distances d of the form in the order of the
-    geodesic distances :math:`\delta`, rescaled to :math:`\sum \hat d^2 = \sum \delta^2` so that the form cannot
-    shrink to a point, and the form moves by one Guttman transform towards the disparities. Equal geodesic distances
-    keep equal disparities. The start is classic scaling. Kruskal (1964), "Nonmetric multidimensional scaling: a
-    numerical method"; Borg and Groenen (2005), chapter 9.
+    Lowers the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2` between the distances d of the form and their
+    disparities :math:`\hat d`: the isotonic regression of d in the order of the geodesic distances :math:`\delta`,
+    rescaled to :math:`\sum \hat d^2 = \sum \delta^2` so that the form cannot shrink to a point. Equal geodesic
+    distances keep equal disparities. At its best disparities the stress has the gradient that the Guttman transform
+    towards them gives, and a quasi-Newton method takes its steps from it. The start is classic scaling, from which a
+    few spread vertices go ahead. Kruskal (1964), "Nonmetric multidimensional scaling: a numerical method"; Borg and
+    Groenen (2005), chapter 9.
 
     Parameters
     ----------
     max_iterations
-        Largest number of Guttman transforms.
+        Largest number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the stress by less than this fraction.
     solver
@@ -60,12 +68,19 @@ class NonMetricMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
+        from baselines._kernels.coarse_start import coarse_start
         from baselines._kernels.smacof import normalised_stress
         from baselines.classic_mds import oriented_classic_scaling
 
         require_vertices(shape)
         distances = shape.geodesics(self.solver)
         start, _ = oriented_classic_scaling(shape.mesh, distances)
+
+        def scale(distances: FloatArray, start: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+            points, _ = non_metric_scaling(distances, start, max_iterations=self.max_iterations, rtol=self.rtol / 10)
+            return points, disparities_like(distances, points)
+
+        start = coarse_start(distances, start, shape.mesh.vertices, scale)
         points, course = non_metric_scaling(distances, start, max_iterations=self.max_iterations, rtol=self.rtol)
         return shape.form(
             points,
@@ -87,7 +102,7 @@ def non_metric_scaling(
     start
         First positions, shape (n, 3).
     max_iterations
-        Largest number of Guttman transforms.
+        Largest number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the raw stress by less than this fraction.
 
@@ -99,19 +114,53 @@ def non_metric_scaling(
         Root of the stress over :math:`\sum \hat d^2`, before the first and after every iteration; never rises. At
         convergence it equals Kruskal's stress-1 up to terms of its own cube.
     """
-    from baselines._kernels.isotonic import RankedPairs, isotonic_regression
+    from baselines._kernels.isotonic import RankedPairs
+    from baselines._kernels.quasi_newton import minimise
 
     pairs = RankedPairs.of(dissimilarities)
-    norm = np.linalg.norm(dissimilarities) / np.sqrt(2)
-    points = start - start.mean(axis=0)
-    course: list[float] = []
-    while True:
+    norm = float(np.linalg.norm(dissimilarities) / np.sqrt(2))
+
+    def evaluate(rows: FloatArray) -> tuple[float, FloatArray]:
+        points = np.ascontiguousarray(rows.T)
         distances = pairs.distances(points)
-        disparities = isotonic_regression(distances, pairs.tie_ends)
-        disparities *= norm / np.linalg.norm(disparities)
-        course.append(float(np.linalg.norm(disparities - distances) / norm))
-        iterations = len(course) - 1
-        converged = iterations > 0 and course[-2] ** 2 - course[-1] ** 2 <= rtol * course[-2] ** 2
-        if converged or iterations == max_iterations:
-            return points, course
-        points = pairs.attractions(points, distances, disparities) / len(points)
+        disparities = _disparities(distances, pairs, norm)
+        transform = pairs.attractions(points, distances, disparities) / len(points)
+        return float(np.linalg.norm(disparities - distances) / norm) ** 2, np.ascontiguousarray(transform.T)
+
+    centred = np.ascontiguousarray((start - start.mean(axis=0)).T)
+    points, course = minimise(evaluate, centred, max_iterations=max_iterations, rtol=rtol)
+    return np.ascontiguousarray(points.T), np.sqrt(course).tolist()
+
+
+def disparities_like(dissimilarities: FloatArray, points: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """What turns any dissimilarities into disparities in the way that suits a scaling of some.
+
+    Parameters
+    ----------
+    dissimilarities
+        Those that were scaled, symmetric, shape (p, p).
+    points
+        Their scaling, shape (p, 3).
+
+    Returns
+    -------
+    callable
+        Linear between a few hundred of the dissimilarities, spread by rank, with 0 for 0.
+    """
+    from baselines._kernels.isotonic import RankedPairs
+
+    pairs = RankedPairs.of(dissimilarities)
+    norm = float(np.linalg.norm(dissimilarities) / np.sqrt(2))
+    disparities = _disparities(pairs.distances(points), pairs, norm)
+    knots = np.linspace(0, len(disparities) - 1, _KNOTS).round().astype(np.int64)
+    from_values = np.append(0.0, dissimilarities[pairs.first[knots], pairs.second[knots]])
+    to_values = np.append(0.0, disparities[knots])
+    return lambda values: np.interp(values, from_values, to_values)
+
+
+def _disparities(distances: FloatArray, pairs: RankedPairs, norm: float) -> FloatArray:
+    from baselines._kernels.isotonic import isotonic_regression
+
+    disparities = isotonic_regression(distances, pairs.tie_ends)
+    disparities *= norm / np.linalg.norm(disparities)
+    return disparities

@@ -182,10 +182,10 @@ def describe(
         start_u, start_v = np.float32(sine * dy + reach - cosine * x), np.float32(cosine * dy + reach + sine * x)
         begin = int(np.ceil(first + x))
         count = max(int(np.floor(last + x)) + 1 - begin, 0)
-        magnitude, angle = magnitudes[r, begin : begin + count], angles[r, begin : begin + count]
+        magnitude, direction = magnitudes[r, begin : begin + count], angles[r, begin : begin + count]
         window = window_x[begin - column + radius : begin - column + radius + count]
         for s in range(count):
-            w = (angle[s] - turned) * per_radian
+            w = (direction[s] - turned) * per_radian
             bins[s] = np.int32(w)
             shares[s] = w - np.float32(np.int32(w))
         for s in range(count):
@@ -212,10 +212,10 @@ def describe(
     inner = histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel()
     for limit in (CLIP, 1.0):
         norm = max(np.sqrt((inner * inner).sum()), np.float32(1e-30))
-        for i in range(DESCRIPTOR_SIZE):
-            inner[i] = min(inner[i] / norm, np.float32(limit))
-    for i in range(DESCRIPTOR_SIZE):
-        descriptor[i] = np.uint8(min(np.float32(512.0) * inner[i], np.float32(255.0)))
+        for place in range(DESCRIPTOR_SIZE):
+            inner[place] = min(inner[place] / norm, np.float32(limit))
+    for place in range(DESCRIPTOR_SIZE):
+        descriptor[place] = np.uint8(min(np.float32(512.0) * inner[place], np.float32(255.0)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

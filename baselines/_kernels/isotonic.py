@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines._kernels.smacof import lossless_single
 from benchmark.contracts import FloatArray
 
 
@@ -30,6 +31,11 @@ class RankedPairs:
     @classmethod
     def of(cls, dissimilarities: FloatArray) -> RankedPairs:
         """Sort the pairs of a symmetric matrix, shape (n, n)."""
+        narrow = lossless_single(dissimilarities) + np.float32(0)  # turns -0 into 0
+        # Geodesic distances are kept in single precision. Bits of positive numbers come in the order of the numbers, so
+        # that pairs can be dealt into places, digit by digit, in a tenth of the time of comparing them.
+        if narrow.dtype == np.float32 and len(narrow) <= MOST_IN_A_BYTE_PAIR and not np.signbit(narrow).any():
+            return cls(*_dealt(narrow.view(np.uint32)))
         first, second = (part.astype(np.int32) for part in np.triu_indices(len(dissimilarities), 1))
         values = dissimilarities[first, second]
         order = values.argsort()
@@ -79,6 +85,49 @@ def isotonic_regression(values: FloatArray, tie_ends: NDArray[np.int64]) -> Floa
     fitted = np.empty_like(values)
     _pool_adjacent_violators(values, tie_ends, fitted)
     return fitted
+
+
+MOST_IN_A_BYTE_PAIR = 2**16
+_DIGIT = 11
+_DIGITS = 3
+"""Bits of a digit, and digits that hold 32 bits."""
+
+
+@numba.njit(cache=True, nogil=True)
+def _dealt(bits):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Radix sort of the pairs by 32-bit keys, least digit first; returns the fields of :class:`RankedPairs`."""
+    n = bits.shape[0]
+    count = n * (n - 1) // 2
+    keys, names = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    radix = 1 << _DIGIT
+    # The counts of all digits add up to the number of pairs, so that a place is always below it.
+    places = np.zeros((_DIGITS, radix), np.int64)
+    at = 0
+    for i in range(n):
+        for j in range(i + 1, n):
+            key = bits[i, j]
+            keys[at], names[at] = key, np.uint32(i << 16 | j)
+            at += 1
+            for digit in range(_DIGITS):
+                places[digit, (key >> np.uint32(_DIGIT * digit)) & np.uint32(radix - 1)] += 1
+    other_keys, other_names = np.empty_like(keys), np.empty_like(names)
+    for digit in range(_DIGITS):
+        place = np.cumsum(places[digit]) - places[digit]
+        shift = np.uint32(_DIGIT * digit)
+        for at in range(count):
+            key = keys[at]
+            value = (key >> shift) & np.uint32(radix - 1)
+            other_keys[place[value]], other_names[place[value]] = key, names[at]
+            place[value] += 1
+        keys, other_keys, names, other_names = other_keys, keys, other_names, names
+    first, second, ends = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int64)
+    groups = 0
+    for at in range(count):
+        first[at], second[at] = names[at] >> np.uint32(16), names[at] & np.uint32(0xFFFF)
+        if at + 1 == count or keys[at + 1] != keys[at]:
+            ends[groups] = at + 1
+            groups += 1
+    return first, second, ends[:groups].copy()
 
 
 _CHUNK = 64

@@ -63,6 +63,20 @@ def test_pairs_come_in_the_order_of_their_dissimilarity():
     np.testing.assert_allclose(pairs.distances(points), spread(points)[pairs.first, pairs.second])
 
 
+@pytest.mark.parametrize("levels", [3, 100, None])
+def test_pairs_dealt_by_digits_come_in_the_order_of_pairs_compared(levels):
+    dissimilarities = np.abs(random_problem(2, 90)[0])
+    if levels:
+        dissimilarities = np.round(dissimilarities * levels) / levels
+    single = dissimilarities.astype(np.float32).astype(np.float64)
+    single[0, 1:3] = single[1:3, 0] = -0.0  # as small as 0.0, and zero like the diagonal
+    dealt, compared = RankedPairs.of(single), RankedPairs.of(single * (1 / 3))  # the third needs double precision
+    np.testing.assert_array_equal(dealt.tie_ends, compared.tie_ends)
+    for begin, end in zip([0, *dealt.tie_ends[:-1]], dealt.tie_ends, strict=True):
+        group, other = (set(zip(p.first[begin:end], p.second[begin:end], strict=True)) for p in (dealt, compared))
+        assert group == other
+
+
 def test_one_iteration_agrees_with_scipy_and_the_definition():
     dissimilarities, points = random_problem(1)
     points -= points.mean(axis=0)
@@ -102,7 +116,7 @@ def test_the_stress_is_as_low_as_that_of_scikit_learn():
         dissimilarities, metric=False, n_components=3, init=start, n_init=1, max_iter=300, eps=0, normalized_stress=True
     )
     _, course = non_metric_scaling(dissimilarities, start, max_iterations=300, rtol=0)
-    assert course[-1] == pytest.approx(stress, rel=0.02)
+    assert course[-1] <= 1.001 * stress
 
 
 def test_the_form_neither_shrinks_nor_grows():

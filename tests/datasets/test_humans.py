@@ -305,10 +305,11 @@ def test_the_first_use_says_that_it_takes_longer(
     class Built(Exception):
         pass
 
-    def build(**_: object) -> None:
-        raise Built
+    class Anny:
+        def __init__(self, **_: object) -> None:
+            raise Built
 
-    monkeypatch.setattr(anny, "Anny", build)
+    monkeypatch.setattr(anny, "Anny", Anny)
     monkeypatch.setattr(anny.paths, "_ANNY_CACHE_DIR", [tmp_path])
     with pytest.raises(Built):
         humans._body.__wrapped__()

@@ -88,8 +88,8 @@ def test_stages_run_what_their_recipes_name_and_a_hidden_import_is_seen(rods, tm
 
 KERNELS = {
     "classic-mds": "baselines._kernels.eigen benchmark.geometry.geodesic_graph",
-    "least-squares-mds": "baselines._kernels.smacof",
-    "non-metric-mds": "baselines._kernels.isotonic baselines._kernels.smacof",
+    "least-squares-mds": "baselines._kernels.smacof baselines._kernels.quasi_newton baselines._kernels.coarse_start",
+    "non-metric-mds": "baselines._kernels.isotonic baselines._kernels.smacof baselines._kernels.quasi_newton",
     "mesh-unfolding": "baselines._kernels.arap",
 }
 
