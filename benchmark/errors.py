@@ -50,7 +50,7 @@ class InvalidMesh(ShapeError):
 
 
 class InvalidForm(ShapeError):
-    """A method returned what is no canonical form, or no descriptor, of a shape: the fault is the method's."""
+    """A method returned what is no canonical form, no descriptor or no distances: the fault is the method's."""
 
 
 class UnsupportedShape(ShapeError):

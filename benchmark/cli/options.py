@@ -166,7 +166,7 @@ class Selection:
         known = methods(self.plugins)
         named = bool(self.methods) and EVERY not in self.methods
         names = {spec.name for spec in select(self.methods, known)} if named else set()
-        sets = {*self.datasets, *(str(Path(name).resolve()) for name in self.datasets)}
+        sets = {*self.datasets, *map(os.path.realpath, self.datasets)}
 
         def is_chosen(result: Result) -> bool:
             record = result.record
@@ -175,7 +175,7 @@ class Selection:
                 bool(data["quick"]) == self.quick
                 and (not names or record["method"] in names)
                 and (not self.inputs or record["input"] in self.inputs)
-                and (not sets or bool(sets & {data["name"], data["source"], str(Path(data["source"]).resolve())}))
+                and (not sets or bool(sets & {data["name"], data["source"], os.path.realpath(data["source"])}))
             )
 
         found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,7 +156,7 @@ def check_ranked(dataset: Dataset) -> None:
 
 def folder_name(folder: Path) -> str:
     """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
-    name = printable(folder.resolve().name)
+    name = printable(Path(os.path.realpath(folder)).name)  # a circle of links has a name, too; it is refused as a set
     return f"{name}-folder" if name in CATALOGUE else name
 
 

@@ -12,8 +12,9 @@ from typing import Protocol
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.claims import Claims
 from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
+from benchmark.jobs.plan import UNSAVED
 from benchmark.jobs.runner import failure, keep, work
-from benchmark.jobs.worker import Status, TaskWorker
+from benchmark.jobs.worker import UNWRITTEN, Status, TaskWorker
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
 from benchmark.system.workers import BY_HAND, ending, memory_per_worker
@@ -250,7 +251,10 @@ class _Run:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
         self._require_folder()
-        if not status.job:
+        if code == UNWRITTEN:
+            key = status.job or _keys(worker.task)[0]  # on a full disk it could not even say what it was at
+            self._blame(worker, replace(status, job=key), UNSAVED, "the results folder could not be written; run again")
+        elif not status.job:
             self.stillborn += 1
             if self.stillborn >= _BIRTHS:
                 raise BenchmarkError(

@@ -12,7 +12,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmark.jobs.orders import Task
+from benchmark.storage.store import StorageError
 from benchmark.system.workers import Worker
+
+#: Exit code of a process that could not write into the results folder: by custom, an error of input or output.
+UNWRITTEN = 74
 
 #: Seconds that a process has to write down where it is before it is stopped.
 _LAST_WORDS = 0.3
@@ -132,5 +136,8 @@ def _do(task: Task, status_file: Path, trace_file: Path) -> None:
             beside.write_text(json.dumps(asdict(latest)), encoding="utf-8")
             beside.replace(status_file)  # so that no reader finds half of it
 
-    work(task, tell)
+    try:
+        work(task, tell)
+    except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
+        os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

@@ -24,7 +24,7 @@ CLASSES = {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}
 def root(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     for name, radius in CLASSES.items():
-        for number, bend in enumerate((0.0, 1.0, 2.0)):
+        for number, bend in enumerate((1.0, 1.5, 2.0)):  # a straight one would be seen end on
             write_off(folder / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
     return folder
 

@@ -8,9 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.datasets.catalogue import folder_name, open_dataset
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_dataset
-from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off, write_rods
 
@@ -159,3 +160,10 @@ def test_a_shape_out_of_scale_is_named_by_the_check(rods, what):
     found = [anomaly for anomaly in report.anomalies if anomaly.file == "thin7.off"]
     assert any(re.match(message, str(anomaly)) for anomaly in found), found
     assert not [anomaly for anomaly in report.anomalies if anomaly.file != "thin7.off"]
+
+
+def test_a_circle_of_links_has_a_name_and_is_no_folder(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    assert folder_name(tmp_path / "loop") == "loop"
+    with pytest.raises(ConfigurationError, match="loop is not a folder"):
+        open_dataset(str(tmp_path / "loop"), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -44,11 +45,11 @@ def outcomes():
 
 def test_a_short_round_crosses_no_border(outcomes):
     assert [outcomes[name].crossings for name in SHORT] == [[], [], []]
-    assert outcomes["arguments/00"].tried > 10
+    assert outcomes["arguments/00"].tried == 8
     assert outcomes["readers/off-0"].tried > 100
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(900)
 def test_a_long_round_crosses_no_border(tmp_path):
     """Three minutes of everything, mixed; another part of it every time that the code of the suite changes."""
@@ -115,10 +116,9 @@ def _leaves_half_a_record(scene: Scene) -> None:
 
 
 def _changes_scores(scene: Scene) -> None:
-    done = scene.command("run", *scene.selection(INNOCENT), "-j", 1)
-    assert done.code == 0
-    (path,) = (scene.results / "runs" / "records").glob("*.json")
-    record = json.loads(path.read_text())
+    shutil.copytree(scene.folder.parent / "undisturbed" / "results", scene.results)
+    files = (scene.results / "runs" / "records").glob("*.json")
+    path, record = next((file, each) for file in files if (each := json.loads(file.read_text()))["method"] == INNOCENT)
     scene.check_scores(INNOCENT)
     assert scene.outcome.crossings == []
     record["scores"]["NN"] /= 2

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.cleaning import LARGEST_LOSS, fans_per_vertex
+from benchmark.geometry.cleaning import fans_per_vertex
 from benchmark.geometry.depth import (
     FEWEST_PIXELS,
+    LARGEST_LOSS,
     SPECK,
     back_project,
     common_half_width,

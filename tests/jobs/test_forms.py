@@ -8,6 +8,7 @@ import pytest
 from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
 from benchmark.jobs.stages.form import canonicalise, describe, form_mesh
+from benchmark.jobs.stages.ranking import descriptor_distances
 from tests.toy import rod
 
 ROD = rod(0.1, 0.5)
@@ -50,6 +51,8 @@ REFUSED = {
     "complex positions": (lambda shape: shape.form(V * 1j), "vertices are of type complex128"),
     "strings as positions": (lambda shape: shape.form(V.astype(str)), "vertices are of type <U"),
     "a note of an array": (CanonicalForm(V, F, {"steps": np.arange(3)}), "returned ndarray as note 'steps'"),
+    "a note of a ragged list": (CanonicalForm(V, F, {"steps": [[1], [2, 3]]}), "returned list as note 'steps'"),
+    "a ragged list without help": (CanonicalForm([[1, 2, 3], [4]], F), "vertices are no array"),
     "a note of None": (CanonicalForm(V, F, {"steps": None}), "returned NoneType as note 'steps'"),
 }
 
@@ -90,13 +93,14 @@ def test_a_refusal_stays_one():
 @pytest.mark.parametrize(
     ("descriptor", "message"),
     [
-        (np.array([1.0, np.nan]), "a descriptor with NaN or infinite numbers"),
+        (np.array([1.0, np.nan]), "an array with NaN or infinite numbers"),
         (np.ones((2, 2)), r"an array of shape \(2, 2\) and type float64"),
         (np.array([1j]), r"an array of shape \(1,\) and type complex128"),
         (np.array(["1"]), r"an array of shape \(1,\) and type <U1"),
         (np.array([]), r"an array of shape \(0,\) and type float64"),
         (None, r"an array of shape \(\) and type object"),
         (2.0, r"an array of shape \(\) and type float64"),
+        ([[1.0, 2.0], [3.0]], r"no array \(ValueError: "),
     ],
 )
 def test_what_is_no_descriptor_is_told_as_the_fault_of_the_method(descriptor, message):
@@ -108,3 +112,28 @@ def test_what_is_no_descriptor_is_told_as_the_fault_of_the_method(descriptor, me
 def test_a_vector_is_a_descriptor():
     good = types.SimpleNamespace(info=MethodInfo(name="good", title="Good"), describe=lambda shape: [1, 2])
     np.testing.assert_array_equal(describe(good, SHAPE)["descriptor"], [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("distances", "message"),
+    [
+        (np.ones((2, 2)), r"an array of shape \(2, 2\) and type float64"),
+        (np.ones((3, 2)), r"an array of shape \(3, 2\) and type float64"),
+        (np.ones(3), r"an array of shape \(3,\) and type float64"),
+        (np.ones((3, 3)) * 1j, r"an array of shape \(3, 3\) and type complex128"),
+        (np.full((3, 3), "1"), r"an array of shape \(3, 3\) and type <U1"),
+        (np.full((3, 3), None), r"an array of shape \(3, 3\) and type object"),
+        (np.full((3, 3), np.nan), "an array with NaN or infinite numbers"),
+        ([[0.0, 1.0], [1.0], []], r"no array \(ValueError: "),
+        (None, r"an array of shape \(\) and type object"),
+    ],
+)
+def test_what_are_no_distances_is_told_as_the_fault_of_the_method(distances, message):
+    odd = types.SimpleNamespace(info=MethodInfo(name="odd", title="Odd"), distances=lambda descriptors: distances)
+    with pytest.raises(InvalidForm, match=f"method 'odd' returned {message}.*; return the distances of all pairs"):
+        descriptor_distances(odd, [np.ones(1)] * 3)
+
+
+def test_distances_may_be_whole_numbers_in_lists():
+    good = types.SimpleNamespace(info=MethodInfo(name="good", title="Good"), distances=lambda found: [[0, 1], [1, 0]])
+    np.testing.assert_array_equal(descriptor_distances(good, [np.ones(1)] * 2), [[0.0, 1.0], [1.0, 0.0]])

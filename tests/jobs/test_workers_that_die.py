@@ -6,13 +6,13 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs import executors
+from benchmark.jobs import executors, worker
 from benchmark.jobs.claims import Claims
 from benchmark.jobs.executors import ProcessExecutor
 from benchmark.jobs.orders import Order, Ranking
-from benchmark.jobs.worker import Status
+from benchmark.jobs.worker import UNWRITTEN, Status
 from benchmark.methods.registry import methods, select
-from benchmark.storage.store import Store
+from benchmark.storage.store import StorageError, Store
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -130,3 +130,38 @@ def test_the_job_that_broke_its_worker_is_blamed_with_its_shape_and_place(run, s
     assert found["surface-area"]["reason"].startswith(reason)
     assert found["surface-area"]["traceback"] == "in a method"
     assert json.dumps(found)
+
+
+@pytest.mark.parametrize("status", [Status(), Status(FIRST), Status(FIRST, 1, "b")])
+def test_a_worker_that_could_not_write_costs_one_job_which_is_run_again(run, status):
+    found = run((status, UNWRITTEN))
+    assert sorted(statuses(found).values()) == ["ok", "unsaved"]
+    assert not status.job or found["surface-area"]["status"] == "unsaved"
+    assert all("could not be written; run again" in each["reason"] for each in found.values() if "reason" in each)
+
+
+def test_a_disk_without_room_for_any_record_ends_the_run_with_its_name(run, tmp_path, monkeypatch):
+    def write(self, record):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("benchmark.storage.records.Records.write", write)
+    with pytest.raises(StorageError, match=rf"under {tmp_path}.*: No space left on device; free some space"):
+        run((Status(), UNWRITTEN))
+
+
+@pytest.mark.parametrize(
+    "error", [StorageError("cannot write a.json", "free some space"), OSError(28, "No space left")]
+)
+def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, error):
+    def work(task, tell):
+        raise error
+
+    def leave(code):
+        raise SystemExit(code)
+
+    monkeypatch.setattr("benchmark.jobs.runner.work", work)
+    monkeypatch.setattr(worker.os, "_exit", leave)
+    monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
+    with pytest.raises(SystemExit) as left:
+        worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace")
+    assert left.value.code == UNWRITTEN

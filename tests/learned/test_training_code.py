@@ -11,7 +11,7 @@ from learned.checkpoint import training_code
 PACKAGE = Path(learned.__file__).parent
 
 #: What makes forms of a model, and what only trains one.
-FORMS = {"configuration", "images", "methods", "model", "network", "prediction"}
+FORMS = {"card", "configuration", "images", "methods", "model", "network", "prediction"}
 TRAINING = {"checkpoint", "fitting", "gathering", "pairs", "pictures", "saving", "schedule", "training"}
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.contracts import CanonicalForm, Descriptor, Mesh, Method, Shape
 from benchmark.errors import InvalidForm, InvalidMesh
+from benchmark.jobs.stages.answers import real_numbers
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -56,8 +57,8 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
 
 
 def _note(method: Method, name: str, value: Any) -> NDArray[Any]:
-    note = np.asarray(value)
-    if note.ndim or note.dtype.kind not in "biufU":
+    note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
+    if note is None or note.dtype.kind not in "biufU":
         raise InvalidForm(
             f"method '{method.info.name}' returned {type(value).__name__} as note '{name}'",
             "note numbers and strings only",
@@ -80,11 +81,5 @@ def describe(method: Descriptor, shape: Shape) -> Arrays:
     InvalidForm
         If it returns anything but a vector of finite numbers.
     """
-    found = np.asarray(method.describe(shape))
-    if found.ndim != 1 or not found.size or found.dtype.kind not in "iuf":
-        what = f"an array of shape {found.shape} and type {found.dtype}"
-    elif not np.isfinite(found).all():
-        what = "a descriptor with NaN or infinite numbers"
-    else:
-        return {"descriptor": found.astype(np.float64)}
-    raise InvalidForm(f"method '{method.info.name}' returned {what}", "return a vector of finite numbers")
+    found = real_numbers(method, method.describe(shape), (None,), "return a vector of finite numbers")
+    return {"descriptor": found}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.jobs.stages.answers import real_numbers
 from retrieval.chance import chance_levels
 from retrieval.cmbof import CMBOF, Features
 from retrieval.measures import MEASURES
@@ -33,8 +34,16 @@ def form_distances(scorer: CMBOF, features: Sequence[Features], seed: int) -> Ma
 
 
 def descriptor_distances(method: Descriptor, descriptors: Sequence[Matrix]) -> Matrix:
-    """Dissimilarities that a descriptor finds between all pairs of shapes, shape (N, N)."""
-    return np.asarray(method.distances(descriptors), dtype=np.float64)
+    """Dissimilarities that a descriptor finds between all pairs of shapes, shape (N, N).
+
+    Raises
+    ------
+    InvalidForm
+        If the descriptor returns anything but a square matrix of finite real numbers.
+    """
+    count = len(descriptors)
+    mend = "return the distances of all pairs as a symmetric matrix of finite numbers"
+    return real_numbers(method, method.distances(descriptors), (count, count), mend)
 
 
 def scores(matrices: Sequence[Matrix], labels: Sequence[str]) -> dict[str, Any]:

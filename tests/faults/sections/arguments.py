@@ -11,7 +11,7 @@ from tests.faults.cases import Border, Case
 from tests.faults.scene import INNOCENT, USAGE, Scene, shown
 
 #: Command lines in one case, and cases.
-PER_CASE, CASES = 20, 12
+PER_CASE, CASES = 8, 30
 
 #: Values that some option will not expect.
 ODD = (

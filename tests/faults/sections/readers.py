@@ -7,7 +7,6 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from tests.faults.cases import Border, Case
 from tests.faults.scene import OK, Scene
 
 #: Seconds of one case, and cases a format.
-_SECONDS, _CASES = 4.0, 2
+_SECONDS, _CASES = 2.0, 4
 
 #: Memory that a reader may take for a file of a few kilobytes, above what the process has, in bytes.
 _MEMORY = 2**30
@@ -25,13 +24,6 @@ _MEMORY = 2**30
 _SLOW = 5.0
 
 FORMATS = (".off", ".obj", ".ply", ".stl", ".mat", ".vert")
-
-#: Words that mean something to some reader.
-_WORDS = (
-    b"OFF", b"v ", b"f ", b"end_header", b"element face 99999999999\n", b"element vertex -1\n", b"nan", b"inf",
-    b"1e999", b"-1", b"0", b"99999999999999999999", b"\n", b"\r", b"\0", b" ", b"#", b"/", b"\\\n", b"\xff", b"1.5",
-    b"solid", b"property list uchar int vertex_indices\n", b"binary_big_endian", b"endfacet", b"surface", b"\x0e\0\0\0",
-)  # fmt: skip
 
 
 def cases() -> list[Case]:
@@ -73,7 +65,7 @@ def damage_and_read() -> None:
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / f"shape{suffix}"
         while time.monotonic() < deadline:
-            contents = {part: _damaged(content, draw) for part, content in whole.items()}
+            contents = {part: _damaged(content, draw) for part, content in draw.choice(whole).items()}
             for part, content in contents.items():
                 path.with_suffix(part).write_bytes(content)
             begun = time.monotonic()
@@ -105,54 +97,17 @@ def _memory() -> int:
 
 
 def _damaged(content: bytes, draw: random.Random) -> bytes:
-    """A few random changes."""
-    changes: list[Callable[[bytes], bytes]] = [
-        lambda c: c[: draw.randrange(len(c) + 1)],
-        lambda c: _with(c, draw, bytes([draw.randrange(256)])),
-        lambda c: _with(c, draw, draw.choice(_WORDS)),
-        lambda c: _without(c, draw),
-        lambda c: c + c[draw.randrange(len(c) + 1) :],
-        lambda c: draw.randbytes(draw.randrange(200)),
-    ]
-    for _ in range(draw.choice((1, 1, 2, 5))):
-        content = draw.choices(changes, (2, 6, 6, 3, 1, 0.2))[0](content)
-    return content
+    from tests.geometry.mutations import mutations
+
+    return next(mutations(content, 1, seed=draw.randrange(2**31)))
 
 
-def _with(content: bytes, draw: random.Random, part: bytes) -> bytes:
-    """The content with some bytes written over others, or between them."""
-    place = draw.randrange(len(content) + 1)
-    return content[:place] + part + content[place + draw.choice((0, len(part))) :]
-
-
-def _without(content: bytes, draw: random.Random) -> bytes:
-    place = draw.randrange(len(content) + 1)
-    return content[:place] + content[place + draw.randrange(1, 20) :]
-
-
-def _whole(suffix: str) -> dict[str, bytes]:
-    """Files of a small mesh by extension."""
-    from io import BytesIO
-
-    from scipy.io import savemat
-
-    from benchmark.geometry.io import write_mesh
+def _whole(suffix: str) -> list[dict[str, bytes]]:
+    """A small mesh in every encoding of a format, each as its files by extension."""
+    from tests.geometry.mutations import valid_files
     from tests.toy import rod
 
-    mesh = rod(0.1, 0.5, rings=3, sides=4)
-    if suffix == ".vert":
-        rows = (b"\n".join(b" ".join(b"%r" % x for x in row) for row in mesh.vertices.tolist()), mesh.faces + 1)
-        return {".vert": rows[0], ".tri": "\n".join(" ".join(map(str, row)) for row in rows[1].tolist()).encode()}
-    if suffix == ".mat":
-        file = BytesIO()
-        x, y, z = mesh.vertices.T
-        savemat(file, {"surface": {"X": x, "Y": y, "Z": z, "TRIV": mesh.faces + 1}})
-        return {suffix: file.getvalue()}
-    if suffix == ".stl":
-        corners = mesh.vertices[mesh.faces].astype("<f4")
-        triangles = b"".join(bytes(12) + corner.tobytes() + bytes(2) for corner in corners)
-        return {suffix: bytes(80) + len(corners).to_bytes(4, "little") + triangles}
-    with tempfile.TemporaryDirectory() as name:
-        path = Path(name) / f"shape{suffix}"
-        write_mesh(path, mesh)
-        return {suffix: path.read_bytes()}
+    files = valid_files(rod(0.1, 0.5, rings=3, sides=4))
+    if suffix == ".vert":  # its triangles lie beside
+        return [{Path(name).suffix: files[name] for name in ("a.vert", "a.tri")}]
+    return [{suffix: content} for name, content in files.items() if name.endswith(suffix)]
