@@ -17,8 +17,9 @@ $(READY): pyproject.toml constraints.txt
 bench: setup
 	$(BIN)/python -m benchmark run --all --quick
 
+# On all cores; the tests of a file stay together and share what they set up.
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --dist loadfile
 
 test-slow: setup
 	$(BIN)/python -m pytest -m slow

@@ -137,7 +137,9 @@ def least_squares_scaling(
     from baselines._kernels.quasi_newton import minimise
     from baselines._kernels.smacof import Scaling, StressProblem, attractions, lossless_single
 
-    def scaled(distances: FloatArray, start: FloatArray, rtol: float) -> tuple[FloatArray, list[float]]:
+    def scaled(
+        distances: FloatArray, start: FloatArray, rtol: float, grain: float | None = None
+    ) -> tuple[FloatArray, list[float]]:
         problem, targets = StressProblem(distances, None), lossless_single(distances)
 
         def evaluate(points: FloatArray) -> tuple[float, FloatArray]:
@@ -145,11 +147,13 @@ def least_squares_scaling(
             return problem.stress(points, sums), problem.solve(sums)
 
         centred = np.ascontiguousarray((start - start.mean(axis=0)).T)
-        points, course = minimise(evaluate, centred, max_iterations=max_iterations, rtol=rtol)
+        points, course = minimise(evaluate, centred, max_iterations=max_iterations, rtol=rtol, grain=grain)
         return np.ascontiguousarray(points.T), course
 
-    def scale(distances: FloatArray, start: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        return scaled(distances, start, rtol / 10)[0], lambda found: found
+    def scale(
+        distances: FloatArray, start: FloatArray, grain: float
+    ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+        return scaled(distances, start, rtol / 10, grain)[0], lambda found: found
 
     points, course = scaled(distances, coarse_start(distances, start, vertices, scale), rtol)
     return Scaling(points, tuple(course))

@@ -76,8 +76,12 @@ class NonMetricMDS(CheckedParameters):
         distances = shape.geodesics(self.solver)
         start, _ = oriented_classic_scaling(shape.mesh, distances)
 
-        def scale(distances: FloatArray, start: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-            points, _ = non_metric_scaling(distances, start, max_iterations=self.max_iterations, rtol=self.rtol / 10)
+        def scale(
+            distances: FloatArray, start: FloatArray, grain: float
+        ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+            points, _ = non_metric_scaling(
+                distances, start, max_iterations=self.max_iterations, rtol=self.rtol / 10, grain=grain
+            )
             return points, disparities_like(distances, points)
 
         start = coarse_start(distances, start, shape.mesh.vertices, scale)
@@ -91,7 +95,12 @@ class NonMetricMDS(CheckedParameters):
 
 
 def non_metric_scaling(
-    dissimilarities: FloatArray, start: FloatArray, *, max_iterations: int = 100, rtol: float = 1e-3
+    dissimilarities: FloatArray,
+    start: FloatArray,
+    *,
+    max_iterations: int = 100,
+    rtol: float = 1e-3,
+    grain: float | None = None,
 ) -> tuple[FloatArray, list[float]]:
     r"""Find positions whose distances come in the order of the dissimilarities.
 
@@ -105,6 +114,8 @@ def non_metric_scaling(
         Largest number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the raw stress by less than this fraction.
+    grain
+        As in :func:`baselines._kernels.quasi_newton.minimise`.
 
     Returns
     -------
@@ -128,7 +139,7 @@ def non_metric_scaling(
         return float(np.linalg.norm(disparities - distances) / norm) ** 2, np.ascontiguousarray(transform.T)
 
     centred = np.ascontiguousarray((start - start.mean(axis=0)).T)
-    points, course = minimise(evaluate, centred, max_iterations=max_iterations, rtol=rtol)
+    points, course = minimise(evaluate, centred, max_iterations=max_iterations, rtol=rtol, grain=grain)
     return np.ascontiguousarray(points.T), np.sqrt(course).tolist()
 
 

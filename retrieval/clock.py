@@ -1,13 +1,13 @@
 """Clock matching: compare two forms over the 24 ways to turn one view sphere against the other.
 
-Only views of the same orbit of the cube group ever meet: 1332 of the 4356 pairs of views. The sums of minima of all
-these pairs come from an inverted index, word by word, so that the work is proportional to the words that two forms
-share; the 24 candidates are then sums over a table.
+Only views of the same orbit of the cube group ever meet: 1332 of the 4356 pairs of views. View by view, the sums of
+minima with the views of a whole block of forms come from an inverted index, word by word, so that the work is
+proportional to the words that two forms share; each is then added to the turns in which it counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -19,18 +19,21 @@ from numpy.typing import NDArray
 from retrieval.views import N_VIEWS, ORBITS, VIEW_PERMUTATIONS
 
 Counts = NDArray[np.int32]
+Forms = NDArray[np.int16]
+Targets = NDArray[np.uint16]
+Progress = Callable[[int, int], None]
 
-#: Forms in one inverted index: the table of 1332 minima for each of them stays in the second-level cache.
+#: Forms in one inverted index: the table of what one view shares with 24 views of each of them, and the sums over the
+#: 24 turns, stay in the first-level cache.
 BLOCK = 96
+#: Rows that are compared with a block without a pause, so that an interrupt is obeyed in a fraction of a second.
+ROWS = 512
 N_ORBITS = int(ORBITS.max()) + 1
 ORBIT_SIZES = np.bincount(ORBITS).astype(np.int32)
 #: Place of a view inside its orbit.
 PLACES = np.array([(ORBITS[:v] == ORBITS[v]).sum() for v in range(N_VIEWS)], dtype=np.int32)
-#: Where the row of a view begins in the table of same-orbit pairs.
-ROW_STARTS = np.concatenate([[0], np.cumsum(ORBIT_SIZES[ORBITS])[:-1]]).astype(np.int32)
-N_PAIRS = int(ORBIT_SIZES[ORBITS].sum())
-#: Entry of the table for each of the 24 rotations and each view, shape (24, 66).
-CLOCK_ENTRIES = (ROW_STARTS + PLACES[VIEW_PERMUTATIONS]).astype(np.int32)
+#: Place of the view that meets each view after each of the 24 turns, shape (24, 66).
+PLACES_MET = PLACES[VIEW_PERMUTATIONS]
 #: First view of each orbit's row of sizes, when the views are sorted by orbit and place.
 ORBIT_STARTS = np.concatenate([[0], np.cumsum(ORBIT_SIZES)[:-1]]).astype(np.int32)
 BY_ORBIT = np.argsort(ORBITS, kind="stable").astype(np.int32)
@@ -105,7 +108,9 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
     return Signature((keys % n_words).astype(np.int32), counts.astype(np.int32), offsets.astype(np.int32))
 
 
-def match_all(signatures: Sequence[Signature], threads: int = 1) -> NDArray[np.float64]:
+def match_all(
+    signatures: Sequence[Signature], threads: int = 1, progress: Progress | None = None
+) -> NDArray[np.float64]:
     """Clock-matching dissimilarities of all pairs.
 
     Two views compare by 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2); two empty views are equal (0), an empty and a
@@ -117,6 +122,8 @@ def match_all(signatures: Sequence[Signature], threads: int = 1) -> NDArray[np.f
         One per form, N in all.
     threads
         Threads that share the work; the result does not depend on it.
+    progress
+        Told how many of the N columns are done, and N, after each block of them.
 
     Returns
     -------
@@ -127,59 +134,99 @@ def match_all(signatures: Sequence[Signature], threads: int = 1) -> NDArray[np.f
     ----------
     Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013, section 3.
     """
-    distances = _match(signatures, signatures, threads, symmetric=True)
-    upper = np.triu(distances, 1)
-    return np.asarray(upper + upper.T)
+    distances = _match(signatures, signatures, threads, progress, symmetric=True)
+    for start in range(0, len(distances), BLOCK):
+        # Only what lies above the diagonal was filled in.
+        square = distances[start : start + BLOCK, start : start + BLOCK]
+        square += square.T
+        distances[start + BLOCK :, start : start + BLOCK] = distances[start : start + BLOCK, start + BLOCK :].T
+    return distances
 
 
-def match_across(first: Sequence[Signature], second: Sequence[Signature], threads: int = 1) -> NDArray[np.float64]:
+def match_across(
+    first: Sequence[Signature], second: Sequence[Signature], threads: int = 1, progress: Progress | None = None
+) -> NDArray[np.float64]:
     """Dissimilarities as in :func:`match_all`, of each of M forms to each of N others, shape (M, N)."""
-    return _match(first, second, threads, symmetric=False)
+    return _match(first, second, threads, progress, symmetric=False)
 
 
 def _match(
-    rows: Sequence[Signature], columns: Sequence[Signature], threads: int, *, symmetric: bool
+    rows: Sequence[Signature],
+    columns: Sequence[Signature],
+    threads: int,
+    progress: Progress | None,
+    *,
+    symmetric: bool,
 ) -> NDArray[np.float64]:
     distances = np.zeros((len(rows), len(columns)))
     if distances.size == 0:
         return distances
     row_sizes = np.array([s.view_sizes for s in rows], dtype=np.int32).reshape(-1, N_VIEWS)
     n_words = 1 + max((int(s.words.max()) for s in (*rows, *columns) if len(s.words)), default=0)
-    row_offsets = np.concatenate([[0], np.cumsum([len(s.words) for s in rows])]).astype(np.int64)
-    row_views = np.concatenate([s.views for s in rows])
+    first_entries = np.concatenate([[0], np.cumsum([len(s.words) for s in rows])[:-1]])
+    row_offsets = first_entries[:, None] + np.array([s.view_offsets for s in rows], dtype=np.int64)
     row_counts = np.concatenate([s.counts for s in rows])
-    row_groups = np.concatenate([s.words for s in rows]) * np.int32(N_ORBITS) + ORBITS[row_views]
-    entries = (row_offsets, row_groups, row_views, row_counts, row_sizes)
-    with ThreadPoolExecutor(max(threads, 1)) as pool:
-        tasks = []
+    row_groups = np.concatenate([s.words * np.int32(N_ORBITS) + ORBITS[s.views] for s in rows])
+    entries = (row_offsets, row_groups, row_counts, row_sizes)
+    pool = ThreadPoolExecutor(max(threads, 1))
+    try:
         for start in range(0, len(columns), BLOCK):
             block = columns[start : start + BLOCK]
             index = _invert(block, n_words)
-            sizes = np.array([s.view_sizes[BY_ORBIT] for s in block], dtype=np.int32)
+            sizes = np.array([s.view_sizes[BY_ORBIT] for s in block], dtype=np.int32).T.copy()
             last_row = min(len(rows), start + len(block)) if symmetric else len(rows)
-            for thread in range(max(threads, 1)):
-                own_rows = np.arange(thread, last_row, max(threads, 1))
+            n_tasks = max(threads, 1) * -(-last_row // (max(threads, 1) * ROWS))
+            tasks = []
+            for task in range(n_tasks):
+                own_rows = np.arange(task, last_row, n_tasks)
                 first_columns = np.maximum(own_rows + 1 - start, 0) if symmetric else np.zeros_like(own_rows)
                 target = distances[:, start : start + len(block)]
                 arguments: tuple[Any, ...] = (own_rows, first_columns, *entries, *index, sizes, target)
                 tasks.append(pool.submit(_match_rows, *arguments))
-        for task in tasks:
-            task.result()
+            for submitted in tasks:
+                submitted.result()
+            if progress is not None:
+                progress(start + len(block), len(columns))
+    finally:
+        # After an interrupt, what has not begun never does.
+        pool.shutdown(cancel_futures=True)
     return distances
 
 
-def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.int64], Counts, Counts]:
+def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
     """Inverted index of a block: postings of each (word, orbit), sorted by form.
 
-    Returns the offsets of the groups, and for each posting form * 1332 + place of the view in its orbit, and its count.
+    Returns the offsets of the groups, and for each posting its form, place of the view in its orbit * number of forms
+    + form, and its count.
     """
     forms = np.repeat(np.arange(len(signatures)), [len(s.words) for s in signatures])
     views = np.concatenate([s.views for s in signatures])
-    groups = np.concatenate([s.words for s in signatures]) * N_ORBITS + ORBITS[views]
-    order = np.lexsort((forms, groups))
-    offsets = np.searchsorted(groups[order], np.arange(n_words * N_ORBITS + 1))
-    targets = (forms * N_PAIRS + PLACES[views])[order].astype(np.int32)
-    return offsets.astype(np.int64), targets, np.concatenate([s.counts for s in signatures])[order]
+    groups = np.concatenate([s.words for s in signatures]) * np.int32(N_ORBITS) + ORBITS[views]
+    counts = np.concatenate([s.counts for s in signatures])
+    # Narrow, so that the postings of a block stay in the second-level cache.
+    targets = (PLACES[views] * len(signatures) + forms).astype(np.uint16)
+    index: tuple[NDArray[np.int64], Forms, Targets, Counts] = _sorted_by_group(
+        groups, forms.astype(np.int16), targets, counts, n_words * N_ORBITS
+    )
+    return index
+
+
+@njit(cache=True, nogil=True)
+def _sorted_by_group(
+    groups: Counts, forms: Forms, targets: Targets, counts: Counts, n_groups: int
+) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
+    """Counting sort of postings, whose groups lie below the given number; inside a group they keep their order."""
+    offsets = np.zeros(n_groups + 1, dtype=np.int64)
+    for group in groups:
+        offsets[group + 1] += 1
+    offsets = np.cumsum(offsets)
+    place = offsets.copy()
+    of_form, of_target, of_count = np.empty_like(forms), np.empty_like(targets), np.empty_like(counts)
+    for posting in range(len(groups)):
+        to = place[groups[posting]]
+        of_form[to], of_target[to], of_count[to] = forms[posting], targets[posting], counts[posting]
+        place[groups[posting]] += 1
+    return offsets, of_form, of_target, of_count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -188,47 +235,52 @@ def _match_rows(
     first_columns: NDArray[np.int64],
     row_offsets: NDArray[np.int64],
     row_groups: Counts,
-    row_views: Counts,
     row_counts: Counts,
     row_sizes: Counts,
     posting_offsets: NDArray[np.int64],
-    posting_targets: Counts,
+    posting_forms: Forms,
+    posting_targets: Targets,
     posting_counts: Counts,
     column_sizes: Counts,
     distances: NDArray[np.float64],
 ) -> None:
-    """Fill the given rows of one block of columns, from the first column that each row asks for."""
-    n_columns = column_sizes.shape[0]
-    # A posting names form * 1332 + place, a view the start of its row; both are of one orbit, so the sum stays in the
-    # table of the form.
-    minima = np.zeros(n_columns * N_PAIRS, dtype=np.int32)
-    similarity = np.empty(N_PAIRS)
+    """Fill the given rows, ascending, of one block of columns, from the first column that each row asks for."""
+    n_columns = column_sizes.shape[1]
+    # Per place in an orbit, of which the largest has 24, and form.
+    shared = np.empty(ORBIT_SIZES.max() * n_columns, dtype=np.int32)
+    similarity = np.empty((ORBIT_SIZES.max(), n_columns))
+    totals = np.empty((PLACES_MET.shape[0], n_columns))
+    begins = posting_offsets.copy()
     for r in range(len(rows)):
         row, first = rows[r], first_columns[r]
         if first >= n_columns:
             continue
-        minima[first * N_PAIRS :] = 0
-        for entry in range(row_offsets[row], row_offsets[row + 1]):
-            group, count, shift = row_groups[entry], row_counts[entry], ROW_STARTS[row_views[entry]]
-            begin, end = posting_offsets[group], posting_offsets[group + 1]
-            if first > 0:
-                begin += np.searchsorted(posting_targets[begin:end], first * N_PAIRS)
-            for posting in range(begin, end):
-                minima[posting_targets[posting] + shift] += min(count, posting_counts[posting])
-        for column in range(first, n_columns):
-            shared = minima[column * N_PAIRS : (column + 1) * N_PAIRS]
-            for view in range(N_VIEWS):
-                orbit, size, start = ORBITS[view], row_sizes[row, view], ROW_STARTS[view]
-                others = column_sizes[column, ORBIT_STARTS[orbit] : ORBIT_STARTS[orbit] + ORBIT_SIZES[orbit]]
-                for place in range(len(others)):
+        totals[:] = 0.0
+        for view in range(N_VIEWS):
+            orbit, size = ORBITS[view], row_sizes[row, view]
+            n_places = ORBIT_SIZES[orbit]
+            shared[: n_places * n_columns] = 0
+            for entry in range(row_offsets[row, view], row_offsets[row, view + 1]):
+                group, count = row_groups[entry], row_counts[entry]
+                end = posting_offsets[group + 1]
+                # The first column never falls from row to row: what it has passed is never looked at again.
+                while begins[group] < end and posting_forms[begins[group]] < first:
+                    begins[group] += 1
+                targets, counts = posting_targets[begins[group] : end], posting_counts[begins[group] : end]
+                for posting in range(len(targets)):
+                    shared[targets[posting]] += min(count, counts[posting])
+            for place in range(n_places):
+                others = column_sizes[ORBIT_STARTS[orbit] + place, first:]
+                own = shared[place * n_columns + first : (place + 1) * n_columns]
+                alike = similarity[place, first:]
+                for column in range(len(alike)):
                     # Two empty views: 1 / 1.
-                    larger = max(size, others[place])
-                    ratio = (shared[start + place] + (larger == 0)) / max(larger, 1)
-                    similarity[start + place] = (ratio + ROUNDING) - ROUNDING
-            best = 0.0
-            for turn in range(CLOCK_ENTRIES.shape[0]):
-                total = 0.0
-                for view in range(N_VIEWS):
-                    total += similarity[CLOCK_ENTRIES[turn, view]]
-                best = max(best, total)
-            distances[row, column] = N_VIEWS - best
+                    larger = max(size, others[column])
+                    ratio = (own[column] + (larger == 0)) / max(larger, 1)
+                    alike[column] = (ratio + ROUNDING) - ROUNDING
+            for turn in range(PLACES_MET.shape[0]):
+                total, alike = totals[turn, first:], similarity[PLACES_MET[turn, view], first:]
+                for column in range(len(alike)):
+                    total[column] += alike[column]
+        for column in range(first, n_columns):
+            distances[row, column] = N_VIEWS - totals[:, column].max()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh
-from retrieval.clock import Signature, count_words, match_across, match_all
+from retrieval.clock import Progress, Signature, count_words, match_across, match_all
 from retrieval.codebook import Descriptors, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views
 from retrieval.pose import normalise
@@ -98,7 +98,9 @@ class CMBOF:
         words = nearest_words(mirror.descriptors, codebook)
         return replace(signature, mirrored=count_words(words, mirror.view_offsets, len(codebook)))
 
-    def distances(self, signatures: Sequence[Signature], threads: int = 1) -> NDArray[np.float64]:
+    def distances(
+        self, signatures: Sequence[Signature], threads: int = 1, progress: Progress | None = None
+    ) -> NDArray[np.float64]:
         """Dissimilarities of all pairs of forms, shape (N, N), float64 in [0, 66], symmetric, zero diagonal.
 
         Parameters
@@ -107,11 +109,14 @@ class CMBOF:
             One per form, all of one codebook; with their mirror images if the scorer allows them.
         threads
             Threads that share the work; the result does not depend on it.
+        progress
+            As in :func:`retrieval.clock.match_all`.
         """
-        distances = match_all(signatures, threads)
+        distances = match_all(signatures, threads, progress)
         mirrored = [s.mirrored for s in signatures if s.mirrored is not None]
         if self.allow_mirror:
-            across = match_across(signatures, mirrored, threads)
-            distances = np.minimum(distances, np.minimum(across, across.T))
+            across = match_across(signatures, mirrored, threads, progress)
+            np.minimum(distances, across, out=distances)
+            np.minimum(distances, across.T, out=distances)
             np.fill_diagonal(distances, 0.0)
         return distances

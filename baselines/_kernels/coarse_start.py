@@ -14,6 +14,8 @@ from benchmark.contracts import FloatArray
 #: Spread vertices that are scaled first: a sixtieth of the pairs of 2000 vertices. With 160 of them the fingers of some
 #: bodies come to rest in other places, at a stress higher by two per cent.
 SAMPLES = 256
+#: Samples are scaled on a grid of this share of the largest distance; :func:`baselines._kernels.quasi_newton.minimise`.
+GRAIN = 2.0**-26
 #: Transforms by which every other vertex settles among them.
 SETTLING = 4
 #: How far a sample's own move dominates around it, as a share of the largest distance to the nearest sample.
@@ -24,7 +26,7 @@ def coarse_start(
     distances: FloatArray,
     start: FloatArray,
     vertices: FloatArray,
-    scale: Callable[[FloatArray, FloatArray], tuple[FloatArray, Callable[[FloatArray], FloatArray]]],
+    scale: Callable[[FloatArray, FloatArray, float], tuple[FloatArray, Callable[[FloatArray], FloatArray]]],
 ) -> FloatArray:
     """Scale a sample of the vertices, and let the others follow.
 
@@ -42,8 +44,8 @@ def coarse_start(
     vertices
         Positions that tell equally far vertices apart, shape (n, 3).
     scale
-        Takes distances and first positions of the samples, shapes (p, p) and (p, 3); returns their positions, and what
-        turns any distances into those that the form should have.
+        Takes distances and first positions of the samples, shapes (p, p) and (p, 3), and the grain to which positions
+        are to be rounded; returns their positions, and what turns any distances into those that the form should have.
 
     Returns
     -------
@@ -54,7 +56,9 @@ def coarse_start(
         return start
     samples, radius = _spread(distances, vertices)
     rows = np.ascontiguousarray(distances[samples])
-    anchors, targets_of = scale(np.ascontiguousarray(rows[:, samples]), start[samples])
+    anchors, targets_of = scale(
+        np.ascontiguousarray(rows[:, samples]), start[samples], GRAIN * 2.0 ** np.floor(np.log2(rows.max()))
+    )
     # Moves that start from a common mean, as the scaling of the samples has its own.
     moves = anchors - (start[samples] - start[samples].mean(axis=0))
     shares = (rows + NEAR * radius) ** -4.0

@@ -20,6 +20,7 @@ def minimise(
     *,
     max_iterations: int,
     rtol: float,
+    grain: float | None = None,
 ) -> tuple[FloatArray, list[float]]:
     r"""Lower a stress by steps of L-BFGS [Liu and Nocedal 1989].
 
@@ -38,6 +39,9 @@ def minimise(
         Largest number of evaluations after the first.
     rtol
         Stop when a step lowers the stress by less than this fraction.
+    grain
+        Round positions to multiples of this after each step. Dozens of steps can make of a rounding error one that is
+        a billion times larger; a grain far above it, and far below what matters, ends it where it arises.
 
     Returns
     -------
@@ -53,6 +57,8 @@ def minimise(
     moves: list[tuple[FloatArray, FloatArray]] = []
     while len(course) <= max_iterations:
         candidate = points - _newton_direction(residual, moves)
+        if grain is not None:
+            candidate = np.round(candidate / grain) * grain
         lower, transformed = evaluate(candidate)
         if moves and not lower < course[-1]:
             moves = []

@@ -64,6 +64,19 @@ def test_a_rising_step_gives_way_to_the_transform():
     assert np.abs(points).max() < 0.3
 
 
+def test_a_grain_ends_rounding_errors():
+    generator = np.random.default_rng(0)
+    distances, start = spread(generator.standard_normal((60, 5))), generator.standard_normal((3, 60))
+    other = start + 1e-15 * generator.uniform(-1, 1, start.shape)
+    moves = []
+    for grain in (None, 2.0**-26):
+        one, two = (
+            minimise(evaluation(distances), each, max_iterations=150, rtol=0, grain=grain)[0] for each in (start, other)
+        )
+        moves.append(np.abs(one - two).max())
+    assert moves[1] == 0 < moves[0]
+
+
 @pytest.mark.parametrize("start", ["mesh", "classic"])
 def test_least_squares_comes_to_rest_no_higher_than_majorisation(few_samples, start):
     shape = limbed()
@@ -84,7 +97,7 @@ def test_samples_come_near_to_the_scaling_of_all(few_samples):
     shape = limbed()
     distances, vertices = shape.geodesics(), shape.mesh.vertices
 
-    def scale(distances, start):
+    def scale(distances, start, grain):
         return least_squares_scaling(distances, start, start, rtol=1e-4).points, lambda found: found
 
     start = coarse.coarse_start(distances, vertices, vertices, scale)

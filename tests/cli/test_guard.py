@@ -235,7 +235,7 @@ def test_a_figure_that_cannot_be_written_is_named(tmp_path):
 )
 def test_a_training_that_breaks_is_one_line(call, act, message, tmp_path):
     for name, radius in {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}.items():
-        for number, bend in enumerate((0.0, 1.0)):
+        for number, bend in enumerate((1.0, 2.0)):  # a straight one would be seen end on
             write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=8, sides=6))
     plugin = write_plugin(tmp_path / f"learner_{act}.py", name="tried-learner")
     plugin.write_text(plugin.read_text() + LEARNER.format(act=ACTS[act]))

@@ -346,7 +346,7 @@ def test_relaxation_spreads_the_strain_of_a_bent_joint(skin):
     assert np.linalg.norm(relaxed - bent, axis=1).max() < 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_all_eighty_shapes():
     pytest.importorskip("anny")
     dataset = Animals()

@@ -238,7 +238,7 @@ def test_every_pose_is_different(unit_area: NDArray[np.float64]) -> None:
         assert smallest(differences(subject)) > 0.08
 
 
-@pytest.mark.parametrize("subject", ["man-2", pytest.param("all", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("subject", ["man-2", pytest.param("all", marks=pytest.mark.exhaustive)])
 def test_no_pose_pushes_a_body_through_itself(meshes: list[Mesh], subject: str) -> None:
     import pymeshlab
 

@@ -50,7 +50,7 @@ def test_a_short_round_crosses_no_border(outcomes):
     assert outcomes["readers/off-0"].tried > 100
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(900)
 def test_a_long_round_crosses_no_border(tmp_path):
     """Three minutes of everything, mixed; another part of it every time that the code of the suite changes."""

@@ -189,7 +189,7 @@ def test_what_is_no_surface_is_refused_with_a_mend(mesh):
     assert caught.value.mend
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(900)  # half a minute on a quiet machine
 def test_a_million_vertices():
     parts = [(sphere(8), 0.0), (sphere(7), 1.9), (sphere(7), 3.8), (flat_grid(135, spacing=0.01), 5.0)]

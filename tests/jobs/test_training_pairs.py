@@ -8,7 +8,7 @@ import pytest
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
+from benchmark.errors import ConfigurationError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
 from benchmark.jobs import training_pairs as pairs
@@ -182,7 +182,7 @@ def test_a_body_leaves_the_frame_exactly_where_it_cannot_be_rendered():
     for factor, leaves in ((1.001, False), (1.0, True), (0.999, True)):
         assert pairs._leaves_frame(mesh, half_width * factor) == leaves
         if leaves:
-            with pytest.raises(DatasetError, match="the shape extends to"):
+            with pytest.raises(UnsupportedShape, match="the shape extends to"):
                 render_depth(mesh, FRONT, half_width * factor)
         else:
             render_depth(mesh, FRONT, half_width * factor)

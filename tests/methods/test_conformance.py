@@ -243,7 +243,7 @@ def test_another_process_must_answer_the_same(body, message, findings, monkeypat
 
 RANDOM_START = """from scipy.sparse.linalg import eigsh
         stiffness = shape.laplacian().stiffness
-        return shape.form(x * (1 + np.abs(eigsh(stiffness, k=4, tol=1e-9)[1]).sum()))"""
+        return shape.form(x * (1 + np.abs(eigsh(stiffness, k=4, tol=1e-11)[1]).sum()))"""
 
 
 def test_a_solver_that_starts_at_random_is_warned_of(findings, monkeypatch):

@@ -149,4 +149,12 @@ def document(found: Mapping[str, Any]) -> str:
         lines.append(" | ".join([*cells, f"{row['same']} of {row['shapes']}", f"{row['form_moves']:.0e}"]))
     table = "\n".join(f"| {line} |" for line in lines)
     verdict = f"Beyond the goal: {', '.join(missed)}." if missed else "Every row keeps the goal."
+    if absent := absent_methods(found):
+        verdict += f" Not yet measured: {', '.join(absent)}."
     return f"{TEXT}\n{words}\n{table}\n\n{verdict}\n"
+
+
+def absent_methods(found: Mapping[str, Any]) -> list[str]:
+    """Methods that do not learn and have no row, because they came after the figures."""
+    rows = {row["method"] for row in found["rows"]}
+    return [name for name, target in BUILT_IN.items() if not target.startswith("learned.") and name not in rows]

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import threading
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -60,6 +62,36 @@ def test_blocks_threads_and_order_change_nothing(count: int) -> None:
     )
     order = rng.permutation(count)
     np.testing.assert_array_equal(match_all([signatures[i] for i in order]), alone[np.ix_(order, order)])
+
+
+def test_progress_is_told_block_by_block_and_an_interrupt_ends_the_work() -> None:
+    rng = np.random.default_rng(6)
+    signatures = [random_signature(rng, 40, keypoints=3) for _ in range(2 * BLOCK + 7)]
+    told: list[tuple[int, int]] = []
+    match_all(signatures, threads=2, progress=lambda done, total: told.append((done, total)))
+    assert told == [(BLOCK, len(signatures)), (2 * BLOCK, len(signatures)), (len(signatures), len(signatures))]
+
+    def interrupt(done: int, total: int) -> None:
+        told.append((done, total))
+        raise KeyboardInterrupt
+
+    told.clear()
+    threads_before = threading.active_count()
+    with pytest.raises(KeyboardInterrupt):
+        match_all(signatures, threads=2, progress=interrupt)
+    assert told == [(BLOCK, len(signatures))]
+    assert threading.active_count() == threads_before
+
+
+def test_little_memory_beside_the_result() -> None:
+    rng = np.random.default_rng(7)
+    signatures = [random_signature(rng, 40, keypoints=1) for _ in range(1000)]
+    match_all(signatures[:2])
+    tracemalloc.start()
+    result = match_all(signatures)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.5 * result.nbytes
 
 
 def test_symmetric_with_zero_diagonal_and_bounded() -> None:

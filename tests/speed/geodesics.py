@@ -35,7 +35,8 @@ from tests.speed._timing import least_seconds, row  # noqa: E402
 FloatArray = NDArray[np.float64]
 SHAPES_PER_SET = 10
 SOURCES = 50
-LARGEST_MEAN_ERROR = 0.5
+LARGEST_MEAN_ERROR = 0.02
+MOST_SECONDS = 0.12
 REPEATS = 2
 BUDGETS = (50, 100, 200, 400, 800, 1600)
 APPROXIMATE = tuple(solver for solver in geodesics.SOLVERS if solver != "exact")
@@ -117,10 +118,11 @@ def measure() -> list[dict[str, Any]]:
     )
     agreement = f"mean error against exact geodesics {ours['mean']:.3f} % (peer {heat['mean']:.2f} %)"
     rows = []
-    for place, clock, pair in (
-        ("one core", "processor", [each["seconds"] for each in (ours, heat)]),
-        ("2 cores", "wall", [two_processes(meshes, name) for name in (geodesics.DEFAULT_SOLVER, "heat")]),
+    for place, clock, most, pair in (
+        ("one core", "processor", MOST_SECONDS, [each["seconds"] for each in (ours, heat)]),
+        ("2 cores", "wall", np.inf, [two_processes(meshes, name) for name in (geodesics.DEFAULT_SOLVER, "heat")]),
     ):
+        limit = f", at most {most} s" if np.isfinite(most) else ""
         rows.append(
             row(
                 f"all geodesics of one shape on {place}",
@@ -128,8 +130,8 @@ def measure() -> list[dict[str, Any]]:
                 clock=clock,
                 peer="potpourri3d heat method",
                 peer_seconds=pair[1],
-                target=f"mean error at most {LARGEST_MEAN_ERROR} %, no slower",
-                met=ours["mean"] <= LARGEST_MEAN_ERROR and pair[0] <= pair[1],
+                target=f"mean error at most {LARGEST_MEAN_ERROR} %, no slower{limit}",
+                met=ours["mean"] <= LARGEST_MEAN_ERROR and pair[0] <= min(pair[1], most),
                 detail=f"{agreement}, {len(meshes)} shapes of 2000 vertices",
             )
         )
