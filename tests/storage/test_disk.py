@@ -38,7 +38,7 @@ def run(rods, results, *more):
 
 
 def test_what_could_not_be_saved_is_run_again_without_being_asked(rods, tmp_path):
-    with files_of_at_most(4096):
+    with files_of_at_most(8192):  # more than a record takes, less than a mesh
         done = run(rods, tmp_path)
     assert done.exit_code == 1
     assert "free some space or choose another --results DIR; finished jobs are kept" in done.output
