@@ -33,7 +33,7 @@ def test_a_form_whose_notes_cannot_be_told_is_not_written(form_with, tmp_path):
     assert not (tmp_path / "form.off").exists()
 
 
-def test_notes_are_told_as_plain_values(form_with, tmp_path):
-    assert form_with("'so'")[1] == {"note": "so"}
-    assert form_with("3")[1] == {"note": 3.0}
+@pytest.mark.parametrize(("source", "told"), [("'so'", "so"), ("3", 3.0)])
+def test_notes_are_told_as_plain_values(form_with, tmp_path, source, told):
+    assert form_with(source)[1] == {"note": told}
     assert (tmp_path / "form.off").exists()
