@@ -256,7 +256,7 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
 
 def _table(identifier: str, dataset: str) -> Table:
     """The paper's table of a data set; for all other sets one of its own, even for a folder that is called "I"."""
-    known = (t for t in TABLES if t.identifier == identifier and dataset in (t.dataset, t.stand_in))
+    known = (t for t in TABLES if t.identifier == identifier and dataset in t.datasets)
     return next(known, None) or own_table(dataset)
 
 
