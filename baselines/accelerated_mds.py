@@ -94,14 +94,13 @@ class AcceleratedMDS(CheckedParameters):
 
     def _interpolated(self, shape: Shape) -> CanonicalForm:
         from baselines._kernels.interpolation import biharmonic_interpolation
-        from baselines._kernels.sampling import farthest_points, stress_of_rows
+        from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
 
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
         rows = shape.geodesics_from(samples, self.solver)
         interpolation = biharmonic_interpolation(shape.laplacian(), samples)
-        between = rows[:, samples] ** 2
-        between = (between + between.T) / 2
+        between = squares_between(samples, rows)
         if self.variant == "samples":
             points = low_rank_scaling(shape.mesh, interpolation, between)
         else:

@@ -66,15 +66,14 @@ class NystromMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.sampling import farthest_points, stress_of_rows
+        from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
         from baselines._kernels.spectral import clear_length
 
         require_vertices(shape)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
         rows = shape.geodesics_from(samples, self.solver)
-        between = rows[:, samples] ** 2
-        values, vectors = np.linalg.eigh((between + between.T) / 2)
+        values, vectors = np.linalg.eigh(squares_between(samples, rows))
         largest_first = np.argsort(-np.abs(values), kind="stable")
         kept = largest_first[: clear_length(values[largest_first], self.rank)]
         columns = rows.T**2 @ (vectors[:, kept] / values[kept])

@@ -76,15 +76,14 @@ class SpectralMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than five vertices, no face, or several pieces.
         """
-        from baselines._kernels.sampling import farthest_points, stress_of_rows
+        from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
 
         require_vertices(shape, 5)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
         rows = shape.geodesics_from(samples, self.solver)
         basis, coefficients = self._continuation(shape, samples)
-        between = rows[:, samples] ** 2
-        coupling = coefficients @ (between + between.T) @ coefficients.T / 2
+        coupling = coefficients @ squares_between(samples, rows) @ coefficients.T
         points = low_rank_scaling(shape.mesh, basis, coupling)
         return shape.form(
             points,

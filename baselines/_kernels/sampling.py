@@ -44,6 +44,20 @@ def farthest_from_centre(shape: Shape) -> int:
     return _farthest_from_centre(edge_graph(shape), shape.mesh.vertices)
 
 
+def squares_between(samples: list[int], rows: FloatArray) -> FloatArray:
+    """Squared distances between the samples, symmetric to the last bit, shape (k, k).
+
+    Parameters
+    ----------
+    samples
+        Vertices from which the distances are known, k of them.
+    rows
+        Their distances to all vertices, shape (k, n).
+    """
+    squares = rows[:, samples] ** 2
+    return (squares + squares.T) / 2
+
+
 def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
     """Normalised stress over the pairs whose geodesic distance is known.
 
