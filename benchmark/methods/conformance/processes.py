@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import platform
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
 
 from benchmark.contracts import FloatArray
 from benchmark.methods.conformance.trial import (
@@ -17,10 +17,12 @@ from benchmark.methods.conformance.trial import (
     Skipped,
     Trial,
     Warned,
+    explain,
     relative_difference,
     same,
 )
 from benchmark.methods.registry import MethodSpec
+from benchmark.system.calls import BrokenCall, call_apart
 
 KERNEL = "OPENBLAS_CORETYPE"
 
@@ -66,18 +68,24 @@ def check_other_processor(trial: Trial) -> str:
 
 def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
-    context = multiprocessing.get_context("spawn")
     try:
-        with _environment(kernel), ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
-            return pool.submit(_answer, trial.spec).result()
-    except BrokenProcessPool as error:
+        with _environment(kernel):
+            found = call_apart(_answer, trial.spec, what="the method", mend="find the crash")
+    except BrokenCall as error:
         raise Failed(
             "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
         ) from error
+    if "fault" in found:
+        raise Failed(found["fault"])
+    return np.array(found["numbers"], dtype=np.float64)
 
 
-def _answer(spec: MethodSpec) -> FloatArray:
-    return Trial(spec).reference
+def _answer(spec: MethodSpec) -> dict[str, Any]:
+    """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
+    try:
+        return {"numbers": Trial(spec).reference.tolist()}
+    except BaseException as error:  # also what ends a program
+        return {"fault": explain(error)}
 
 
 @contextmanager
