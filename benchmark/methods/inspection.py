@@ -1,23 +1,27 @@
-"""A look at plugin files from a safe distance: each is imported, and its methods are made, in a process of its own."""
+"""A look at foreign code from a safe distance: a process of its own imports it, and makes what it brings."""
 
 from __future__ import annotations
 
 import builtins
+import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from benchmark.errors import ConfigurationError
+from benchmark.datasets.own import data_sets_of, open_own
+from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.learning import Split
-from benchmark.methods.plugins import is_imported, require_file
-from benchmark.methods.registry import MethodSpec, plugin_methods
+from benchmark.methods.information import problems_of
+from benchmark.methods.scorers import ScorerSpec, plugin_scorers
+from benchmark.methods.specs import MethodSpec, plugin_methods
 from benchmark.storage import keys
 from benchmark.system.calls import BrokenCall, KilledCall, call_apart
+from benchmark.system.plugins import is_imported, require_file
 
-__all__ = ["LIMIT", "inspect"]
+__all__ = ["LIMIT", "inspect", "inspect_package"]
 
-#: Seconds that importing a file and making its methods may take.
+#: Seconds that importing a file, making its methods and listing the shapes of its data sets may take.
 LIMIT = 30.0
 
 #: Deaths by somebody else's hand after which a file is blamed for them.
@@ -55,35 +59,122 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         if is_imported(found):
             continue
         require_file(found)
-        what, mend = f"plugin {path}", "mend the file: importing it and making its methods must end at once"
-        for lives in reversed(range(_LIVES)):
-            try:
-                call_apart(describe, found, made, what=what, mend=mend, limit=LIMIT, quiet=True)
-                break
-            except BrokenCall as error:
-                if not (lives and isinstance(error, KilledCall)):
-                    raise ConfigurationError(error.problem, error.mend) from error
+        mend = "mend the file: importing it and making its methods must end at once"
+        _look(describe, found, made, what=f"plugin {path}", mend=mend)
+
+
+def inspect_package(package: str, targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
+    """Find out which methods of an installed package cannot be imported, made or described.
+
+    Parameters
+    ----------
+    package
+        Its name.
+    targets
+        Where each method is defined, ``"module:attribute"``, by the name of the method.
+
+    Returns
+    -------
+    dict
+        What is wrong with each method that cannot be used, by its name.
+
+    Raises
+    ------
+    ConfigurationError
+        If the package crashes, exits or hangs on the way, or changes what is not its own.
+    """
+    if not targets:
+        return {}
+    mend = "mend the package, or uninstall it: importing it and making its methods must end at once"
+    found = _look(faults_in_package, package, dict(targets), what=f"package {package}", mend=mend)
+    return {name: ConfigurationError(problem, mend) for name, (problem, mend) in found.items()}
+
+
+def _look(function: Callable[..., Any], *arguments: Any, what: str, mend: str) -> Any:
+    """Call a function apart, again if somebody else may have ended its process."""
+    lives = _LIVES
+    while True:
+        lives -= 1
+        try:
+            return call_apart(function, *arguments, what=what, mend=mend, limit=LIMIT, quiet=True)
+        except BrokenCall as error:
+            if not (lives and isinstance(error, KilledCall)):
+                raise ConfigurationError(error.problem, error.mend) from error
 
 
 def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
-    """Name, title, inputs and parameters of each method of a plugin file, which is imported here.
+    """Facts about each method of a plugin file, and each data set, which is imported here.
+
+    Returns
+    -------
+    list of dict
+        Name, title, inputs and parameters of each method; name, title and number of shapes of each data set.
 
     Raises
     ------
     ConfigurationError
         If a method cannot be made with its defaults, or cannot be described in plain values, or if the file changes a
         module that the suite relies on.
+    DatasetError
+        If a data set lists no shapes as it should.
     """
-    before = _relied_on()
-    specs = plugin_methods(Path(path))
+    before, streams = _relied_on(), _streams()
+    specs, data_sets = plugin_methods(Path(path)), data_sets_of([Path(path)])
     facts = [_described(spec) for spec in specs] if made else []
+    for source in data_sets.values() if made else ():
+        found = open_own(source)
+        facts.append({"name": found.name, "title": found.title, "shapes": len(found.entries)})
+    facts += [_described_scorer(spec) for spec in plugin_scorers(Path(path))] if made else []
+    _require_unchanged(before, streams, f"plugin {path}")
+    return facts
+
+
+def faults_in_package(package: str, targets: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Problem and mend of each method of an installed package that cannot be used; the package is imported here.
+
+    Raises
+    ------
+    ConfigurationError
+        If it changes a module that the suite relies on.
+    """
+    before, streams = _relied_on(), _streams()
+    found: dict[str, tuple[str, str]] = {}
+    for name, target in targets.items():
+        spec = MethodSpec(name, target)
+        try:
+            for problem, mend in problems_of(spec.info):
+                raise ConfigurationError(problem, mend)
+            _described(spec)
+        except BenchmarkError as error:
+            found[name] = (error.problem, error.mend)
+        except (Exception, SystemExit) as error:
+            found[name] = (one_line(error), "mend the package, or uninstall it")
+    _require_unchanged(before, streams, f"package {package}")
+    return found
+
+
+def _require_unchanged(before: Mapping[tuple[str, str], Any], streams: list[object], whose: str) -> None:
+    """Raise unless the modules that the suite relies on, and the standard streams, are as they were."""
+    if _streams() != streams:
+        raise ConfigurationError(f"{whose} closes or replaces a standard stream", "leave input and output open")
     for (name, attribute), value in before.items():
         if vars(sys.modules.get(name, builtins)).get(attribute) is not value:
             raise ConfigurationError(
-                f"plugin {path} changes {name}.{attribute}, which the suite relies on",
-                "leave other modules as they are",
+                f"{whose} changes {name}.{attribute}, which the suite relies on", "leave other modules as they are"
             )
-    return facts
+
+
+def _streams() -> list[object]:
+    """What the standard streams lead to; None for one that is closed."""
+    found: list[object] = [stream is None for stream in (sys.stdout, sys.stderr)]
+    for number in range(3):
+        try:
+            status = os.fstat(number)
+        except OSError:
+            found.append(None)
+        else:
+            found.append((status.st_dev, status.st_ino))
+    return found
 
 
 def _relied_on() -> dict[tuple[str, str], Any]:
@@ -97,18 +188,29 @@ def _relied_on() -> dict[tuple[str, str], Any]:
     }
 
 
-def _described(spec: MethodSpec) -> dict[str, Any]:
-    info = spec.info
-    facts = {"name": info.name, "title": info.title, "inputs": list(info.inputs), "parameters": {}}
-    if spec.missing_packages():
-        return facts  # it is unavailable, and need not be made
+def _described_scorer(spec: ScorerSpec) -> dict[str, Any]:
+    facts = {"name": spec.name, "title": spec.info.title, "parameters": {}}
+    if not spec.missing_packages():
+        facts["parameters"] = _plain_parameters(spec)
+    return facts
+
+
+def _plain_parameters(spec: MethodSpec | ScorerSpec) -> Any:
     try:
-        facts["parameters"] = keys.plain(spec.resolved_parameters())
+        return keys.plain(spec.resolved_parameters())
     except (TypeError, ValueError) as error:
         raise ConfigurationError(
             f"parameters of {spec.module}, {spec.name} do not fit into JSON ({error})",
             "use numbers, strings and tuples of them",
         ) from error
+
+
+def _described(spec: MethodSpec) -> dict[str, Any]:
+    info = spec.info
+    facts = {"name": info.name, "title": info.title, "inputs": list(info.inputs), "parameters": {}}
+    if spec.missing_packages():
+        return facts  # it is unavailable, and need not be made
+    facts["parameters"] = _plain_parameters(spec)
     if spec.learns:
         learner: Any = spec.create()
         if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import inspection, plugins
+from benchmark.methods import inspection
 from benchmark.methods.inspection import describe, inspect
+from benchmark.system import plugins
 from tests.plugins import write_plugin
 
 
@@ -31,6 +32,7 @@ from tests.plugins import write_plugin
         ),
         ({"on_making": "time.sleep = print"}, "changes time.sleep"),
         ({"name": 5}, "Tried: name 5 is not lower-case words joined by hyphens; write it so"),
+        ({"name": "finished"}, "name 'finished' stands for several methods on the command line; choose another name"),
         ({"name": "Big Name"}, "name 'Big Name' is not lower-case words"),
         ({"name": "a" * 61}, "60 characters at most"),
         ({"info": "title=None"}, "title None is not a text of one line; write a text"),
@@ -70,6 +72,8 @@ def test_a_method_whose_packages_are_missing_need_not_be_made(tmp_path):
         ({"on_import": "crashes"}, "ended its process (SIGSEGV); mend the file"),
         ({"on_making": "hangs"}, "does not end: stopped after 1 s; mend the file"),
         ({"on_import": "interrupts"}, "raises KeyboardInterrupt; mend the file"),
+        ({"on_import": "os.close(2)"}, "closes or replaces a standard stream; leave input and output open"),
+        ({"on_making": "sys.stdout = None"}, "closes or replaces a standard stream; leave input and output open"),
     ],
 )
 def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(faults, said, tmp_path, monkeypatch):

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import plugins, registry
+from benchmark.methods import registry
+from benchmark.system import plugins
 
 ROOT = Path(__file__).parents[2]
 

@@ -51,6 +51,20 @@ def test_a_plugin_file_adds_its_methods_and_is_kept_beside_named_ones(tmp_path):
     assert known["flatten"].info.title == "Flattened"
 
 
+def test_of_a_plugin_file_with_a_named_method_the_others_stay_out(tmp_path):
+    one, other = write_plugin(tmp_path), write_plugin(tmp_path, name="other", file="other.py")
+    one.write_text(PLUGIN.format(name="flatten") + PLUGIN.format(name="second").replace("def flatten", "def second"))
+    known = registry.methods([one, other])
+
+    def chosen(*names):
+        return [spec.name for spec in registry.select(names, known, [one, other])]
+
+    assert chosen("second") == ["second", "other"]
+    assert chosen("second", "other") == ["second", "other"]
+    assert chosen("gps") == ["gps", "flatten", "second", "other"]
+    assert {"gps", "flatten", "second", "other"} <= set(chosen("all", "second"))
+
+
 def test_two_methods_of_one_name_are_an_error(tmp_path):
     with pytest.raises(ConfigurationError, match="two methods are called 'gps'.*rename one"):
         registry.methods([write_plugin(tmp_path, name="gps")])

@@ -10,7 +10,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.methods import registry
 from benchmark.methods.conformance import check_target
-from benchmark.methods.scaffold import new_method
+from benchmark.methods.scaffold import new_plugin
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +23,7 @@ def python(*arguments):
 
 
 def test_the_plugin_keeps_the_contract(tmp_path):
-    plugin, test = new_method("ray-stretch", tmp_path / "mine")
+    plugin, test = new_plugin("method", "ray-stretch", tmp_path / "mine")
     assert [plugin.name, test.name] == ["ray_stretch.py", "test_ray_stretch.py"]
     (spec,) = registry.plugin_methods(plugin)
     assert (spec.name, spec.info.title, spec.load().__name__) == ("ray-stretch", "Ray Stretch", "RayStretch")
@@ -32,8 +32,9 @@ def test_the_plugin_keeps_the_contract(tmp_path):
     assert len(plugin.read_text().splitlines()) <= 40
 
 
+@pytest.mark.slow
 def test_the_test_passes_as_written(tmp_path):
-    _, test = new_method("ray-stretch", tmp_path)
+    _, test = new_plugin("method", "ray-stretch", tmp_path)
     done = python("pytest", "-p", "no:cacheprovider", test)
     assert done.returncode == 0, done.stdout
     assert "2 passed" in done.stdout
@@ -41,7 +42,7 @@ def test_the_test_passes_as_written(tmp_path):
 
 @pytest.mark.slow
 def test_the_test_bites(tmp_path):
-    plugin, test = new_method("ray-stretch", tmp_path)
+    plugin, test = new_plugin("method", "ray-stretch", tmp_path)
     plugin.write_text(plugin.read_text().replace("rays * stretch[:, None]", "rays + [1, 0, 0] * rays"))
     done = python("pytest", "-p", "no:cacheprovider", test)
     assert "2 failed" in done.stdout
@@ -50,7 +51,7 @@ def test_the_test_bites(tmp_path):
 
 @pytest.mark.slow
 def test_the_plugin_is_a_row_of_a_run(tmp_path):
-    plugin, _ = new_method("ray-stretch", tmp_path)
+    plugin, _ = new_plugin("method", "ray-stretch", tmp_path)
     rods = write_rods(tmp_path / "rods")
     options = ("-d", rods, "--input", "mesh", "-m", "identity", "--results", tmp_path / "results")
     done = python("benchmark", "run", *options, "--plugin", plugin)
@@ -69,6 +70,7 @@ def test_the_plugin_is_a_row_of_a_run(tmp_path):
         ("", "join lower-case words by hyphens$"),
         ("gps", "there is a method 'gps' already; choose another name"),
         ("surface-area", "already"),
+        ("all", "already"),
         ("lambda", "'lambda' has a meaning of its own in the file; choose another name: my-lambda"),
         ("none", "my-none"),
         ("shape", "my-shape"),
@@ -79,13 +81,13 @@ def test_the_plugin_is_a_row_of_a_run(tmp_path):
 )
 def test_a_name_that_cannot_be_used_is_refused_with_a_better_one(name, message, tmp_path):
     with pytest.raises(ConfigurationError, match=message):
-        new_method(name, tmp_path)
+        new_plugin("method", name, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a", "my-method-2", "mesh", "geodesic-ball-of-radius-2"])
 def test_other_names_make_python_files(name, tmp_path):
-    for path in new_method(name, tmp_path):
+    for path in new_plugin("method", name, tmp_path):
         compile(path.read_text(), path.name, "exec")
     assert registry.plugin_methods(tmp_path / f"{name.replace('-', '_')}.py")[0].name == name
 
@@ -94,7 +96,7 @@ def test_other_names_make_python_files(name, tmp_path):
 def test_nothing_is_overwritten_and_nothing_half_written(existing, tmp_path):
     (tmp_path / existing).write_text("dear to me")
     with pytest.raises(ConfigurationError, match=f"{existing} exists already"):
-        new_method("mine-too", tmp_path)
+        new_plugin("method", "mine-too", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [existing]
     assert (tmp_path / existing).read_text() == "dear to me"
 
@@ -102,4 +104,4 @@ def test_nothing_is_overwritten_and_nothing_half_written(existing, tmp_path):
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigurationError, match="cannot be written to.*choose another folder"):
-        new_method("mine-too", tmp_path / "file" / "folder")
+        new_plugin("method", "mine-too", tmp_path / "file" / "folder")

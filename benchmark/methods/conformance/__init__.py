@@ -1,23 +1,40 @@
-"""Does a method keep its contract? Checks for authors of methods and descriptors, one line per finding."""
+"""Does a plugin keep its contract? Checks for authors of methods, learners and data sets, one line per finding."""
 
 from __future__ import annotations
 
 import json
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from benchmark.methods.conformance.checks import OF_THE_ANSWER, OF_THE_CLASS, Check, check_answer, check_requirements
+from benchmark.methods.conformance.checks import (
+    OF_THE_ANSWER,
+    OF_THE_CLASS,
+    check_answer,
+    check_class,
+    check_learner,
+    check_parameters,
+    check_requirements,
+)
+from benchmark.methods.conformance.datasets import OF_DATA_SETS, DatasetTrial
+from benchmark.methods.conformance.learners import NAME, trained
+from benchmark.methods.conformance.scorers import OF_REQUIREMENTS, OF_SCORERS, OF_SIGNATURES, ScorerTrial
 from benchmark.methods.conformance.shapes import figure
+from benchmark.methods.conformance.targets import Target
 from benchmark.methods.conformance.trial import Skipped, Trial, Warned, explain
 from benchmark.methods.inspection import inspect
-from benchmark.methods.registry import MethodSpec, methods, variant
+from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import ScorerSpec
 from benchmark.system.calls import BrokenCall, call_apart
 
-__all__ = ["Finding", "Outcome", "Report", "check", "check_apart", "check_target", "figure"]
+__all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
+
+#: Checks of the class that a scorer shares with a method.
+_OF_THEIR_CLASS = {"class": check_class, "parameters": check_parameters}
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
 
@@ -59,31 +76,38 @@ class Report:
         return "\n".join(f"{name:<{width}}  {finding}" for name, found in self.findings.items() for finding in found)
 
 
-def check_target(target: str) -> Report:
-    """Check a method by name, or all methods of a plugin file.
+def check_target(name: str) -> Report:
+    """Check a method by name, or all that a plugin file brings.
 
     Parameters
     ----------
-    target
-        Name of a method, or path of a ``.py`` file.
+    name
+        See :class:`Target`.
 
     Raises
     ------
     ConfigurationError
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
-    return Report({spec.name: tuple(check(spec)) for spec in _targets(target)})
+    target = Target(name)
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
+        found = {spec.name: tuple(_findings(spec, lambda _: None, Path(folder))) for spec in target.specs()}
+    for scorer in target.scorers():
+        found[_titled(scorer.name, "scorer")] = tuple(_of_scorer(scorer, lambda _: None))
+    for name, source in target.data_sets().items():
+        found[_titled(name)] = tuple(_found(OF_DATA_SETS, DatasetTrial(source), lambda _: None))
+    return Report(found)
 
 
-def check_apart(target: str, limit: float | None = None) -> Report:
-    """The same as :func:`check_target`, in a process of its own.
+def check_apart(target: Target, limit: float | None = None) -> Report:
+    """The same, in a process of its own.
 
     A method that crashes, hangs or ends the process fails the check that it was at, and is not checked further.
 
     Parameters
     ----------
     target
-        Name of a method, or path of a ``.py`` file.
+        What to check.
     limit
         Seconds that one check may take; None for no limit.
 
@@ -101,73 +125,111 @@ def check_apart(target: str, limit: float | None = None) -> Report:
         if found:
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
-    if target.endswith(".py"):
-        inspect([Path(target)], made=False)
-    what, mend = f"checking {target}", "mend the method: a shape that it cannot treat raises UnsupportedShape"
-    while True:
-        try:
-            call_apart(_check_apart, target, list(findings), what=what, mend=mend, limit=limit, say=hear)
-        except BrokenCall as error:
-            if not at:
-                raise
-            findings.setdefault(at[0], []).append(Finding(at[1], "failed", str(error)))
-            at.clear()
-        else:
-            return Report({name: tuple(found) for name, found in findings.items()})
+    inspect([path for path in (target.file,) if path], made=False)
+    what, mend = f"checking {target.name}", "mend the file: what it cannot treat, it refuses"
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
+        while True:
+            try:
+                call_apart(
+                    _check_apart, target, list(findings), folder, what=what, mend=mend, limit=limit, say=hear
+                )  # fmt: skip
+            except BrokenCall as error:
+                if not at:
+                    raise
+                findings.setdefault(at[0], []).append(Finding(at[1], "failed", str(error)))
+                at.clear()
+            else:
+                return Report({name: tuple(found) for name, found in findings.items()})
 
 
-def _check_apart(target: str, without: list[str], say: Callable[[str], None]) -> None:
-    """Check the methods of a target but some, saying before each check which one begins and after it what it found."""
-    for spec in _targets(target):
-        if spec.name in without:
-            continue
-        for finding in _findings(spec, partial(_say_begun, say, spec.name)):
-            say(json.dumps([spec.name, finding.name, finding.outcome, finding.explanation]))
+def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
+    """Check all of a target but some, saying before each check which one begins and after it what it found."""
+
+    def tell(name: str, findings: Iterable[Finding]) -> None:
+        for finding in findings:
+            say(json.dumps([name, finding.name, finding.outcome, finding.explanation]))
+
+    for spec in target.specs():
+        if spec.name not in without:
+            begins = partial(_say_begun, say, spec.name)
+            tell(spec.name, _findings(spec, begins, Path(folder), dict(target.options)))
+    for scorer in target.scorers():
+        if (titled := _titled(scorer.name, "scorer")) not in without:
+            tell(titled, _of_scorer(scorer, partial(_say_begun, say, titled)))
+    for name, source in target.data_sets().items():
+        if (titled := _titled(name)) not in without:
+            tell(titled, _found(OF_DATA_SETS, DatasetTrial(source), partial(_say_begun, say, titled)))
 
 
 def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None:
     say(json.dumps([method, check_name]))
 
 
-def _targets(target: str) -> list[MethodSpec]:
-    if not target.endswith(".py"):
-        return [variant(target, methods())]
-    path = Path(target)
-    return [spec for spec in methods([path]).values() if spec.module == str(path.resolve())]
+def _titled(name: str, kind: str = "data set") -> str:
+    """What the findings of a data set or a scorer are listed under: a method may have the same name."""
+    return f"{name} ({kind})"
+
+
+def _of_scorer(spec: ScorerSpec, begins: Callable[[str], None]) -> Iterator[Finding]:
+    """Check a scorer; one whose packages are not installed, or that has no signatures, is not checked further."""
+    trial = ScorerTrial(spec)
+    for checks in (OF_REQUIREMENTS, _OF_THEIR_CLASS, OF_SIGNATURES):
+        for finding in _found(checks, trial, begins):
+            yield finding
+            if finding.outcome != "ok" and checks is not _OF_THEIR_CLASS:
+                return
+    yield from _found(OF_SCORERS, trial, begins)
 
 
 def check(spec: MethodSpec) -> list[Finding]:
     """Check one method or descriptor with its parameters.
 
     A check that raises is a failed finding. Without an answer on the reference figure there is nothing to compare, and
-    the checks that would compare are skipped; a method whose packages are not installed is not run at all.
+    the checks that would compare are skipped; a method whose packages are not installed is not run at all. A learner
+    without a model is trained on a few images of the figure.
     """
-    return list(_findings(spec, lambda _: None))
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
+        return list(_findings(spec, lambda _: None, Path(folder)))
 
 
-def _findings(spec: MethodSpec, begins: Callable[[str], None]) -> Iterator[Finding]:
-    """Check a method; ``begins`` is told the name of each check before it is made."""
-    trial = Trial(spec)
-
-    def found(checks: Mapping[str, Check]) -> Iterator[Finding]:
-        for name, function in checks.items():
-            begins(name)
-            yield _find(name, function, trial)
-
-    for finding in found({"requirements": check_requirements}):
+def _findings(
+    spec: MethodSpec, begins: Callable[[str], None], folder: Path, options: Mapping[str, str] | None = None
+) -> Iterator[Finding]:
+    """Check a method; ``begins`` is told the name of each check before it is made, models are put into ``folder``."""
+    models = Path(tempfile.mkdtemp(dir=folder))
+    trial = Trial(spec, models if options and spec.learns else None)  # it is trained below, so none need be there yet
+    for finding in _found({"requirements": check_requirements}, trial, begins):
         yield finding
         if finding.outcome != "ok":
             return
-    yield from found(OF_THE_CLASS)
-    for finding in found({"answer": check_answer}):
+    yield from _found(OF_THE_CLASS | ({"learner": check_learner} if spec.learns else {}), trial, begins)
+    if spec.learns and (options or not hasattr(spec.load(), "model_folder")):
+
+        def train(trial: Trial) -> str:
+            trained(spec, models, options)
+            trial.model = models / NAME / getattr(spec.create(), "model_name")  # noqa: B009
+            return "makes a model of a few images, leaves a finished one alone, and loads it"
+
+        for finding in _found({"training": train}, trial, begins):
+            yield finding
+            if finding.outcome != "ok":
+                yield from (Finding(name, "skipped", "there is no model") for name in ("answer", *OF_THE_ANSWER))
+                return
+    for finding in _found({"answer": check_answer}, trial, begins):
         yield finding
         if finding.outcome != "ok":
             yield from (Finding(name, "skipped", "there is no answer to compare") for name in OF_THE_ANSWER)
             return
-    yield from found(OF_THE_ANSWER)
+    yield from _found(OF_THE_ANSWER, trial, begins)
 
 
-def _find(name: str, function: Check, trial: Trial) -> Finding:
+def _found(checks: Mapping[str, Callable[[Any], str]], trial: Any, begins: Callable[[str], None]) -> Iterator[Finding]:
+    for name, function in checks.items():
+        begins(name)
+        yield _find(name, function, trial)
+
+
+def _find(name: str, function: Callable[[Any], str], trial: Any) -> Finding:
     outcome: Outcome
     try:
         outcome, explanation = "ok", function(trial)

@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,7 @@ def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
     try:
         with _environment(kernel):
-            found = call_apart(_answer, trial.spec, what="the method", mend="find the crash")
+            found = call_apart(_answer, trial.spec, trial.model, what="the method", mend="find the crash")
     except BrokenCall as error:
         raise Failed(
             "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
@@ -80,10 +81,10 @@ def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
     return np.array(found["numbers"], dtype=np.float64)
 
 
-def _answer(spec: MethodSpec) -> dict[str, Any]:
+def _answer(spec: MethodSpec, model: Path | None) -> dict[str, Any]:
     """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
     try:
-        return {"numbers": Trial(spec).reference.tolist()}
+        return {"numbers": Trial(spec, model).reference.tolist()}
     except BaseException as error:  # also what ends a program
         return {"fault": explain(error)}
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
-from benchmark.errors import BenchmarkError, InvalidMesh, UnsupportedShape, one_line
+from benchmark.contracts import Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.errors import BenchmarkError, UnsupportedShape, message, one_line
+from benchmark.learning import Learner
+from benchmark.methods.answers import descriptor_of, form_of
 from benchmark.methods.conformance.shapes import BENDS, figure, view
 from benchmark.methods.registry import MethodSpec
 
@@ -41,9 +41,15 @@ class Skipped(Exception):
 
 @dataclass
 class Trial:
-    """A method, and the shapes that it is tried on."""
+    """A method, and the shapes that it is tried on; of a learner that was trained for it, the folder of the model."""
 
     spec: MethodSpec
+    model: Path | None = None
+
+    def create(self) -> Method | Descriptor:
+        """A new object of the method, with the model that it was trained to."""
+        made = self.spec.create()
+        return made.load(self.model) if self.model is not None and isinstance(made, Learner) else made
 
     @cached_property
     def info(self) -> MethodInfo:
@@ -77,7 +83,7 @@ class Trial:
 
     def answer(self, shape: Shape) -> FloatArray:
         """What a new object of the method answers for a shape."""
-        return answer(self.spec.create(), shape)
+        return answer(self.create(), shape)
 
     @cached_property
     def reference(self) -> FloatArray:
@@ -86,7 +92,7 @@ class Trial:
 
 
 def answer(method: Method | Descriptor, shape: Shape) -> FloatArray:
-    """Run a method and look at what comes back.
+    """Run a method, and look at what comes back as a run does.
 
     Returns
     -------
@@ -95,59 +101,22 @@ def answer(method: Method | Descriptor, shape: Shape) -> FloatArray:
 
     Raises
     ------
-    UnsupportedShape
-        If the method refuses the shape.
+    ShapeError
+        If the method refuses the shape, or returns what is no answer.
     """
-    if not isinstance(method, Method):
-        return _numbers("the descriptor", method.describe(shape), dimensions=1)
-    form = method.canonicalise(shape)
-    if not isinstance(form, CanonicalForm):
-        raise Failed(f"'canonicalise' returns {type(form).__name__}; return shape.form(vertices)")
-    vertices = _numbers("the vertices", form.vertices, dimensions=2)
-    faces = np.asarray(form.faces)
-    if vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise Failed(
-            f"vertices {vertices.shape}, faces {faces.shape} of {faces.dtype}; return (n, 3) floats and (m, 3) integers"
-        )
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise Failed(
-            f"faces name vertices {faces.min()} to {faces.max()} of {len(vertices)}; "
-            "return one vertex per vertex of the shape, or faces of your own"
-        )
-    for name, value in form.notes.items():
-        if not _can_be_noted(value):
-            raise Failed(f"note '{name}' is {value!r}; note finite numbers and strings only")
-    return vertices
-
-
-def _can_be_noted(value: Any) -> bool:
-    return isinstance(value, str) or (isinstance(value, Real) and math.isfinite(value))
-
-
-def _numbers(what: str, given: Any, *, dimensions: int) -> FloatArray:
-    if not isinstance(given, np.ndarray) or given.ndim != dimensions or given.dtype.kind != "f" or not given.size:
-        seen = f"{given.shape} of {given.dtype}" if isinstance(given, np.ndarray) else type(given).__name__
-        raise Failed(f"{what} came as {seen}; return a float array with {dimensions} dimension(s)")
-    if not np.isfinite(given).all():
-        raise Failed(
-            f"{int((~np.isfinite(given)).sum())} of {given.size} numbers of {what} are NaN or infinite; "
-            "raise UnsupportedShape where there is no answer"
-        )
-    return given.astype(np.float64)
+    return form_of(method, shape)[0].vertices if isinstance(method, Method) else descriptor_of(method, shape)
 
 
 def explain(error: BaseException) -> str:
     """Say in one line what an exception means to the author of the method."""
     if isinstance(error, ImportError):
-        return f"cannot import what it needs ({error}); name packages beyond the core in info.requires"
+        return f"cannot import what it needs ({message(error)}); name packages beyond the core in info.requires"
     if isinstance(error, UnsupportedShape):
-        return f"refuses an ordinary surface ({error}); treat it"
-    if isinstance(error, InvalidMesh):  # the shape is in order, so what is not was made of it
-        return f"returns no canonical form: {error.problem}; return shape.form(vertices) with finite numbers"
-    if isinstance(error, ValueError) and "read-only" in str(error):
+        return f"refuses an ordinary surface ({message(error)}); treat it"
+    if isinstance(error, ValueError) and "read-only" in message(error):
         return "writes into its input; work on a copy"
     if isinstance(error, (Failed, BenchmarkError)):
-        return str(error)
+        return message(error)
     return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or mend the method"
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 from benchmark.errors import ConfigurationError, one_line
+from benchmark.system import warden
+from benchmark.system.forks import one_of_us
 
 #: Packages of the project, which no module of a plugin stands in for.
 _PROJECT = frozenset({"benchmark", "baselines", "learned", "retrieval"})
@@ -60,12 +62,14 @@ def import_plugin(path: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
+    warden.adopt()
     _PluginFolders.add(Path(path).parent)
     _check_helpers(Path(path))
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with one_of_us():
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         mend = "mend the file"

@@ -1,0 +1,96 @@
+"""What a method answers, looked at before it is used: nothing is cast that would change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.errors import InvalidForm, InvalidMesh, one_line
+from benchmark.system.forks import one_of_us
+
+Note = NDArray[Any]
+
+_MEND = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+
+
+def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
+    """The form that a method makes of a shape, and what it notes, each a number or a text.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    InvalidForm
+        If it returns what is no form of it.
+    """
+    try:
+        with one_of_us():
+            form = method.canonicalise(shape)
+        if not isinstance(form, CanonicalForm):
+            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _MEND)
+        mesh = form.mesh
+    except InvalidMesh as error:  # the shape is in order, so what is not was made of it
+        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _MEND) from error
+    return mesh, {name: _note(method, name, value) for name, value in form.notes.items()}
+
+
+def _note(method: Method, name: str, value: Any) -> Note:
+    note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
+    if note is None or note.dtype.kind not in "biufU":
+        raise InvalidForm(
+            f"method '{method.info.name}' returned {type(value).__name__} as note '{name}'",
+            "note numbers and strings only",
+        )
+    return note
+
+
+def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
+    """The descriptor of a shape, shape (k,), float64.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    InvalidForm
+        If it returns anything but a vector of finite numbers.
+    """
+    with one_of_us():
+        found = method.describe(shape)
+    return real_numbers(f"method '{method.info.name}'", found, (None,), "return a vector of finite numbers")
+
+
+def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> FloatArray:
+    """Dissimilarities that a descriptor finds between all pairs of shapes, shape (N, N), float64.
+
+    Raises
+    ------
+    InvalidForm
+        If it returns anything but a square matrix of finite real numbers.
+    """
+    count = len(descriptors)
+    mend = "return the distances of all pairs as a symmetric matrix of finite numbers"
+    with one_of_us():
+        found = method.distances(descriptors)
+    return real_numbers(f"method '{method.info.name}'", found, (count, count), mend)
+
+
+def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], mend: str) -> FloatArray:
+    """An answer as an array of finite real numbers; any length but 0 will do where the shape is None."""
+    try:
+        found = np.asarray(answer)
+    except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
+        raise InvalidForm(f"{who} returned no array ({one_line(error)})", mend) from error
+    fits = len(found.shape) == len(shape) and all(
+        count == wanted if wanted is not None else count for count, wanted in zip(found.shape, shape, strict=True)
+    )
+    if not fits or found.dtype.kind not in "iuf":
+        what = f"an array of shape {found.shape} and type {found.dtype}"
+    elif not np.isfinite(found).all():
+        what = "an array with NaN or infinite numbers"
+    else:
+        return found.astype(np.float64)
+    raise InvalidForm(f"{who} returned {what}", mend)

@@ -1,0 +1,114 @@
+"""A working plugin of each kind to start from, in one file, and its test in another."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import re
+import sys
+from collections.abc import Container
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.errors import ConfigurationError
+from benchmark.methods.registry import methods
+from benchmark.methods.scaffold import dataset, descriptor, learner, method, scorer
+from benchmark.methods.scorers import scorers
+from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
+
+__all__ = ["KINDS", "new_plugin"]
+
+_TEMPLATES = {"method": method, "descriptor": descriptor, "learner": learner, "scorer": scorer, "dataset": dataset}
+
+KINDS = tuple(_TEMPLATES)
+"""What can be written."""
+
+
+def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
+    """Write a plugin file with something small that works, and a test of it; nothing is overwritten.
+
+    Parameters
+    ----------
+    kind
+        One of :data:`KINDS`.
+    name
+        Its name: lower case, words joined by hyphens.
+    folder
+        Where to write ``name_with_underscores.py`` and ``test_name_with_underscores.py``; made if it is not there.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The plugin and its test.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name cannot be used, a file is there already, or the folder cannot be written to.
+    """
+    _check_name(kind, name)
+    module, class_name = name.replace("-", "_"), "".join(word.capitalize() for word in name.split("-"))
+    title = " ".join(word.capitalize() for word in name.split("-"))
+    values = {"name": name, "module": module, "class_name": class_name, "title": title}
+    plugin = _TEMPLATES[kind].PLUGIN.substitute(values)
+    _check_python(name, module, class_name, plugin)
+    texts = {
+        folder / f"{module}.py": plugin,
+        folder / f"test_{module}.py": _TEMPLATES[kind].TEST.substitute(values),
+    }
+    for path in texts:
+        if path.exists():
+            raise ConfigurationError(f"{path} exists already", "choose another name or folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, text in texts.items():
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+    except OSError as error:
+        raise ConfigurationError(f"{folder} cannot be written to: {error}", "choose another folder") from error
+    return list(texts)
+
+
+def _check_name(kind: str, name: str) -> None:
+    """Raise ``ConfigurationError`` if nothing can have this name, or something has it."""
+    what = {"dataset": "data set"}.get(kind, kind)
+    if len(name) > LONGEST_NAME:
+        raise ConfigurationError(
+            f"'{name[:20]}...' is too long for the name of a {what}", f"use {LONGEST_NAME} characters at most"
+        )
+    if not is_name(name):
+        words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
+        mend = "join lower-case words by hyphens" + (f": {'-'.join(words)}" if words and words[0].isalpha() else "")
+        raise ConfigurationError(f"'{name}' cannot be the name of a {what}", mend)
+    known: dict[str, tuple[str, Container[str]]] = {
+        "dataset": ("data set", CATALOGUE),
+        "scorer": ("scorer", scorers()),
+    }
+    taken, names = known.get(kind) or ("method", methods())
+    if name in names or name in RESERVED:
+        raise ConfigurationError(f"there is a {taken} '{name}' already", "choose another name")
+
+
+def _check_python(name: str, module: str, class_name: str, plugin: str) -> None:
+    """Raise ``ConfigurationError`` if a name would hide another one in the file, or the file another module."""
+    if keyword.iskeyword(module) or keyword.iskeyword(class_name) or class_name in _imported(plugin):
+        raise ConfigurationError(f"'{name}' has a meaning of its own in the file", f"choose another name: my-{name}")
+    if module in sys.stdlib_module_names or module in packages_distributions():
+        raise ConfigurationError(
+            f"{module}.py would hide the Python module '{module}'", f"choose another name: my-{name}"
+        )
+
+
+def _imported(source: str) -> set[str]:
+    """Names that a module imports."""
+    try:
+        tree = ast.parse(source)
+    except SyntaxError:  # the name of a class that is none
+        return set()
+    return {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }

@@ -1,0 +1,76 @@
+"""A data set to start from, and its test."""
+
+from string import Template
+
+PLUGIN = Template('''\
+"""$title: ellipsoids of a few proportions, each bent like a banana by several angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import trimesh
+
+from benchmark.datasets.contract import DatasetInfo, Entry, Mesh
+
+#: Half the two widths of each class; half the length is 1.
+WIDTHS = {"flat": (0.12, 0.4), "round": (0.2, 0.2), "thick": (0.4, 0.35)}
+
+#: Bends in radians per unit of length: the poses.
+BENDS = (0.3, 0.8, 1.3, 1.8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class $class_name:
+    """Three classes in four poses; bending keeps distances along the middle, as a joint does."""
+
+    info: ClassVar[DatasetInfo] = DatasetInfo(
+        name="$name",
+        title="$title",
+        summary="bent ellipsoids, 3 classes x 4 poses",
+    )
+
+    def entries(self) -> Iterable[Entry]:
+        """List the shapes by class; ``subject`` is what has to be found again, ``pose`` what must not matter."""
+        for subject in WIDTHS:
+            for number in range(len(BENDS)):
+                yield Entry(identifier=f"{subject}{number}", subject=subject, pose=str(number))
+
+    def load(self, entry: Entry) -> Mesh:
+        """Make the mesh of a shape; leave this out if every entry has the ``path`` of a mesh file."""
+        sphere = trimesh.creation.icosphere(subdivisions=3)
+        x, y, along = (sphere.vertices * [*WIDTHS[entry.subject], 1.0]).T
+        bend = BENDS[int(entry.pose)]
+        radius = 1 / bend - x
+        bent = np.stack([1 / bend - radius * np.cos(bend * along), y, radius * np.sin(bend * along)], axis=1)
+        return Mesh(bent, sphere.faces)
+''')
+
+TEST = Template('''\
+"""What $title promises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.datasets.own import data_sets_of, open_own
+from benchmark.methods.conformance import check_target
+
+PLUGIN = Path(__file__).with_name("$module.py")
+
+
+def test_it_keeps_the_contract() -> None:
+    report = check_target(str(PLUGIN))
+    assert report, f"\\n{report}"
+
+
+def test_bending_keeps_the_area_of_a_round_one() -> None:
+    dataset = open_own(data_sets_of([PLUGIN])["$name"])
+    areas = [dataset.load(entry).area for entry in dataset.entries if entry.subject == "round"]
+    np.testing.assert_allclose(areas, areas[0], rtol=0.02)
+''')

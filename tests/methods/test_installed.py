@@ -1,0 +1,119 @@
+"""Installed packages that bring methods: one that breaks costs its own methods and one line."""
+
+import json
+import re
+import sys
+from contextlib import suppress
+
+import pytest
+
+from benchmark.cli.main import main
+from benchmark.errors import ConfigurationError
+from benchmark.methods import inspection, registry
+from benchmark.methods.installed import ENTRY_POINTS, installed
+from tests.plugins import write_plugin
+from tests.toy import rod, write_off
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install a package that brings methods, given as text for its entry points, with a module of its own."""
+    monkeypatch.syspath_prepend(tmp_path)
+    before = set(sys.modules)
+
+    def make(name, points=None, **faults):
+        module = name.replace("-", "_")
+        write_plugin(tmp_path / f"{module}.py", name=name, **faults)
+        folder = tmp_path / f"{module}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        text = f"{name} = {module}:Tried" if points is None else points
+        (folder / "entry_points.txt").write_text(f"[{ENTRY_POINTS}]\n{text}\n")
+        installed.cache_clear()
+
+    yield make
+    installed.cache_clear()
+    for name in set(sys.modules) - before:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def look_here(monkeypatch):
+    """Look from this process: to start another takes half a second."""
+    monkeypatch.setattr(inspection, "call_apart", lambda function, *arguments, **_: function(*arguments))
+
+
+def usable():
+    return [name for name in registry.methods() if name not in registry.BUILT_IN]
+
+
+def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(install, monkeypatch):
+    monkeypatch.setattr(inspection, "LIMIT", 2.0)
+    install("ends-it", on_import="exits")
+    install("holds-it", on_making="hangs")
+    install("patches-it", on_import="import numpy; numpy.asarray = None")
+    install("works")
+    assert usable() == ["works"]
+    assert [line.partition("; ")[0] for line in registry.unusable()] == [
+        "installed package ends-it, ends-it: package ends-it ended its process (exit code 0)",
+        "installed package holds-it, holds-it: package holds-it does not end: stopped after 2 s",
+        "installed package patches-it, patches-it: package patches-it changes numpy.asarray, which the suite relies on",
+    ]
+    assert registry.variant("works", registry.methods()).create()
+    with pytest.raises(ConfigurationError, match="ends-it ended its process .exit code 0.; mend the package"):
+        registry.variant("ends-it", registry.methods())
+    assert not {"ends_it", "holds_it", "patches_it"} & set(sys.modules)
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        (
+            {"on_import": "raises"},
+            "odd: method 'odd' cannot be imported: ZeroDivisionError: division by zero; mend odd",
+        ),
+        ({"on_import": "sys-exits"}, "odd: method 'odd' cannot be imported: SystemExit: 0; mend odd"),
+        ({"on_import": "import no_such_module"}, "odd: method 'odd' cannot be imported: No module named 'no_such_"),
+        ({"on_making": "raises"}, "odd: odd cannot be made: ZeroDivisionError: .*give every parameter a default"),
+        ({"info": "title=5"}, "odd: title 5 is not a text of one line"),
+        ({"points": "odd = odd:Absent"}, "odd: odd has no 'Absent'; correct the entry point"),
+        ({"points": "odd = odd"}, "odd: 'odd' is not 'module:class'"),
+        ({"points": "Odd Name = odd:Tried"}, "Odd Name: that is not lower-case words joined by hyphens"),
+        ({"points": "gps = odd:Tried"}, "gps: another method has this name"),
+        ({"points": "odd"}, "all methods: its entry points cannot be read"),
+    ],
+)
+def test_what_an_installed_package_cannot_bring_is_one_line(faults, said, install, look_here):
+    install("odd", **faults)
+    assert usable() == []
+    (line,) = registry.unusable()
+    assert re.match(f"installed package odd, {said}", line), line
+
+
+def test_of_one_package_the_methods_that_work_stay(install, look_here):
+    install("both", points="both = both:Tried\nnone = both:Absent")
+    assert usable() == ["both"]
+    (line,) = registry.unusable()
+    assert line.startswith("installed package both, none: both has no 'Absent'")
+
+
+def test_every_verb_goes_on_beside_a_broken_package(install, tmp_path, monkeypatch, capfd):
+    install("ends-it", on_import="exits")
+    install("works")
+    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
+        with suppress(SystemExit):
+            main()
+        return capfd.readouterr()
+
+    done = call("list", "methods", "--json")
+    assert {"works"} == {row["name"] for row in json.loads(done.out)} - set(registry.BUILT_IN)
+    assert [line.partition(":")[0] for line in done.err.splitlines()] == ["installed package ends-it, ends-it"]
+    assert call("canonicalise", "-m", "works", "rod.off").out.startswith("rod-works.off: 290 vertices")
+    done = call("plan", "-m", "ends-it")
+    assert done.err.startswith("error: installed package ends-it, ends-it: package ends-it ended its process")
+    assert len(done.err.splitlines()) == 1

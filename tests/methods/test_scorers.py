@@ -1,0 +1,132 @@
+"""Scorers by name, with parameters, and from plugin files; what they return is looked at."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
+from benchmark.jobs import recipes
+from benchmark.jobs.stages import features, ranking
+from benchmark.methods.inspection import describe
+from benchmark.methods.registry import plugin_methods
+from benchmark.methods.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
+from benchmark.scoring import Scorer
+from tests.toy import rod, write_rods
+
+PLUGIN = '''
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from benchmark.contracts import Interval
+from benchmark.scoring import ScorerInfo
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extent:
+    """Sizes along the principal axes."""
+
+    info: ClassVar[ScorerInfo] = ScorerInfo(name="extent", title="Extent", summary="sizes", draws=2)
+    power: Annotated[float, Interval(0, 3)] = 1.0
+
+    def signature(self, form):
+        centred = form.vertices - form.vertices.mean(axis=0)
+        return {"sizes": np.linalg.svd(centred / np.linalg.norm(centred), compute_uv=False)}
+
+    def compare(self, signatures, draw):
+        rows = np.array([each["sizes"] for each in signatures])
+        return np.linalg.norm(rows[:, None] - rows[None], axis=2) ** self.power
+'''
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    path = tmp_path / "extent.py"
+    path.write_text(PLUGIN)
+    return path
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_built_in_scorers_keep_the_contract(name):
+    scorer = scorer_of(name, scorers()).create()
+    assert isinstance(scorer, Scorer)
+    assert scorer.info.name == name
+    signatures = [features.extract(scorer, rod(radius, 0.5, rings=8, sides=6)) for radius in (0.1, 0.2, 0.1)]
+    matrix = ranking.form_distances(scorer, signatures, 0)
+    assert matrix[0, 2] == 0 < matrix[0, 1] == matrix[1, 0]
+
+
+def test_a_name_with_parameters_has_one_spelling_and_wrong_ones_are_refused():
+    spec = scorer_of("spherical-harmonics[n_shells=8,n_degrees=16]", scorers())
+    assert spec.name == "spherical-harmonics[n_shells=8]"
+    assert spec.create().n_shells == 8
+    for wrong, said in (("shells", "unknown scorer"), ("spherical-harmonics[n_shells=0]", "n_shells")):
+        with pytest.raises(ConfigurationError, match=said):
+            scorer_of(wrong, scorers())
+
+
+def test_the_recipe_names_the_scorer_but_for_the_default_one():
+    default, other = (recipes.scorer_recipe(scorer_of(name, scorers())) for name in BUILT_IN)
+    assert "name" not in default
+    assert (default["codebooks"], default["n_words"]) == ([0, 1, 2], 1500)
+    assert (other["name"], other["codebooks"], other["n_shells"]) == ("spherical-harmonics", [0], 32)
+    assert "retrieval.spherical_harmonics" in recipes.scorer_code(scorer_of("spherical-harmonics", scorers())).code
+    assert "retrieval.spherical_harmonics" not in recipes.scorer_code(ScorerSpec()).code
+
+
+def test_a_plugin_file_may_hold_a_scorer_alone(plugin):
+    assert plugin_methods(plugin) == []
+    (spec,) = plugin_scorers(plugin)
+    assert scorer_of("extent[power=2]", scorers([plugin])).create().power == 2
+    assert describe(str(plugin)) == [{"name": "extent", "title": "Extent", "parameters": {"power": 1.0}}]
+    assert spec.name in CliRunner().invoke(cli, ["list", "scorers", "--plugin", str(plugin)]).output
+
+
+def test_a_scorer_that_takes_a_name_or_says_what_cannot_be_is_refused(plugin):
+    plugin.write_text(PLUGIN.replace('"extent"', '"cm-bof"'))
+    with pytest.raises(ConfigurationError, match="two scorers are called 'cm-bof'"):
+        scorers([plugin])
+    other = plugin.with_name("none.py")
+    other.write_text(PLUGIN.replace("draws=2", "draws=0"))
+    with pytest.raises(ConfigurationError, match="draws is 0"):
+        plugin_scorers(other)
+
+
+@pytest.mark.parametrize("answer", [np.zeros(3), {}, {"a b": np.zeros(3)}, {"a": [1.0]}, {"a": np.array([np.nan])}])
+def test_what_is_no_signature_is_the_fault_of_the_scorer(plugin, answer, monkeypatch):
+    (spec,) = plugin_scorers(plugin)
+    monkeypatch.setattr(spec.load(), "signature", lambda self, form: answer)
+    with pytest.raises(InvalidSignature, match="scorer 'extent' returned"):
+        features.extract(spec.create(), rod(0.1, 0.5))
+
+
+def test_distances_of_the_wrong_shape_are_refused(plugin, monkeypatch):
+    (spec,) = plugin_scorers(plugin)
+    monkeypatch.setattr(spec.load(), "compare", lambda self, signatures, draw: np.zeros(2))
+    with pytest.raises(InvalidForm, match="scorer 'extent' returned an array of shape"):
+        ranking.form_distances(spec.create(), [{}, {}], 0)
+
+
+@pytest.mark.slow
+def test_a_scorer_of_a_plugin_file_ranks_forms_and_leaves_descriptors_alone(plugin, tmp_path):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    options = ["-d", str(rods), "-m", "pca", "-m", "surface-area", "--input", "mesh", "--results", str(tmp_path / "r")]
+    by = ["--scorer", "extent", "--plugin", str(plugin)]
+    done = CliRunner().invoke(cli, ["run", *options, *by, "--executor", "serial"])
+    assert done.exit_code == 0, done.output
+    assert "scored by Extent" in done.output
+    assert "Surface area" in done.output
+    planned = CliRunner().invoke(cli, ["plan", *options]).output
+    # The descriptor is done whatever the scorer; the form is yet to be scored by the default one.
+    assert "cached       rods mesh surface-area" in planned
+    assert "missing      rods mesh pca" in planned
+
+
+@pytest.mark.parametrize("raised", ["RuntimeError('no licence')", "SystemExit('no licence')"])
+def test_a_package_that_ends_its_import_is_named(tmp_path, monkeypatch, raised):
+    (tmp_path / "ending_scorer.py").write_text(f"raise {raised}")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigurationError, match="scorer 'mine' cannot be imported: .*no licence; mend ending_scorer"):
+        ScorerSpec("mine", "ending_scorer:Mine").load()

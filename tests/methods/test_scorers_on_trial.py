@@ -1,0 +1,65 @@
+"""A right scorer passes, and each fault of one is found by the check that is made for it."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.methods import conformance
+from benchmark.methods.conformance import scorers
+from tests.methods.test_conformance import call_here
+
+RETURN = 'return cdist(shares, shares, "cityblock")'
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
+
+
+@pytest.fixture
+def findings(tmp_path, monkeypatch):
+    """What is found in the example of a scorer, after an edit."""
+    monkeypatch.setattr(scorers, "call_apart", call_here)
+    source = EXAMPLE.read_text()
+
+    def check(old="", new=""):
+        assert old in source
+        path = tmp_path / f"scorer_{abs(hash((old, new)))}.py"
+        path.write_text(
+            "import itertools\nCALLS = itertools.count()\n" + source.replace("from __future__", "#").replace(old, new)
+        )
+        (found,) = conformance.check_target(str(path)).findings.values()
+        return {finding.name: finding for finding in found}
+
+    return check
+
+
+def test_a_right_scorer_passes(findings):
+    assert {found.outcome for found in findings("bins: ", "bins: ").values()} == {"ok"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check", "message"),
+    [
+        ("frozen=True, ", "", "class", "parameters can be changed after creation"),
+        ('return {"shares": counts / weights.sum()}', "return counts", "signature", "returns ndarray"),
+        ('{"shares": counts / weights.sum()}', '{"shares": counts * np.nan}', "signature", "finite numbers"),
+        (RETURN, "return shares", "dissimilarities", "return (N, N) floats"),
+        (RETURN, "return np.triu(cdist(shares, shares))", "dissimilarities", "symmetric"),
+        ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "tells no two forms"),
+        ("counts / weights.sum()}", "counts / weights.sum() + next(CALLS)}", "repeatable", "depends on what was seen"),
+        ("distances / mean", "distances", "motion", "depends on position or size"),
+        ("counts / weights.sum()}", "counts / weights.sum() + abs(form.vertices[0, 0])}", "relabelling", "numbering"),
+        ("if not mean > 0:", "if 1 / mean < 0:", "awkward forms", "a point"),
+    ],
+)
+def test_a_fault_is_found_by_its_check(findings, old, new, check, message):
+    found = findings(old, new)
+    assert found[check].outcome == "failed", found[check]
+    assert message in found[check].explanation
+
+
+def test_a_scorer_is_checked_by_name_and_with_parameters(tmp_path):
+    target = conformance.Target("distance-distribution[bins=8]", plugins=(str(EXAMPLE),))
+    assert ([spec.name for spec in target.scorers()], target.specs()) == (["distance-distribution[bins=8]"], [])
+    assert [spec.name for spec in conformance.Target("cm-bof").scorers()] == ["cm-bof"]
+    with pytest.raises(ConfigurationError, match="write a whole number of at least 2"):
+        conformance.Target("distance-distribution[bins=1]", plugins=(str(EXAMPLE),)).scorers()

@@ -1,0 +1,67 @@
+"""What the verb ``check`` is asked to check."""
+
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.methods import conformance
+
+TWO = """
+from dataclasses import dataclass
+from typing import ClassVar
+from benchmark.contracts import MethodInfo
+
+@dataclass(frozen=True, kw_only=True)
+class First:
+    info: ClassVar[MethodInfo] = MethodInfo(name="first", title="First")
+    power: float = 1.0
+
+    def canonicalise(self, shape):
+        return shape.form(shape.mesh.vertices * self.power)
+
+@dataclass(frozen=True, kw_only=True)
+class Second(First):
+    info: ClassVar[MethodInfo] = MethodInfo(name="second", title="Second")
+"""
+
+
+@pytest.mark.parametrize(
+    ("target", "names"),
+    [
+        ({"name": "FILE"}, ["first", "second"]),
+        (
+            {"name": "FILE[power=2|3]"},
+            ["first[power=2.0]", "first[power=3.0]", "second[power=2.0]", "second[power=3.0]"],
+        ),
+        ({"name": "FILE", "methods": ("second[power=2]",)}, ["second[power=2.0]"]),
+        ({"name": "first[power=2]", "plugins": ("FILE",)}, ["first[power=2.0]"]),
+        ({"name": "gps"}, ["gps"]),
+    ],
+)
+def test_methods_are_chosen_by_file_name_and_parameters(target, names, tmp_path):
+    (tmp_path / "two.py").write_text(TWO)
+
+    def filled(value):
+        return value.replace("FILE", str(tmp_path / "two.py"))
+
+    chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
+    assert [spec.name for spec in conformance.Target(**chosen).specs()] == names
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ({"name": "FILE[powr=2]"}, "unknown parameter of first 'powr'; did you mean power"),
+        ({"name": "FILE[power=2]", "methods": ("first",)}, "parameters are given with the file and with -m"),
+        ({"name": "FILE", "methods": ("gps",)}, "has no method 'gps'; choose from first, second"),
+        ({"name": "frist", "plugins": ("FILE",)}, "unknown method 'frist'; did you mean first"),
+    ],
+)
+def test_what_cannot_be_checked_is_named(target, message, tmp_path):
+    (tmp_path / "two.py").write_text(TWO)
+
+    def filled(value):
+        return value.replace("FILE", str(tmp_path / "two.py"))
+
+    chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
+    with pytest.raises(ConfigurationError, match=message):
+        conformance.Target(**chosen).specs()

@@ -1,0 +1,57 @@
+"""A learner without a model is trained on a few images, and checked with that."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmark.methods import conformance
+from benchmark.methods.conformance import processes
+from benchmark.methods.registry import methods, variant
+from tests.methods.test_conformance import call_here
+
+
+@pytest.fixture
+def learner_findings(tmp_path, monkeypatch):
+    """What is found in the example of a learner, after an edit."""
+    monkeypatch.setattr(processes, "call_apart", call_here)
+    source = (Path(__file__).parents[2] / "examples" / "nearest_view.py").read_text()
+
+    def check(old, new, **target):
+        assert old in source
+        path = tmp_path / f"learner_{abs(hash((old, new)))}.py"
+        path.write_text(source.replace(old, new))
+        (found,) = conformance.check_target(str(path)).findings.values()
+        return {finding.name: finding for finding in found}
+
+    return check
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check", "message"),
+    [
+        ('"seed{self.training_seed}"', '"a/b"', "learner", "model_name is 'a/b'"),
+        ('] = "table"', '] = "tabel"', "learner", "split is 'tabel'; choose one of table, strict, sampled"),
+        (
+            '(folder / CARD).write_text(json.dumps(card), encoding="utf-8")',
+            "pass",
+            "training",
+            "'train' ends without card.json; write it last",
+        ),
+        ('"subjects": data.subjects,', "", "training", "does not list the subjects"),
+        ('"identifiers": data.identifiers,', '"identifiers": ["me"],', "training", "all its identifiers"),
+        ("return loaded", "return None", "training", "'load' returns NoneType"),
+        ("hexdigest()", "hexdigest()[::-1]", "training", "has digest"),
+    ],
+)
+def test_a_fault_of_a_learner_is_found_before_anybody_trains_it(old, new, check, message, learner_findings):
+    found = learner_findings(old, new)
+    assert found[check].outcome == "failed"
+    assert message in found[check].explanation
+
+
+def test_a_learner_that_says_where_its_model_lies_is_trained_only_if_asked(tmp_path):
+    spec = variant("learned[training=humans-strict-0-0]", methods())
+    (finding,) = conformance.check(spec)
+    assert finding.outcome == "skipped"
+    assert "no model in humans-strict-0-0/literal-seed0" in finding.explanation
+    assert "-o epochs=1" in finding.explanation

@@ -1,0 +1,92 @@
+"""The examples are what ``new`` writes and what the documentation shows, and each works far from the checkout."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmark.methods.scaffold import KINDS, new_plugin
+from tests.toy import rod, write_off
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+
+#: Example of each kind.
+NAMES = {
+    "method": "ray-stretch",
+    "descriptor": "distance-profile",
+    "learner": "nearest-view",
+    "scorer": "distance-distribution",
+    "dataset": "bent-ellipsoids",
+}
+
+
+def file_of(kind):
+    return EXAMPLES / f"{NAMES[kind].replace('-', '_')}.py"
+
+
+@pytest.fixture
+def far(tmp_path):
+    """A folder outside of the checkout with the examples, and how a program is called there."""
+    for path in EXAMPLES.glob("*.py"):
+        shutil.copy(path, tmp_path)
+    env = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
+
+    def call(*arguments):
+        done = subprocess.run(
+            [sys.executable, "-m", *map(str, arguments)], capture_output=True, text=True, check=False, cwd=tmp_path,
+            timeout=280, env=env | {"PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return call
+
+
+def test_there_is_an_example_of_each_kind():
+    assert set(NAMES) == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_an_example_is_what_new_writes(kind, tmp_path):
+    for path in new_plugin(kind, NAMES[kind], tmp_path):
+        assert (EXAMPLES / path.name).read_text() == path.read_text()
+
+
+def test_the_documentation_shows_the_examples():
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert sorted(blocks) == sorted(file_of(kind).read_text() for kind in NAMES)
+
+
+@pytest.mark.slow
+def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
+    said = far("pytest", "-q", "-p", "no:cacheprovider", ".")
+    assert f"{2 * len(NAMES)} passed" in said
+
+
+@pytest.mark.slow
+def test_method_descriptor_scorer_and_data_set_make_a_table_far_from_the_checkout(far):
+    kinds = ("method", "descriptor", "scorer", "dataset")
+    plugins = [word for kind in kinds for word in ("--plugin", file_of(kind).name)]
+    methods = ("-m", "ray-stretch", "-m", "distance-profile", "--scorer", "distance-distribution")
+    said = far("benchmark", "run", *plugins, *methods, "--input", "mesh")
+    title = "**Table bent-ellipsoids. Retrieval on bent-ellipsoids, scored by Distance Distribution: Bent Ellipsoids "
+    assert f"{title}(12 shapes, 3 classes).**" in said
+    rows = [line.split("|")[1].strip() for line in said.splitlines() if line.startswith("| ")]
+    assert rows[0] == "Method"
+    assert rows[2:] == ["Distance Profile", "Ray Stretch", "*Chance*"]
+
+
+@pytest.mark.slow
+def test_the_learner_is_trained_and_tested_far_from_the_checkout(far, tmp_path):
+    for name, radius in {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}.items():
+        for number, bend in enumerate((1.0, 1.5)):
+            write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
+    options = ("-t", "III", "--plugin", "nearest_view.py", "--data-root", "data")
+    assert "kept 4 pairs" in far("benchmark", "train", "nearest-view", *options)
+    said = far("benchmark", "run", "-m", "nearest-view", *options, "--input", "view")
+    assert re.search("- Nearest View: trained on .*: 4 pairs, kept as they are", said)
