@@ -7,24 +7,24 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from multiprocessing.connection import wait
 from typing import Protocol
 
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import BenchmarkError
 from benchmark.jobs.claims import Claims
+from benchmark.jobs.crews import INTERVAL, LOST, Crew, CrewWorker, LocalCrew
 from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.plan import UNSAVED
 from benchmark.jobs.runner import failure, keep, work
-from benchmark.jobs.worker import UNWRITTEN, Status, TaskWorker
+from benchmark.jobs.worker import UNWRITTEN, Status
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.workers import BY_HAND, ending, memory_per_worker
-
-#: Seconds between two looks at the workers.
-_INTERVAL = 0.1
+from benchmark.system.workers import BY_HAND, ending
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _LIVES = 2
+
+#: Machines that may be lost with a job before it is not tried again: it may be the job that brings them down.
+_MACHINES = 5
 
 #: Workers that may die one after the other before they begin, which is no fault of a job, and how often the system may
 #: refuse to start one while none runs.
@@ -66,7 +66,7 @@ class SerialExecutor:
             yield from self._done(taken, watch)
             if left:
                 watch([], 0)
-                time.sleep(_INTERVAL)
+                time.sleep(INTERVAL)
 
     def _done(self, orders: list[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
         names = {order.key: order.name for order in orders}
@@ -106,19 +106,20 @@ class ProcessExecutor:
     def execute(self, orders: Sequence[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
         """Do the jobs, handing back each record as soon as its job ends."""
         if orders:
-            yield from _Run(list(orders), self.workers, self.claims, self.timeout, watch).records()
+            crew = LocalCrew(self.workers, Store.open(orders[0].results).progress)
+            yield from Run(list(orders), crew, self.claims, self.timeout, watch).records()
 
 
 @dataclass
-class _Run:
-    """The jobs of one run, and the processes that are at them."""
+class Run:
+    """The jobs of one run, and the workers that are at them."""
 
     orders: list[Order]
-    workers: int
+    crew: Crew
     claims: Claims
     timeout: float | None
     watch: Watch
-    running: list[TaskWorker] = field(default_factory=list)
+    running: list[CrewWorker] = field(default_factory=list)
     waiting: deque[Share] = field(default_factory=deque)
     to_rank: list[Order] = field(default_factory=list)
     claimed: set[str] = field(default_factory=set)
@@ -135,13 +136,12 @@ class _Run:
         """Work until every job has its record."""
         self.store = Store.open(self.orders[0].results)
         self._require_folder()
-        self.memory = memory_per_worker(self.workers)
         self.pending = {order.key: order for order in self.orders}
         self._share_out(self.orders)
         try:
             while self.waiting or self.running or self.to_rank or self.elsewhere:
                 self._start()
-                wait([worker.sentinel for worker in self.running], timeout=_INTERVAL)
+                self.crew.wait(self.running)
                 for worker in list(self.running):
                     self._look_at(worker)
                 self._look_elsewhere()
@@ -152,19 +152,19 @@ class _Run:
                 worker.end()
 
     def _share_out(self, orders: Iterable[Order]) -> None:
-        for share in shares(list(orders), self.workers):
+        for share in shares(list(orders), max(self.crew.size, 1)):
             self.waiting.append(share)
             for order in share.orders:
                 self.open_shares[order.key] = self.open_shares.get(order.key, 0) + 1
 
     def _start(self) -> None:
-        while len(self.running) < self.workers and time.monotonic() >= self.not_before:
+        while len(self.running) < self.crew.size and time.monotonic() >= self.not_before:
             task = self._due() or self._next_share()
             if task is None:
                 return
-            number = next(n for n in range(self.workers) if n not in {w.number for w in self.running})
+            number = next(n for n in range(len(self.running) + 1) if n not in {w.number for w in self.running})
             try:
-                self.running.append(TaskWorker(task, number, self.store.progress, self.memory))
+                self.running.append(self.crew.begin(task, number))
             except OSError as error:
                 self._refused(task, error)
             else:
@@ -229,12 +229,12 @@ class _Run:
 
     def _due(self) -> Ranking | None:
         """Jobs that can be ranked, shared among the free workers: starting a process for each would take longer."""
-        free = self.workers - len(self.running)
+        free = self.crew.size - len(self.running)
         count = -(-len(self.to_rank) // free)
         chosen, self.to_rank = self.to_rank[:count], self.to_rank[count:]
         return Ranking(tuple(chosen)) if chosen else None
 
-    def _look_at(self, worker: TaskWorker) -> None:
+    def _look_at(self, worker: CrewWorker) -> None:
         """Book the time of the job that a worker is at; end what takes too long; take note of what has ended."""
         now, status, ended = time.monotonic(), worker.status, worker.exit_code is not None
         if status.job and not status.is_done:
@@ -253,7 +253,7 @@ class _Run:
         else:
             self._died(worker)
 
-    def _died(self, worker: TaskWorker) -> None:
+    def _died(self, worker: CrewWorker) -> None:
         """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
         code, status = worker.exit_code or 0, worker.status_at_end
         self._require_folder()
@@ -268,20 +268,25 @@ class _Run:
                     "find out what ends them, or run with --executor serial; finished jobs are kept",
                 )
             self._again(worker, without="")
+        elif code == LOST:
+            said = f"the machine that it ran on was lost, for the {_MACHINES}th time; --retry it"
+            self._killed(worker, status, _MACHINES, said)
         elif -code in BY_HAND:
-            self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
-            if self.deaths[status.job] < _LIVES:
-                self._again(worker, without="")
-            else:
-                said = (
-                    "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
-                )
-                self._blame(worker, status, "killed", said)
+            said = "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
+            self._killed(worker, status, _LIVES, said)
         else:
             said = f"the process ended with {ending(code)}; run it with --executor serial to see more"
             self._blame(worker, status, "crashed", said)
 
-    def _blame(self, worker: TaskWorker, status: Status, kind: str, said: str) -> None:
+    def _killed(self, worker: CrewWorker, status: Status, lives: int, said: str) -> None:
+        """Somebody else ended it: another try, if it has one left."""
+        self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
+        if self.deaths[status.job] < lives:
+            self._again(worker, without="")
+        else:
+            self._blame(worker, status, "killed", said)
+
+    def _blame(self, worker: CrewWorker, status: Status, kind: str, said: str) -> None:
         """Write the record of the job that broke its worker, and let the rest of the share go on."""
         key = status.job
         if key in self.pending and key not in self.store.records:
@@ -289,7 +294,7 @@ class _Run:
             keep(self.pending[key], self.store, failure(kind, where + said, worker.trace))
         self._again(worker, without=key)
 
-    def _again(self, worker: TaskWorker, without: str) -> None:
+    def _again(self, worker: CrewWorker, without: str) -> None:
         self.running.remove(worker)
         task = worker.task
         if isinstance(task, Ranking):
@@ -308,7 +313,7 @@ class _Run:
             for order in left:
                 self._close(order)
 
-    def _finish(self, worker: TaskWorker) -> None:
+    def _finish(self, worker: CrewWorker) -> None:
         worker.end()
         self.running.remove(worker)
         if isinstance(worker.task, Share):
@@ -338,8 +343,14 @@ class _Run:
 
     def _tell(self) -> None:
         at = [worker.status for worker in self.running]
-        names = [self.pending[status.job].name for status in at if status.job in self.pending]
-        if not self.running and self.elsewhere:
+        known = [(s, w) for s, w in zip(at, self.running, strict=True) if s.job in self.pending]
+        names = [
+            self.pending[s.job].name + (f", {s.shape}" if s.shape and isinstance(w.task, Ranking) else "")
+            for s, w in known
+        ]
+        if not self.running and self.crew.waits_for:
+            names = [self.crew.waits_for]
+        elif not self.running and self.elsewhere:
             names = [f"another run is at {order.name}" for order in self.elsewhere.values()]
         shapes = sum(s.steps for s, w in zip(at, self.running, strict=True) if isinstance(w.task, Share))
         self.watch(names, self.steps_done + shapes)
@@ -352,27 +363,3 @@ def _keys(task: Task) -> list[str]:
 def _record_of(order: Order, store: Store) -> Record:
     record = store.records.read(order.key)
     return record if record is not None else keep(order, store, failure("crashed", "the job left no record"))
-
-
-def make_executor(name: str, workers: int, timeout: float | None, claims: Claims) -> Executor:
-    """Make an executor by the name it has on the command line.
-
-    Parameters
-    ----------
-    name
-        ``"serial"`` or ``"processes"``.
-    workers, timeout
-        See :class:`ProcessExecutor`.
-    claims
-        The jobs that other runs are at.
-
-    Raises
-    ------
-    ConfigurationError
-        If the name is unknown.
-    """
-    if name == "serial":
-        return SerialExecutor(claims)
-    if name == "processes":
-        return ProcessExecutor(workers, claims, timeout)
-    raise ConfigurationError(f"unknown executor '{name}'", "choose serial or processes")

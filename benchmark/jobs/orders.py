@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.contracts import Input
 from benchmark.jobs.plan import Job
 from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model
 
 
@@ -56,6 +57,8 @@ class Order:
         Whether it is an error that a model was trained on one of the shapes.
     split_size
         Test subjects in each of all the ways to choose some; 0 where nobody asks for them.
+    scorer
+        What compares the forms.
     """
 
     key: str
@@ -71,6 +74,7 @@ class Order:
     recipe: Mapping[str, Any]
     all_unseen: bool
     split_size: int = 0
+    scorer: ScorerSpec = field(default_factory=ScorerSpec)
 
     @classmethod
     def of(cls, job: Job, scope: Scope) -> Order:
@@ -89,18 +93,24 @@ class Order:
             recipe=job.recipe,
             all_unseen=job.gallery.table.all_unseen,
             split_size=job.gallery.table.split_size,
+            scorer=job.scorer,
         )
 
     @property
     def name(self) -> str:
-        """Gallery, input and method, as people name a job."""
-        return f"{self.facts['gallery']} {self.input} {self.method.name}"
+        """Gallery, input and method, as people name a job, and the scorer where it is not the default one."""
+        by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
+        return f"{self.facts['gallery']} {self.input} {self.method.name}{by}"
 
     @property
     def room(self) -> str:
         """Jobs of one room may share a process: all built-in methods of a package, or those of one plugin file."""
-        module = self.method.module
-        return module if module.endswith(".py") else module.partition(".")[0]
+        rooms = dict.fromkeys(_room(module) for module in (self.method.module, self.scorer.module))
+        return " ".join(room for room in rooms if room != "retrieval")
+
+
+def _room(module: str) -> str:
+    return module if module.endswith(".py") else module.partition(".")[0]
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from benchmark.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.tables import Gallery
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
-from benchmark.storage.records import Record, by_place
+from benchmark.storage.records import NO_SCORER, Place, Record, by_place
 from benchmark.storage.store import Store
 from retrieval.chance import chance_levels
-from retrieval.cmbof import CMBOF
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
 
@@ -56,6 +56,8 @@ class Job:
         Why it is in this state.
     models
         Trained model of each shape by identifier; empty for a method that does not learn.
+    scorer
+        What compares the forms; of no account for a descriptor, whose recipe names the default one.
     """
 
     key: str
@@ -66,11 +68,13 @@ class Job:
     state: State
     reason: str
     models: Mapping[str, Model] = field(default_factory=dict)
+    scorer: ScorerSpec = field(default_factory=ScorerSpec)
 
     @property
     def name(self) -> str:
-        """Data set, input and method, as people name a job."""
-        return f"{self.gallery.name} {self.input} {self.method.name}"
+        """Data set, input and method, as people name a job, and the scorer where it is not the default one."""
+        by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
+        return f"{self.gallery.name} {self.input} {self.method.name}{by}"
 
     @property
     def to_run(self) -> bool:
@@ -99,8 +103,18 @@ class Job:
                 "n_classes": len({entry.subject for entry in self.gallery.entries}),
                 "chance": chance_levels([entry.subject for entry in self.gallery.entries]),
             },
-            "target": self.method.target if not self.method.module.endswith(".py") else "",
+            # Only what is built in, or installed, means something to others.
+            "target": ""
+            if any(m.endswith(".py") for m in (self.method.module, self.scorer.module))
+            else self.method.target,
+            **self._scorer_facts(),
         }
+
+    def _scorer_facts(self) -> dict[str, str]:
+        """Name and title of the scorer; the default one goes without saying."""
+        if self.method.describes:
+            return {"scorer": NO_SCORER}
+        return {} if self.scorer.name == DEFAULT else {"scorer": self.scorer.name, "scorer_title": self.scorer.title}
 
 
 def make_plan(
@@ -110,6 +124,7 @@ def make_plan(
     store: Store,
     seed: int = 0,
     retry: frozenset[str] = frozenset(),
+    scorer: ScorerSpec | None = None,
 ) -> list[Job]:
     """List the jobs of a selection with their states.
 
@@ -123,16 +138,19 @@ def make_plan(
         Base seed.
     retry
         Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
+    scorer
+        What compares the forms; None for the default one.
     """
+    chosen = scorer or ScorerSpec()
     before = by_place(store.records)
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     for gallery in galleries:
         rows = gallery.rows(specs, store.models)
         for input_ in wanted_inputs:
-            if rows and input_ in gallery.table.inputs:
+            if rows and input_ in gallery.inputs:
                 data = data_recipe(gallery, input_)
-                jobs += [_job(gallery, input_, spec, data, before, store, seed, retry) for spec in rows]
+                jobs += [_job(gallery, input_, spec, data, before, store, seed, retry, chosen) for spec in rows]
     return jobs
 
 
@@ -141,17 +159,21 @@ def _job(
     input_: Input,
     spec: MethodSpec,
     data: Mapping[str, Any],
-    before: Mapping[tuple[str, str, str, int], list[Record]],
+    before: Mapping[Place, list[Record]],
     store: Store,
     seed: int,
     retry: frozenset[str],
+    scorer: ScorerSpec,
 ) -> Job:
     models: dict[str, Model] = {}
 
     def job(state: State, reason: str, recipe: Mapping[str, Any] | None = None) -> Job:
-        return Job(keys.digest(recipe) if recipe else "", gallery, input_, spec, recipe or {}, state, reason, models)
+        key = keys.digest(recipe) if recipe else ""
+        return Job(key, gallery, input_, spec, recipe or {}, state, reason, models, scorer)
 
     missing = spec.missing_packages()
+    if not missing and spec.describes:
+        scorer = ScorerSpec()  # it compares its descriptors itself: one job, whatever compares the forms
     if missing:
         return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
     if input_ not in spec.info.inputs:
@@ -162,7 +184,7 @@ def _job(
         return job("unavailable", str(error))
     except NoFolds as error:
         return job("unsupported", str(error))
-    recipe = job_recipe(gallery, input_, spec, data, models, seed)
+    recipe = job_recipe(gallery, input_, spec, data, models, seed, scorer)
     key = keys.digest(recipe)
     record = store.records.read(key)
     if record is not None and record["status"] not in (CHANGED, UNSAVED):
@@ -172,7 +194,7 @@ def _job(
         return job("stale", f"{status} before, asked to retry", recipe)
     if store.published.read(key) is not None:
         return job("published", "finished elsewhere; a run makes it anew here", recipe)
-    older = before.get((gallery.name, input_, spec.name, seed))
+    older = before.get(Place(gallery.name, input_, spec.name, seed, scorer.name))
     if not older:
         return job("missing", "never run", recipe)
     return job("stale", difference(older[-1]["recipe"], recipe), recipe)
@@ -185,26 +207,28 @@ def job_recipe(
     data: Mapping[str, Any],
     models: Mapping[str, Model],
     seed: int,
+    scorer: ScorerSpec | None = None,
 ) -> dict[str, Any]:
     """Everything that determines the scores of a job.
 
     Parameters
     ----------
-    gallery, input_, spec, seed
-        The job.
+    gallery, input_, spec, seed, scorer
+        The job; without a scorer, by the default one.
     data
         :func:`data_recipe` of gallery and input.
     models
         Trained model of each shape; empty for a method that does not learn.
     """
+    scorer = scorer or ScorerSpec()
     recipe = {
         **data,
         "method": spec.base_name,
         "input": input_,
         "parameters": spec.resolved_parameters(),
         "seed": seed,
-        "scorer": recipes.scorer_recipe(CMBOF()),
-        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), input_, spec),
+        "scorer": recipes.scorer_recipe(scorer),
+        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), input_, spec, scorer),
     }
     if gallery.table.split_size:
         recipe["split_size"] = gallery.table.split_size
@@ -225,7 +249,9 @@ def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
     }
     if input_ == "view":
         frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]
-        recipe["view"] = keys.digest([frame, [repr(dataset.camera(entry)) for entry in gallery.entries]])
+        cameras = [repr(dataset.camera(entry)) for entry in gallery.entries]
+        sensors = [repr(sensor) for entry in gallery.entries if (sensor := recipes.sensor_of(dataset, entry))]
+        recipe["view"] = keys.digest([frame, cameras, *([sensors] if sensors else [])])
     return recipe
 
 
@@ -275,6 +301,8 @@ def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str
 def unavailable_record(job: Job) -> Record:
     """What tables know of a job that cannot be done here: a package or a model is missing."""
     recipe = {"unavailable": job.reason, "gallery": job.gallery.name, "input": job.input, "method": job.method.name}
+    if job.scorer.name != DEFAULT:
+        recipe["scorer"] = job.scorer.name
     return {**job.facts, "key": keys.digest(recipe), "recipe": recipe, "status": job.state, "reason": job.reason}
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmark.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.errors import ShapeError, UnsupportedShape
-from benchmark.jobs.recipes import Recipe, frame_recipe, shape_recipe, source_recipe
+from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import frame_of, half_width_of, seen
 from benchmark.storage.costs import Cost, Meter
@@ -100,7 +100,7 @@ class Preparation:
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
             return complete(self.mesh(entry))
-        return seen(self.mesh(entry), self.dataset.camera(entry), self.half_width)
+        return seen(self.mesh(entry), self.dataset.camera(entry), self.half_width, sensor_of(self.dataset, entry))
 
     @cached_property
     def _frame(self) -> Recipe:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from typing import Any
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError
+from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs.stages.complete import N_VERTICES
-from benchmark.jobs.stages.ranking import CODEBOOK_SEEDS
 from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.storage import keys
 from benchmark.system import fingerprints
-from retrieval.cmbof import CMBOF
 
 Recipe = dict[str, Any]
 
@@ -29,13 +29,13 @@ _NOT_FOR_FORMS = ("train", "check_options")
 
 
 def dataset_module(dataset: Dataset) -> str:
-    """Module that makes the meshes of a data set."""
-    return type(dataset).__module__
+    """Module that makes the meshes of a data set; of one from a plugin file, the file."""
+    return dataset.code if isinstance(dataset, OwnDataset) else type(dataset).__module__
 
 
 def source_code(module: str) -> fingerprints.Fingerprint:
-    """Code that makes the meshes of a data set, by its module: the readers of files, or the generator."""
-    return fingerprints.fingerprint(module)
+    """Code that makes the meshes of a data set, by its module: readers of files, a generator, or a plugin file."""
+    return fingerprints.fingerprint(module, *([OwnDataset.__module__] if module.endswith(".py") else []))
 
 
 def preparation_code(input_: Input) -> fingerprints.Fingerprint:
@@ -51,14 +51,14 @@ def method_code(spec: MethodSpec) -> fingerprints.Fingerprint:
     return fingerprints.fingerprint(spec.module, *inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
 
 
-def features_code() -> fingerprints.Fingerprint:
-    """Code between the form and its features."""
-    return fingerprints.fingerprint(f"{_STAGES}.features")
+def features_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
+    """Code between the form and its signature."""
+    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features")
 
 
-def ranking_code() -> fingerprints.Fingerprint:
-    """Code between the features of a gallery and its measures."""
-    return fingerprints.fingerprint(f"{_STAGES}.ranking")
+def scorer_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
+    """Code between the form and the measures of a gallery."""
+    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", f"{_STAGES}.ranking")
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
@@ -93,7 +93,15 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     recipe = {"stage": input_, "source": source_recipe(dataset, entry), "code": preparation_code(input_).digest}
     if input_ == "mesh":
         return recipe | {"n_vertices": N_VERTICES}
-    return recipe | {"camera": repr(dataset.camera(entry)), "frame": frame}
+    sensor = sensor_of(dataset, entry)
+    disturbed = {} if sensor is None else {"sensor": repr(sensor)}
+    return recipe | {"camera": repr(dataset.camera(entry)), "frame": frame} | disturbed
+
+
+def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:
+    """What the depth camera of a data set adds to its images; most have one without faults, and say nothing of it."""
+    found = getattr(dataset, "sensor", None)
+    return found(entry) if found else None
 
 
 def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, model: str = "") -> Recipe:
@@ -124,45 +132,51 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
     return recipe | ({"model": model} if model else {})
 
 
-def features_recipe(form: Recipe, scorer: CMBOF) -> Recipe:
-    """What determines the features of a form."""
+def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
+    """What determines the signature of a form."""
     return {
         "stage": "features",
         "form": form,
-        "scorer": dataclasses.asdict(scorer),
-        "code": features_code().digest,
+        "scorer": _named(scorer),
+        "code": features_code(scorer).digest,
     }
 
 
-def distances_recipe(forms: list[Recipe], scorer: CMBOF, codebook: int | None) -> Recipe:
-    """What determines the distances of a gallery: its forms or descriptors in order, and the seed of the codebook."""
+def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) -> Recipe:
+    """What determines the distances of a gallery: its forms or descriptors in order, and the draw of the scorer."""
     return {
         "stage": "distances",
         "forms": forms,
-        "scorer": dataclasses.asdict(scorer),
-        "codebook": codebook,
-        "code": [features_code().digest, ranking_code().digest],
+        "scorer": _named(scorer),
+        "codebook": draw,
+        "code": scorer_code(scorer).digest,
     }
 
 
-def scorer_recipe(scorer: CMBOF) -> Recipe:
-    """The scorer as part of the recipe of a job."""
-    return {**dataclasses.asdict(scorer), "codebooks": list(CODEBOOK_SEEDS)}
+def scorer_recipe(scorer: ScorerSpec) -> Recipe:
+    """The scorer as part of the recipe of a job; the draws go by the name that they have for the default one."""
+    return {**_named(scorer), "codebooks": list(range(scorer.info.draws))}
 
 
-def job_code(source: str, input_: Input, spec: MethodSpec) -> dict[str, dict[str, dict[str, str]]]:
+def _named(scorer: ScorerSpec) -> Recipe:
+    """Parameters of a scorer, and its name where it is not the default one."""
+    name = {} if scorer.base_name == DEFAULT else {"name": scorer.base_name}
+    return {**scorer.resolved_parameters(), **name}
+
+
+def job_code(source: str, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, dict[str, dict[str, str]]]:
     """Fingerprints of all stages of a job, so that a plan can name what changed.
 
     Parameters
     ----------
     source
         :func:`dataset_module` of the data set.
-    input_, spec
+    input_, spec, scorer
         The job.
     """
     return {
         "source": source_code(source).plain(),
         "preparation": preparation_code(input_).plain(),
         "method": method_code(spec).plain(),
-        "scorer": fingerprints.fingerprint(f"{_STAGES}.features", f"{_STAGES}.ranking").plain(),
+        "scorer": scorer_code(scorer).plain(),
     }

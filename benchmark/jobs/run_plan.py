@@ -18,8 +18,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from benchmark.errors import ConfigurationError
 from benchmark.jobs.claims import Claims
-from benchmark.jobs.executors import make_executor
+from benchmark.jobs.executors import Executor, ProcessExecutor, SerialExecutor
 from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment_text
@@ -27,6 +28,7 @@ from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from benchmark.system.text import brief, clean, say
+from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
 
 #: Seconds between two lines about progress where there is no terminal.
@@ -37,9 +39,24 @@ _FINE = ("cached", "unsupported")
 
 
 def run_plan(
-    jobs: Sequence[Job], store: Store, scope: Scope, executor: str, workers: int, timeout: float | None
+    jobs: Sequence[Job],
+    store: Store,
+    scope: Scope,
+    executor: str,
+    workers: int | None,
+    timeout: float | None,
+    scheduler: str = "",
 ) -> bool:
     """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
+
+    Parameters
+    ----------
+    jobs
+        The plan.
+    store, scope
+        Where the results are, and what else the orders tell.
+    executor, workers, timeout, scheduler
+        See :func:`make_executor`.
 
     Returns
     -------
@@ -65,12 +82,51 @@ def run_plan(
             if claims.take(order.key):
                 store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
                 claims.release(order.key)
-        for order, record in make_executor(executor, workers, timeout, claims).execute(orders, display.watch):
+        chosen = make_executor(executor, workers, timeout, claims, scheduler)
+        for order, record in chosen.execute(orders, display.watch):
             display.ended(order, record)
             fine &= record["status"] == "ok"
         if claims.is_last():
             store.drop_scratch()
     return fine
+
+
+def make_executor(
+    name: str, workers: int | None, timeout: float | None, claims: Claims, scheduler: str = ""
+) -> Executor:
+    """Make an executor by the name it has on the command line.
+
+    Parameters
+    ----------
+    name
+        ``"serial"``, ``"processes"`` or ``"dask"``.
+    workers
+        Tasks at a time; None for all cores, of this machine or of the cluster.
+    timeout
+        Seconds of work after which a job is stopped; None for no limit. Nothing is stopped by the serial one.
+    claims
+        The jobs that other runs are at.
+    scheduler
+        Address of the scheduler of a dask cluster; "" for none.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name is unknown, or a scheduler is missing or not asked for.
+    """
+    if name == "dask":
+        from benchmark.jobs.cluster.executor import DaskExecutor
+
+        if not scheduler:
+            raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
+        return DaskExecutor(scheduler, claims, timeout, workers)
+    if scheduler:
+        raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
+    if name == "serial":
+        return SerialExecutor(claims)
+    if name == "processes":
+        return ProcessExecutor(workers or available_cores(), claims, timeout)
+    raise ConfigurationError(f"unknown executor '{name}'", "choose serial, processes or dask")
 
 
 class _Display:
@@ -100,7 +156,7 @@ class _Display:
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
             left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
-            at = "" if done or not names else f", {names[0]}"
+            at = f", {names[0]}" if names and (not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
     def ended(self, order: Order, record: Record) -> None:

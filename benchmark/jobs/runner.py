@@ -9,15 +9,17 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
@@ -34,7 +36,7 @@ __all__ = ["failure", "keep", "make_forms", "work"]
 
 
 class Tell(Protocol):
-    """Told which job a worker is at, how many steps of its task are behind it, and the shape that is next."""
+    """Told which job a worker is at, how many steps are behind it, and at which shape or part of a ranking it is."""
 
     def __call__(self, job: str, steps: int, shape: str = "") -> object: ...
 
@@ -52,7 +54,7 @@ def work(task: Task, tell: Tell) -> None:
     if isinstance(task, Ranking):
         for done, order in enumerate(task.orders):
             tell(order.key, done)
-            _rank(order)
+            _rank(order, lambda said, key=order.key, done=done: tell(key, done, said))  # type: ignore[misc]
     else:
         _treat(task, tell)
 
@@ -128,7 +130,7 @@ def _treat(share: Share, tell: Tell) -> None:
 
 
 def _treatment(order: Order, preparation: Preparation, store: Store) -> Treatment:
-    treatment = Treatment(preparation, store, order.method, order.seed, order.models)
+    treatment = Treatment(preparation, store, order.method, order.seed, order.models, order.scorer)
     if not isinstance(treatment.method, Method):
         return treatment
     seen = treatment.seen(_entries(order, preparation.dataset), preparation.dataset.name)
@@ -146,7 +148,7 @@ class _CodeChanged(BenchmarkError):
 
 def _require_same_code(order: Order, dataset: Dataset) -> None:
     """Raise unless this process reads the code that the plan was made for."""
-    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), order.input, order.method))
+    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), order.input, order.method, order.scorer))
     planned = keys.plain(order.recipe["code"])
     if found != planned:
         changed = difference({"code": planned}, {"code": found})
@@ -168,11 +170,12 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
     except StorageError as error:
         keep(order, store, failure(UNSAVED, f"{where}{error}"))
     except BenchmarkError as error:
-        keep(order, store, failure("failed", f"{where}{error}"))
+        keep(order, store, failure("failed", f"{where}{message(error)}"))
     except BaseException as error:  # also what ends a program: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
             raise  # somebody interrupts jobs that are done in this process
-        reason = f"{where}{type(error).__name__}: {error}" if str(error) else f"{where}{type(error).__name__}"
+        said = message(error)
+        reason = f"{where}{type(error).__name__}: {said}" if said else f"{where}{type(error).__name__}"
         keep(order, store, failure("failed", reason, traceback.format_exc()))
 
 
@@ -201,13 +204,13 @@ def make_forms(order: Order, identifiers: Iterable[str], say: Callable[[str], No
 # Galleries -----------------------------------------------------------------------------------------------------------
 
 
-def _rank(order: Order) -> None:
+def _rank(order: Order, tell: Callable[[str], object]) -> None:
     store = Store.open(order.results)
     with _guarded(order, store):
-        keep(order, store, _ranked(order, store))
+        keep(order, store, _ranked(order, store, tell))
 
 
-def _ranked(order: Order, store: Store) -> dict[str, Any]:
+def _ranked(order: Order, store: Store, tell: Callable[[str], object]) -> dict[str, Any]:
     start = time.perf_counter()
     dataset = open_dataset(order.dataset, order.data_root)
     _require_same_code(order, dataset)
@@ -225,12 +228,12 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
     if len(set(labels)) < 2 or len(set(labels)) == len(labels):
         reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {refused[0][1]}"
         return failure("unsupported", reason) | {"unsupported": refused}
-    matrices, distances = _matrices(order, store, treatment, kept, found)
-    treated = [found[entry.identifier] for entry in kept]
+    gallery = _Gallery(store, treatment, kept, found, tell)
+    treated = list(found.values())
     return {
         "status": "ok",
-        **ranking.scores(matrices, labels),
-        **(ranking.over_splits(matrices, labels, order.split_size) if order.split_size else {}),
+        **ranking.scores(gallery.matrices(), labels),
+        **(ranking.over_splits(gallery.matrices(), labels, order.split_size) if order.split_size else {}),
         "shapes": [entry.identifier for entry in kept],
         "labels": labels,
         "n_shapes": len(kept),
@@ -242,34 +245,62 @@ def _ranked(order: Order, store: Store) -> dict[str, Any]:
         "environments": _environments(treated),
         "artefacts": sorted(
             {a.key for t in treated for a in (t.prepared, t.answer)}
-            | {key for key in (*distances, treatment.preparation.frame_key) if key}
+            | {key for key in (*gallery.keys, treatment.preparation.frame_key) if key}
         ),
         **_learning(order, treatment, entries, dataset.name),
     }
 
 
-def _matrices(
-    order: Order, store: Store, treatment: Treatment, entries: Sequence[Entry], found: Mapping[str, Treated]
-) -> tuple[list[Any], list[str]]:
-    """Distance matrices of the gallery, one per codebook, and the keys that they are kept under."""
-    forms = [treatment.recipe(entry) for entry in entries]
+class _Gallery:
+    """Distances of a gallery, one draw of the scorer at a time.
 
-    def kept(codebook: int | None, compute: Callable[[], Any]) -> tuple[Any, str]:
-        recipe = recipes.distances_recipe(forms, treatment.scorer, codebook)
-        artefact = store.get_or_compute(recipe, lambda: {"distances": compute()}, work="rank")
-        return artefact.arrays["distances"], artefact.key
+    Of the distances, which are large, one matrix is held at a time.
 
-    method = treatment.method
-    if not isinstance(method, Method):
-        descriptors = [found[entry.identifier].answer.arrays["descriptor"] for entry in entries]
-        results = [kept(None, lambda: ranking.descriptor_distances(method, descriptors))]
-    else:
-        features = [features_of(found[entry.identifier]) for entry in entries]
-        results = [
-            kept(seed, lambda seed=seed: ranking.form_distances(treatment.scorer, features, seed))  # type: ignore[misc]
-            for seed in ranking.CODEBOOK_SEEDS
-        ]
-    return [matrix for matrix, _ in results], [key for _, key in results]
+    Parameters
+    ----------
+    store, treatment, entries
+        The shapes.
+    found
+        What became of them; the arrays of their signatures are taken out.
+    tell
+        Told which draw is under way.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        treatment: Treatment,
+        entries: Sequence[Entry],
+        found: dict[str, Treated],
+        tell: Callable[[str], object],
+    ) -> None:
+        self._store, self._treatment, self._tell = store, treatment, tell
+        forms = [treatment.recipe(entry) for entry in entries]
+        draws: Sequence[int | None] = (None,) if treatment.describes else range(treatment.scorer.info.draws)
+        self._recipes = {draw: recipes.distances_recipe(forms, treatment.scorer_spec, draw) for draw in draws}
+        #: Names of the distances in the store.
+        self.keys = [keys.digest(recipe) for recipe in self._recipes.values()]
+        if treatment.describes:
+            self._descriptors = [found[entry.identifier].answer.arrays["descriptor"] for entry in entries]
+            return
+        self._signatures = [features_of(found[entry.identifier]) for entry in entries]
+        for identifier, each in found.items():
+            found[identifier] = replace(each, features=each.features and replace(each.features, arrays={}))
+
+    def matrices(self) -> Iterator[NDArray[Any]]:
+        """The distances under each draw, shape (N, N) each."""
+        yield from map(self._matrix, self._recipes)
+
+    def _matrix(self, draw: int | None) -> NDArray[Any]:
+        def compute() -> Mapping[str, NDArray[Any]]:
+            method = self._treatment.method
+            if draw is None:
+                assert not isinstance(method, Method)  # noqa: S101
+                return {"distances": ranking.descriptor_distances(method, self._descriptors)}
+            self._tell(f"comparing {len(self._signatures)} forms, {draw + 1} of {len(self._recipes)}")
+            return {"distances": ranking.form_distances(self._treatment.scorer, self._signatures, draw)}
+
+        return self._store.get_or_compute(self._recipes[draw], compute, work="rank").arrays["distances"]
 
 
 def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:

@@ -14,9 +14,10 @@ from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import features, form
 from benchmark.learning import Learner
 from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
+from benchmark.scoring import Scorer
 from benchmark.storage.store import Artefact, Store
-from retrieval.cmbof import CMBOF, Features
 
 __all__ = ["Treated", "Treatment"]
 
@@ -55,8 +56,8 @@ class Treatment:
         Base seed.
     models
         Trained model of each shape by identifier; empty for a method that does not learn.
-    scorer
-        What the features are for.
+    scorer_spec
+        What compares the forms.
     """
 
     preparation: Preparation
@@ -64,13 +65,18 @@ class Treatment:
     spec: MethodSpec
     seed: int = 0
     models: Mapping[str, Model] = field(default_factory=dict)
-    scorer: CMBOF = field(default_factory=CMBOF)
+    scorer_spec: ScorerSpec = field(default_factory=ScorerSpec)
     _loaded: dict[Path, Method] = field(default_factory=dict, repr=False)
 
     @cached_property
     def method(self) -> Method | Descriptor:
         """The method itself; a learner without its model."""
         return self.spec.create()
+
+    @cached_property
+    def scorer(self) -> Scorer:
+        """The scorer itself."""
+        return self.scorer_spec.create()
 
     @property
     def describes(self) -> bool:
@@ -92,9 +98,9 @@ class Treatment:
         if self.describes:
             return Treated(prepared, answer, None, said)
         shape = form.form_mesh(answer.arrays, Mesh(arrays["vertices"], arrays["faces"]))
-        recipe = features_recipe(self.recipe(entry), self.scorer)
+        recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
         found = self.store.get_or_compute(
-            recipe, lambda: attempted(lambda: features.extract(self.scorer, shape)), work="features", scratch=True
+            recipe, lambda: attempted(lambda: features.extract(scorer, shape)), work="features", scratch=True
         )
         treated(found)
         return Treated(prepared, answer, found, said)
@@ -109,7 +115,7 @@ class Treatment:
         said = {**notes(treated(prepared)), **notes(treated(answer))}
         if self.describes:
             return Treated(prepared, answer, None, said)
-        features_found = self.store.find(features_recipe(recipe, self.scorer), scratch=True)
+        features_found = self.store.find(features_recipe(recipe, self.scorer_spec), scratch=True)
         if features_found is None:
             return self.treat(entry)
         treated(features_found)
@@ -169,8 +175,8 @@ def _is_small(name: str) -> bool:
     return name.startswith("note:") or name == REFUSED
 
 
-def features_of(found: Treated) -> Features:
-    """Features of a form that was treated; raises ``ValueError`` for a descriptor."""
+def features_of(found: Treated) -> Arrays:
+    """Signature of a form that was treated; raises ``ValueError`` for a descriptor."""
     if found.features is None:
-        raise ValueError("a descriptor has no features")
-    return Features.from_arrays(found.features.arrays)
+        raise ValueError("a descriptor has no signature")
+    return found.features.arrays

@@ -11,8 +11,10 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from benchmark.jobs.cluster.letters import Letter
 from benchmark.jobs.orders import Task
 from benchmark.storage.store import StorageError
+from benchmark.system import fingerprints
 from benchmark.system.workers import Worker
 
 #: Exit code of a process that could not write into the results folder: by custom, an error of input or output.
@@ -50,7 +52,7 @@ class TaskWorker:
     Parameters
     ----------
     task
-        What to do.
+        What to do, or the letter that says so.
     number
         Place among the workers that run at the same time.
     progress
@@ -64,7 +66,7 @@ class TaskWorker:
         If the system starts no further process.
     """
 
-    def __init__(self, task: Task, number: int, progress: Path, memory: int) -> None:
+    def __init__(self, task: Task | Letter, number: int, progress: Path, memory: int) -> None:
         self.task = task
         self.number = number
         self.looked = time.monotonic()
@@ -74,7 +76,8 @@ class TaskWorker:
         self._status_file = progress / f"{os.getpid()}-{number}"
         self._trace_file = self._status_file.with_name(f"{self._status_file.name}-trace")
         self._clear()
-        self._worker = Worker(_do, task, self._status_file, self._trace_file, memory=memory)
+        known = fingerprints.knowledge()
+        self._worker = Worker(_do, task, self._status_file, self._trace_file, known, memory=memory)
 
     @property
     def sentinel(self) -> int:
@@ -117,8 +120,9 @@ def _beside(status_file: Path) -> Path:
     return status_file.with_name(f"{status_file.name}-next")
 
 
-def _do(task: Task, status_file: Path, trace_file: Path) -> None:
+def _do(task: Task | Letter, status_file: Path, trace_file: Path, known: fingerprints.Knowledge) -> None:
     """Do the task, in its process."""
+    fingerprints.learn(known)
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
         trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
         faulthandler.enable(trace, all_threads=False)
@@ -137,7 +141,7 @@ def _do(task: Task, status_file: Path, trace_file: Path) -> None:
             beside.replace(status_file)  # so that no reader finds half of it
 
     try:
-        work(task, tell)
+        work(task.open() if isinstance(task, Letter) else task, tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

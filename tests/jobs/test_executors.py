@@ -15,8 +15,8 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.claims import Claims
-from benchmark.jobs.executors import make_executor
 from benchmark.jobs.orders import LARGEST_SHARE, Order, shares
+from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
 from tests.toy import write_rods
 
@@ -102,8 +102,9 @@ def faulty_run(tmp_path_factory):
 
 @pytest.mark.slow
 def test_each_fault_costs_its_own_job(faulty_run):
-    _, _, done, found = faulty_run
+    folder, _, done, found = faulty_run
     assert {name: record["status"] for name, record in found.items()} == STATUSES
+    assert alive(folder / "notes", "hang") + alive(folder / "notes", "children-of-hang") == []
     assert done.returncode == 1
     assert "Traceback" not in done.stdout + done.stderr
 
@@ -335,5 +336,12 @@ def test_galleries_that_overlap_are_treated_together(tmp_path):
 
 
 def test_an_unknown_executor_is_named(tmp_path):
-    with pytest.raises(ConfigurationError, match="unknown executor 'slurm'; choose serial or processes"):
+    with pytest.raises(ConfigurationError, match="unknown executor 'slurm'; choose serial, processes or dask"):
         make_executor("slurm", 1, None, Claims(tmp_path / "claims"))
+
+
+def test_dask_without_a_scheduler_and_a_scheduler_without_dask_are_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="dask needs the address of its scheduler; pass --scheduler URL"):
+        make_executor("dask", 1, None, Claims(tmp_path / "claims"))
+    with pytest.raises(ConfigurationError, match="a scheduler is for dask alone; pass --executor dask"):
+        make_executor("processes", 1, None, Claims(tmp_path / "claims"), "tcp://127.0.0.1:8786")

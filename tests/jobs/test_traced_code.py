@@ -131,6 +131,13 @@ def test_the_scorer_runs_what_its_recipe_names(rods):
     )
 
 
+@pytest.mark.slow
+def test_the_second_scorer_runs_what_its_recipe_names(rods):
+    found = trace(rods, "identity", image=32, size=30, scorer="spherical-harmonics")
+    module = "retrieval.spherical_harmonics"
+    assert_named(found, features=module, distances=module)
+
+
 @pytest.mark.exhaustive
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(

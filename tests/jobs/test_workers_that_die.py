@@ -6,13 +6,14 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs import executors, worker
+from benchmark.jobs import crews, executors, worker
 from benchmark.jobs.claims import Claims
 from benchmark.jobs.executors import ProcessExecutor
 from benchmark.jobs.orders import Order, Ranking
 from benchmark.jobs.worker import UNWRITTEN, Status
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
+from benchmark.system import fingerprints
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -54,7 +55,7 @@ def run(tmp_path, monkeypatch):
     def run_(*script):
         monkeypatch.setattr(Scripted, "script", list(script))
         monkeypatch.setattr(
-            executors,
+            crews,
             "TaskWorker",
             lambda task, number, progress, memory: Scripted(task, number, tmp_path / "sentinel", memory),
         )
@@ -163,7 +164,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     monkeypatch.setattr(worker.os, "_exit", leave)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
-        worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace")
+        worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace", fingerprints.knowledge())
     assert left.value.code == UNWRITTEN
 
 

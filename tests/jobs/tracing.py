@@ -35,6 +35,7 @@ from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import complete, ranking
 from benchmark.methods.registry import MethodSpec, methods, select
+from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.tables import Gallery, Table
 from benchmark.storage.store import Store
 from benchmark.system import fingerprints
@@ -130,7 +131,7 @@ def few(dataset: Dataset, entries: tuple[Entry, ...], tracer: Tracer, fewer: Cal
     return smaller
 
 
-def named(stage: str, dataset: Dataset, spec: MethodSpec) -> set[str]:
+def named(stage: str, dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> set[str]:
     """Modules that the recipe of a stage names."""
     found = {
         "source": lambda: [recipes.source_code(recipes.dataset_module(dataset))],
@@ -138,10 +139,10 @@ def named(stage: str, dataset: Dataset, spec: MethodSpec) -> set[str]:
         "mesh": lambda: [recipes.preparation_code("mesh")],
         "view": lambda: [recipes.preparation_code("view")],
         "form": lambda: [recipes.method_code(spec)],
-        "features": lambda: [recipes.features_code()],
-        "distances": lambda: [recipes.features_code(), recipes.ranking_code()],
-        "descriptors": lambda: [recipes.method_code(spec), recipes.ranking_code()],
-        "measures": lambda: [recipes.ranking_code()],
+        "features": lambda: [recipes.features_code(scorer)],
+        "distances": lambda: [recipes.scorer_code(scorer)],
+        "descriptors": lambda: [recipes.method_code(spec), recipes.scorer_code(scorer)],
+        "measures": lambda: [recipes.scorer_code(scorer)],
     }[stage]()
     return {name for fingerprint in found for name in fingerprint.code}
 
@@ -162,9 +163,9 @@ def watch(tracer: Tracer, *, with_features: bool) -> None:
         return real(self, recipe, traced, **options)
 
     def ranked(name: str, function: Any) -> Any:
-        def traced(*arguments: Any) -> Any:
+        def traced(*arguments: Any, **options: Any) -> Any:
             with tracer.stage(name):
-                return function(*arguments)
+                return function(*arguments, **options)
 
         return traced
 
@@ -173,7 +174,7 @@ def watch(tracer: Tracer, *, with_features: bool) -> None:
     ranking.scores = ranked("measures", ranking.scores)
     ranking.over_splits = ranked("measures", ranking.over_splits)
     if not with_features:
-        ranking.form_distances = lambda _, features, seed: _ramp(len(features))
+        ranking.form_distances = lambda _, signatures, draw: _ramp(len(signatures))
         runner.features_of = lambda found: found  # type: ignore[assignment]
         from benchmark.jobs.stages import features
 
@@ -197,7 +198,7 @@ def decimated(target: int) -> Callable[[Any], Any]:
 
 def traced(
     dataset: str, chosen: list[str], inputs: list[str], plugins: list[str], size: int, image: int, data_root: str = "",
-    subjects: int = 2, poses: int = 2, also: Sequence[str] = (),
+    subjects: int = 2, poses: int = 2, also: Sequence[str] = (), scorer: str = DEFAULT,
 ) -> dict[str, dict[str, list[str]]]:  # fmt: skip
     """Run methods on the first shapes of a data set.
 
@@ -213,6 +214,8 @@ def traced(
         Vertices of a prepared shape.
     image
         Pixels of the views of the scorer; 0 leaves features out.
+    scorer
+        Name of the scorer.
 
     Returns
     -------
@@ -230,6 +233,7 @@ def traced(
     of = {subject: [e for e in full.entries if e.subject == subject] for subject in [*first, *also]}
     entries = tuple(e for subject, all_of in of.items() for e in all_of[: 1 if subject in also else poses])
     files = [Path(plugin) for plugin in plugins]
+    judge = scorer_of(scorer, scorers())
     found: dict[str, dict[str, list[str]]] = {}
     for spec in select(chosen, methods(files), files):
         for input_ in inputs:
@@ -239,13 +243,13 @@ def traced(
             with tempfile.TemporaryDirectory() as folder, Watching(tracer, with_features=bool(image)):
                 small = few(full, entries, tracer, decimated(size))
                 runner.open_dataset = lambda *_, small=small: small
-                _run(small, entries, input_, spec, Path(folder), root)  # type: ignore[arg-type]
+                _run(small, entries, input_, spec, Path(folder), root, judge)  # type: ignore[arg-type]
             for stage in tracer.ran:
                 name = f"form {spec.base_name}" if stage == "form" else stage
                 place = found.setdefault(name, {"ran": [], "outside": []})
                 ran = tracer.modules(stage)
                 place["ran"] = sorted({*place["ran"], *ran})
-                place["outside"] = sorted({*place["outside"], *(ran - named(stage, full, spec))})
+                place["outside"] = sorted({*place["outside"], *(ran - named(stage, full, spec, judge))})
     return found
 
 
@@ -278,13 +282,19 @@ class Watching:
 
 
 def _run(
-    dataset: Dataset, entries: tuple[Entry, ...], input_: Any, spec: MethodSpec, results: Path, root: Path | None
+    dataset: Dataset,
+    entries: tuple[Entry, ...],
+    input_: Any,
+    spec: MethodSpec,
+    results: Path,
+    root: Path | None,
+    scorer: ScorerSpec,
 ) -> None:
     store = Store.open(results)
     has_pairs = len(entries) == 2 * len({entry.subject for entry in entries})  # a split of lone shapes ranks nothing
     table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2 if has_pairs else 0)
     gallery = Gallery(table, dataset.name, dataset, entries, data_root=root)
-    (job,) = make_plan([gallery], [input_], [spec], store)
+    (job,) = make_plan([gallery], [input_], [spec], store, scorer=scorer)
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
     order = Order.of(job, SimpleNamespace(results=results, data_root=root, seed=0))

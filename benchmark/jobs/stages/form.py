@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import CanonicalForm, Descriptor, Mesh, Method, Shape
-from benchmark.errors import InvalidForm, InvalidMesh
-from benchmark.jobs.stages.answers import real_numbers
+from benchmark.contracts import Descriptor, Mesh, Method, Shape
+from benchmark.errors import InvalidForm
+from benchmark.methods.answers import descriptor_of, form_of
 
 Arrays = Mapping[str, NDArray[Any]]
-
-_MEND = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 
 
 def canonicalise(method: Method, shape: Shape) -> Arrays:
@@ -36,13 +34,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
     InvalidForm
         If it returns what is no form of it.
     """
-    try:
-        form = method.canonicalise(shape)
-        if not isinstance(form, CanonicalForm):
-            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _MEND)
-        mesh = form.mesh
-    except InvalidMesh as error:  # the shape is in order, so what is not was made of it
-        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _MEND) from error
+    mesh, notes = form_of(method, shape)
     with np.errstate(over="ignore"):
         vertices = mesh.vertices.astype(np.float32)
     if not (np.isfinite(vertices).all() and mesh.n_faces):
@@ -53,17 +45,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
     arrays: dict[str, NDArray[Any]] = {"vertices": vertices}
     if mesh.faces.shape != shape.mesh.faces.shape or (mesh.faces != shape.mesh.faces).any():
         arrays["faces"] = mesh.faces
-    return {**arrays, **{f"note:{name}": _note(method, name, value) for name, value in form.notes.items()}}
-
-
-def _note(method: Method, name: str, value: Any) -> NDArray[Any]:
-    note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
-    if note is None or note.dtype.kind not in "biufU":
-        raise InvalidForm(
-            f"method '{method.info.name}' returned {type(value).__name__} as note '{name}'",
-            "note numbers and strings only",
-        )
-    return note
+    return {**arrays, **{f"note:{name}": note for name, note in notes.items()}}
 
 
 def form_mesh(arrays: Arrays, shape: Mesh) -> Mesh:
@@ -81,5 +63,4 @@ def describe(method: Descriptor, shape: Shape) -> Arrays:
     InvalidForm
         If it returns anything but a vector of finite numbers.
     """
-    found = real_numbers(method, method.describe(shape), (None,), "return a vector of finite numbers")
-    return {"descriptor": found}
+    return {"descriptor": descriptor_of(method, shape)}

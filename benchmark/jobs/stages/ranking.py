@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.jobs.stages.answers import real_numbers
+from benchmark.methods.answers import distances_of, real_numbers
 from retrieval.chance import chance_levels
-from retrieval.cmbof import CMBOF, Features
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 from retrieval.splits import all_splits, ranges, scores_of_splits
 
 if TYPE_CHECKING:
     from benchmark.contracts import Descriptor
+    from benchmark.scoring import Scorer, SignatureArrays
 
 Matrix = NDArray[np.float64]
-
-#: The codebook is drawn at random, so scores are the mean over these seeds.
-CODEBOOK_SEEDS = (0, 1, 2)
 
 #: Decimals of the measures of single queries in a record.
 _DECIMALS = 6
 
 
-def form_distances(scorer: CMBOF, features: Sequence[Features], seed: int) -> Matrix:
-    """Dissimilarities of all pairs of forms under the codebook of one seed, shape (N, N)."""
-    codebook = scorer.train_codebook(features, seed)
-    return scorer.distances([scorer.quantise(feature, codebook) for feature in features])
+_MEND = "return the distances of all pairs as a symmetric matrix of finite numbers"
+
+
+def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> Matrix:
+    """Dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
+
+    Raises
+    ------
+    InvalidForm
+        If the scorer returns anything but a square matrix of finite real numbers.
+    """
+    count = len(signatures)
+    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), _MEND)
 
 
 def descriptor_distances(method: Descriptor, descriptors: Sequence[Matrix]) -> Matrix:
@@ -41,18 +48,16 @@ def descriptor_distances(method: Descriptor, descriptors: Sequence[Matrix]) -> M
     InvalidForm
         If the descriptor returns anything but a square matrix of finite real numbers.
     """
-    count = len(descriptors)
-    mend = "return the distances of all pairs as a symmetric matrix of finite numbers"
-    return real_numbers(method, method.distances(descriptors), (count, count), mend)
+    return distances_of(method, descriptors)
 
 
-def scores(matrices: Sequence[Matrix], labels: Sequence[str]) -> dict[str, Any]:
+def scores(matrices: Iterable[Matrix], labels: Sequence[str]) -> dict[str, Any]:
     """Measures of a gallery as plain numbers: means over the matrices, and their standard deviation.
 
     Parameters
     ----------
     matrices
-        One per codebook, each of shape (N, N).
+        One per draw of the scorer, each of shape (N, N); each is forgotten before the next one is asked for.
     labels
         Class of each shape.
 
@@ -67,7 +72,7 @@ def scores(matrices: Sequence[Matrix], labels: Sequence[str]) -> dict[str, Any]:
     ConfigurationError
         If a matrix is not square, finite and symmetric, or no class has two members.
     """
-    found = [evaluate(matrix, labels) for matrix in matrices]
+    found = list(map(partial(evaluate, labels=labels), matrices))
     means = {measure.name: [float(getattr(each, measure.attribute)) for each in found] for measure in MEASURES}
     queries = {
         measure.name: np.mean([getattr(each.per_query, measure.query_attribute) for each in found], axis=0)
@@ -86,7 +91,7 @@ def scores(matrices: Sequence[Matrix], labels: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def over_splits(matrices: Sequence[Matrix], labels: Sequence[str], size: int) -> dict[str, Any]:
+def over_splits(matrices: Iterable[Matrix], labels: Sequence[str], size: int) -> dict[str, Any]:
     """How the measures are spread over every way to take some of the subjects for testing.
 
     Parameters
@@ -104,7 +109,7 @@ def over_splits(matrices: Sequence[Matrix], labels: Sequence[str], size: int) ->
         ``splits``: the number of ways, and by measure the quantiles .05, .5 and .95.
     """
     splits = all_splits(labels, size)
-    scored = [scores_of_splits(matrix, labels, splits) for matrix in matrices]
+    scored = list(map(partial(scores_of_splits, labels=labels, splits=splits), matrices))
     means = {name: np.mean([each[name] for each in scored], axis=0) for name in scored[0]}
     found = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
     return {"splits": {"count": len(splits), "size": size, "quantiles": found}}

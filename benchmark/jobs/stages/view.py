@@ -14,9 +14,12 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.sensor import DepthSensor
 
 
-def seen(source: Mesh, camera: Camera, half_width: float) -> Mapping[str, NDArray[Any]]:
+def seen(
+    source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
+) -> Mapping[str, NDArray[Any]]:
     """Render a mesh and project the image back.
 
     Parameters
@@ -27,6 +30,8 @@ def seen(source: Mesh, camera: Camera, half_width: float) -> Mapping[str, NDArra
         Where it is looked at from.
     half_width
         Half the width of the frame in file units.
+    sensor
+        What a real camera adds to the image; None for one without faults.
 
     Returns
     -------
@@ -39,7 +44,7 @@ def seen(source: Mesh, camera: Camera, half_width: float) -> Mapping[str, NDArra
     ShapeError
         If nothing of the mesh is seen.
     """
-    view = depth_surface(_surface(source), camera, half_width)
+    view = depth_surface(_surface(source), camera, half_width, sensor)
     area = view.surface.area
     return {
         "vertices": view.surface.vertices / np.sqrt(area),

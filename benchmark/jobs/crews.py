@@ -1,0 +1,95 @@
+"""Who does the tasks of a run: a crew of workers, on this machine or elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any, Protocol
+
+from benchmark.jobs.orders import Task
+from benchmark.jobs.worker import Status, TaskWorker
+from benchmark.system.workers import memory_per_worker
+
+#: Seconds between two looks at the workers.
+INTERVAL = 0.1
+
+#: Exit code of a worker that was lost with the machine that it ran on: by custom, a failure that may pass.
+LOST = 75
+
+
+class CrewWorker(Protocol):
+    """A worker with its task; see :class:`benchmark.jobs.worker.TaskWorker`."""
+
+    task: Any
+    number: int
+    looked: float
+    status_at_end: Status
+    trace: str
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code, minus the number of the signal, or :data:`LOST`; None while it runs."""
+        ...
+
+    @property
+    def status(self) -> Status:
+        """How far it is."""
+        ...
+
+    def stop(self) -> None:
+        """End it, after it has written down where it is."""
+        ...
+
+    def end(self) -> None:
+        """End it, if it still runs."""
+        ...
+
+
+class Crew(Protocol):
+    """Starts workers."""
+
+    @property
+    def size(self) -> int:
+        """Tasks that it can do at a time; it may change."""
+        ...
+
+    @property
+    def waits_for(self) -> str:
+        """What it waits for where it can do nothing; "" where it can."""
+        ...
+
+    def begin(self, task: Task, number: int) -> CrewWorker:
+        """Start a worker; raises ``OSError`` if there is none for this task just now."""
+        ...
+
+    def wait(self, running: Sequence[CrewWorker]) -> None:
+        """Wait until one of them ends, or a moment."""
+        ...
+
+
+class LocalCrew:
+    """Processes on this machine.
+
+    Parameters
+    ----------
+    size
+        How many.
+    progress
+        Folder of the files that say how far they are.
+    """
+
+    waits_for = ""
+
+    def __init__(self, size: int, progress: Path) -> None:
+        self.size = size
+        self._progress = progress
+        self._memory = memory_per_worker(size)
+
+    def begin(self, task: Task, number: int) -> TaskWorker:
+        """Start a process; raises ``OSError`` if the system starts none."""
+        return TaskWorker(task, number, self._progress, self._memory)
+
+    def wait(self, running: Sequence[Any]) -> None:
+        """Wait until one of them ends, or a moment."""
+        wait([worker.sentinel for worker in running], timeout=INTERVAL)

@@ -1,0 +1,90 @@
+"""Tasks that travel as text come out as they went in, and need dask as little as those who have none of it."""
+
+import importlib.util
+import json
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.jobs.claims import Claims
+from benchmark.jobs.cluster import letters, station
+from benchmark.jobs.orders import Order, Ranking, Share
+from benchmark.jobs.plan import make_plan
+from benchmark.jobs.run_plan import make_executor
+from benchmark.methods.registry import methods, select
+from benchmark.protocols.tables import galleries
+from benchmark.storage.keys import plain
+from benchmark.storage.store import Store
+
+NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
+
+
+class Scope:
+    def __init__(self, results):
+        self.results, self.data_root, self.seed = results, None, 3
+
+
+@pytest.fixture
+def orders(tmp_path):
+    plan = make_plan(
+        galleries((), ["animals"], None, quick=True), ["view"], select(NAMES, methods()), Store.open(tmp_path), 3
+    )
+    return [Order.of(job, Scope(tmp_path)) for job in plan if job.to_run]
+
+
+def test_a_task_comes_out_of_its_letter_as_it_went_in(orders):
+    assert any(order.models for order in orders)
+    for task in (Share(tuple(orders), ("cat0", "dog1")), Ranking(tuple(orders))):
+        text = json.dumps(letters.written(task))
+        found = letters.Letter(text).open()
+        assert type(found) is type(task)
+        assert getattr(found, "identifiers", None) == getattr(task, "identifiers", None)
+        for before, after in zip(task.orders, found.orders, strict=True):
+            for field in fields(Order):
+                then, now = getattr(before, field.name), getattr(after, field.name)
+                if field.name == "models":
+                    assert {name: (m.training, m.folder.resolve(), m.digest) for name, m in then.items()} == {
+                        name: (m.training, m.folder, m.digest) for name, m in now.items()
+                    }
+                elif field.name in ("facts", "recipe"):
+                    assert now == plain(then)
+                elif field.name == "method":
+                    assert (now, now.create()) == (then, then.create())
+                else:
+                    assert now == then
+
+
+def test_paths_of_a_letter_are_absolute_and_models_move_with_the_folder_of_results(orders, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rods").mkdir()
+    order = Order(**{**vars(orders[0]), "dataset": "./rods", "results": Path("results"), "data_root": Path()})
+    content = letters.written_order(order)
+    assert [content[name] for name in ("dataset", "results", "data_root")] == [
+        str(tmp_path / "rods"), str(tmp_path / "results"), str(tmp_path),
+    ]  # fmt: skip
+    assert letters.model_folder(["results", "models/a"], Path("/elsewhere")) == Path("/elsewhere/models/a")
+
+
+@pytest.mark.parametrize(
+    ("name", "travels"),
+    [
+        ("runs/artefacts/ab/" + "ab" * 16 + ".npz", True),
+        ("runs/records/" + "ab" * 16 + ".json", True),
+        ("models/humans-fold-0/literal-seed0/card.json", True),
+        ("models/../runs/records/x.json", False),
+        ("runs/artefacts/../../../etc/passwd", False),
+        ("/etc/passwd", False),
+        ("runs/artefacts/ab/" + "ab" * 16 + ".npz\n", False),
+    ],
+)
+def test_only_files_of_a_results_folder_travel(name, travels):
+    assert bool(station.FILE.fullmatch(name)) == travels
+
+
+def test_without_dask_the_mend_is_told(tmp_path, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "distributed" else find(name))
+    with pytest.raises(ConfigurationError, match=r"needs the package distributed; run `pip install 'dask"):
+        make_executor("dask", None, None, Claims(tmp_path / "claims"), "tcp://127.0.0.1:8786")

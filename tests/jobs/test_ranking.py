@@ -1,0 +1,69 @@
+"""Ranking a gallery: one matrix at a time, and a word on how far it is."""
+
+import weakref
+
+import numpy as np
+import pytest
+
+from benchmark.jobs import runner
+from benchmark.jobs.orders import Order, Ranking, Share
+from benchmark.jobs.plan import make_plan
+from benchmark.jobs.stages.ranking import over_splits, scores
+from benchmark.methods.registry import methods, select
+from benchmark.protocols.tables import galleries
+from benchmark.storage.store import Store
+from retrieval import codebook
+from retrieval.codebook import sample_codebook
+from tests.toy import write_rods
+
+LABELS = ["cat", "cat", "dog", "dog", "elk", "elk"]
+
+
+def matrices(count, alive):
+    """Matrices of a gallery, made when asked for; notes how many of those before are still held."""
+
+    def made(seed):
+        found = np.random.default_rng(seed).random((len(LABELS), len(LABELS)))
+        found += found.T
+        known.append(weakref.ref(found))
+        return found
+
+    known = []
+    for seed in range(count):
+        alive.append(sum(each() is not None for each in known))
+        yield made(seed)
+
+
+@pytest.mark.parametrize("judge", [scores, lambda found, labels: over_splits(found, labels, 2)])
+def test_a_matrix_is_forgotten_before_the_next_one_is_made(judge):
+    alive = []
+    judge(matrices(3, alive), LABELS)
+    assert alive == [0, 0, 0]
+
+
+def test_words_do_not_depend_on_how_many_descriptors_are_looked_at_together(monkeypatch):
+    rng = np.random.default_rng(0)
+    parts = [rng.integers(0, 3, (rng.integers(0, 90), 128)).astype(np.uint8) for _ in range(20)]
+    parts += [part[::2] for part in parts]
+    whole = sample_codebook(parts, 100, seed=1)
+    for pool in (1, 70, 500):
+        monkeypatch.setattr(codebook, "POOL", pool)
+        np.testing.assert_array_equal(sample_codebook(parts, 100, seed=1), whole)
+
+
+@pytest.mark.slow
+def test_ranking_tells_which_draw_is_under_way(tmp_path):
+    class Scope:
+        results, data_root, seed = tmp_path / "results", None, 0
+
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    specs = select(("identity",), methods())
+    (job,) = make_plan(galleries((), [str(rods)]), ["mesh"], specs, Store.open(Scope.results))
+    order = Order.of(job, Scope)
+    told = []
+    runner.work(Share((order,), order.identifiers), lambda *_: None)
+    runner.work(Ranking((order,)), lambda key, steps, shape="": told.append((key, shape)))
+    record = Store.open(Scope.results).records.read(job.key)
+    assert record["status"] == "ok"
+    said = [shape for key, shape in told if key == job.key]
+    assert said == ["", *(f"comparing 4 forms, {n} of 3" for n in (1, 2, 3))]
