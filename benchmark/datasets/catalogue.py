@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, printable
+from benchmark.datasets.nuisances.dataset import Disturbed, parsed
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
+from benchmark.datasets.own import data_sets_of, is_own, open_own
+from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
 Loader = Callable[[Path], Dataset]
+
+#: The one set that takes parameters; see :mod:`benchmark.datasets.humans_gallery`.
+PATTERN = re.compile(r"\s*humans\s*\[([^\[\]]*)\]\s*")
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,13 @@ def _humans_scanlike(_: Path) -> Dataset:
     return HumansScanlike()
 
 
+def _humans_few(root: Path) -> Dataset:
+    from benchmark.datasets.nuisances.dataset import Some
+
+    few = Part(subjects=(0, 3, 6, 9, 12), poses=(0, 5, 10, 15))
+    return Some(_humans(root), few, "humans-few", "humans-few (generated, 5 subjects x 4 poses)")
+
+
 def _animals(_: Path) -> Dataset:
     from benchmark.datasets.animals import Animals
 
@@ -98,6 +112,9 @@ CATALOGUE: dict[str, DatasetSource] = {
     "humans": DatasetSource(
         "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
     ),
+    "humans-few": DatasetSource(
+        "generated humans, 5 subjects x 4 poses of the set humans, for the table of robustness", _humans_few, 20, 5
+    ),
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
@@ -108,19 +125,28 @@ CATALOGUE: dict[str, DatasetSource] = {
 }
 
 
+def is_known(name: str) -> bool:
+    """Whether a name on the command line means a data set, with or without parameters, rather than a folder."""
+    return name in CATALOGUE or PATTERN.fullmatch(name) is not None
+
+
 def is_present(name: str, data_root: Path | None) -> bool:
     """Whether a data set can be used: generated ones always, official ones when their folder is there."""
+    if found := parsed(name):
+        return is_path(found[0]) or is_present(found[0], data_root)
     source = _source(name)
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
 
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
-    """Open a data set by name, or any folder by its path.
+    """Open a data set by name, or any folder by its path; with a nuisance in brackets, its disturbed shapes.
 
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called.
+        A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called, or what :func:`sources`
+        says of a data set of a plugin file; any of them perhaps followed by a nuisance and its strength,
+        ``[noise=3]``.
     data_root
         The folder that holds the official sets; None if there is none.
 
@@ -131,7 +157,12 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     DatasetError
         If the set is absent or unreadable.
     """
-    if name not in CATALOGUE and is_path(name):
+    if found := parsed(name):
+        base, nuisance, strength = found
+        return Disturbed(open_dataset(base, data_root), nuisance, strength)
+    if is_own(name):
+        return open_own(name)
+    if not is_known(name) and is_path(name):
         folder = Path(name)
         if not folder.is_dir():
             raise ConfigurationError(f"{folder} is not a folder", "name a data set or the folder that holds the meshes")
@@ -146,6 +177,33 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
             f"put it there and pass --data-root; it comes from {source.url}",
         )
     return source.load(data_root or Path())
+
+
+def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
+    """What :func:`open_dataset` takes for names on the command line, where plugin files may bring data sets.
+
+    Raises
+    ------
+    ConfigurationError
+        If a plugin file cannot be used, or a name is neither a data set nor a path.
+    DatasetError
+        If the set of a file has the name of another one.
+    """
+    own = data_sets_of(plugins)
+    for name in own:
+        if name in CATALOGUE:
+            raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
+    for name in names:
+        if name not in own and name not in CATALOGUE and not is_path(name):
+            raise did_you_mean("data set", name, [*CATALOGUE, *own])
+    return [own.get(name, name) for name in names]
+
+
+def table_name(source: str) -> str:
+    """Name of the table of a data set that no table of the paper uses."""
+    if source in CATALOGUE:
+        return source
+    return open_own(source).name if is_own(source) else folder_name(Path(source))
 
 
 def check_ranked(dataset: Dataset) -> None:
@@ -166,6 +224,12 @@ def is_path(name: str) -> bool:
 
 
 def _source(name: str) -> DatasetSource:
+    if PATTERN.fullmatch(name):
+        from benchmark.datasets.humans_gallery import HumansGallery
+
+        gallery = HumansGallery.parse(name)
+        n_shapes = gallery.subjects * gallery.poses
+        return DatasetSource(gallery.title, lambda _: gallery, n_shapes, gallery.subjects)
     if name not in CATALOGUE:
         raise did_you_mean("data set", name, CATALOGUE)
     return CATALOGUE[name]

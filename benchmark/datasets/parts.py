@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from benchmark.datasets.base import Dataset, Entry
 
-__all__ = ["Part"]
+__all__ = ["Part", "thinned"]
 
 
 @dataclass(frozen=True)
@@ -37,3 +37,15 @@ class Part:
             if not self.poses or pose in self.poses
         }
         return tuple(entry for entry in dataset.entries if entry.identifier in chosen)
+
+
+def thinned(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
+    """Keep evenly spaced poses of each subject, at most this many, the first one always."""
+    by_subject: dict[str, list[Entry]] = {}
+    for entry in entries:
+        by_subject.setdefault(entry.subject, []).append(entry)
+    kept: set[str] = set()
+    for members in by_subject.values():
+        step = -(-len(members) // most)
+        kept.update(entry.identifier for entry in members[::step])
+    return tuple(entry for entry in entries if entry.identifier in kept)

@@ -1,0 +1,110 @@
+"""Generated humans in any number, for runs that are larger than any published set: ``humans[subjects=500,poses=20]``.
+
+The bodies are drawn like those that training samples, but with another seed, and all of them take the same poses, those
+of :mod:`benchmark.datasets.humans`. A larger gallery begins with the bodies of the smaller one.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from dataclasses import dataclass
+
+from benchmark.datasets import humans
+from benchmark.datasets.base import Entry
+from benchmark.datasets.human_poses import POSES
+from benchmark.datasets.human_subjects import Subject
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.camera import FRONT, Camera
+from benchmark.geometry.mesh import Mesh
+from benchmark.parameters.values import assignments
+
+#: Seed of the bodies; that of the bodies for training is 0.
+_SEED = 1
+
+#: Subjects beyond which nobody can mean it.
+_MOST = 100_000
+
+
+@dataclass(frozen=True)
+class HumansGallery:
+    """Some of the poses of the generated humans, taken by any number of bodies.
+
+    Parameters
+    ----------
+    subjects
+        Number of bodies.
+    poses
+        Number of poses of each, the first ones of the list.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are not so many.
+    """
+
+    subjects: int
+    poses: int = len(POSES)
+    stand_in_for: str = ""
+    half_width: float = 1.45  # some of the bodies are taller than those of the smaller set
+
+    def __post_init__(self) -> None:
+        for name, value, least, most in (("subjects", self.subjects, 2, _MOST), ("poses", self.poses, 2, len(POSES))):
+            if not least <= value <= most:
+                raise ConfigurationError(f"humans cannot have {value} {name}", f"choose {least} to {most}")
+
+    @classmethod
+    def parse(cls, name: str) -> HumansGallery:
+        """The gallery of a name such as ``"humans[subjects=500,poses=20]"``.
+
+        Raises
+        ------
+        ConfigurationError
+            If a parameter is unknown or no number, or ``subjects`` is missing.
+        """
+        inside = name.partition("[")[2].rpartition("]")[0]
+        given = assignments(inside)
+        if "subjects" not in given or given.keys() - {"subjects", "poses"}:
+            raise ConfigurationError(f"'{name}' is no gallery", "write humans[subjects=N,poses=M]")
+        for parameter, text in given.items():
+            if not re.fullmatch("[0-9]{1,9}", text):
+                raise ConfigurationError(f"{parameter} of '{name}' is no number", "write humans[subjects=N,poses=M]")
+        return cls(int(given["subjects"]), int(given.get("poses", len(POSES))))
+
+    @property
+    def name(self) -> str:
+        """Name on the command line, in its one spelling."""
+        return f"humans[subjects={self.subjects},poses={self.poses}]"
+
+    @property
+    def title(self) -> str:
+        """Name in captions."""
+        return f"generated humans, {self.subjects} subjects x {self.poses} poses"
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The shapes, by subject, then by pose."""
+        return _entries(self.subjects, self.poses)
+
+    def load(self, entry: Entry) -> Mesh:
+        """Make the mesh of one shape; see :func:`benchmark.datasets.humans.human_meshes`."""
+        return humans.human_mesh(_body(entry.subject), POSES[entry.pose])
+
+    def recipe(self, entry: Entry) -> str:
+        """Name the values of the body and the angles of its joints."""
+        return humans.recipe(_body(entry.subject), POSES[entry.pose])
+
+    def camera(self, entry: Entry) -> Camera:
+        """Look at the front."""
+        return FRONT
+
+
+@functools.cache
+def _entries(subjects: int, poses: int) -> tuple[Entry, ...]:
+    chosen = list(POSES)[:poses]
+    return tuple(Entry(f"body-{n}_{pose}", f"body-{n}", pose) for n in range(subjects) for pose in chosen)
+
+
+@functools.lru_cache(maxsize=_MOST)
+def _body(subject: str) -> Subject:
+    return humans.sample_human(int(subject.removeprefix("body-")), 0, _SEED)[0]

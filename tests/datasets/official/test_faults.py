@@ -1,0 +1,96 @@
+"""Official sets that are not as they were given out: what is wrong is named, and costs no more than it must."""
+
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.data import data
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.checking import check_source
+from benchmark.datasets.official.sets import SETS
+from benchmark.errors import DatasetError
+from benchmark.protocols.tables import galleries
+from tests.datasets.official.faults import FAULTS, blocks, move, relist
+from tests.datasets.official.layouts import cla, class_of
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_set_that_is_not_as_it_was_given_out_is_named(damaged, tmp_path, fault):
+    name, damage, message = FAULTS[fault]
+    folder = damaged(name)
+    damage(folder)
+    with pytest.raises(DatasetError, match=message):
+        open_dataset(name, tmp_path)
+
+
+def test_a_list_that_agrees_with_the_numbers_changes_nothing(sets, damaged, tmp_path):
+    for name, first, n_poses in (("shrec07", 1, 20), ("shrec14-real", 0, 10)):
+        (damaged(name) / "test.cla").write_text(cla(blocks(first, n_poses)))
+        labels = [(entry.identifier, entry.subject) for entry in open_dataset(name, tmp_path).entries]
+        assert labels == [(entry.identifier, entry.subject) for entry in open_dataset(name, sets).entries]
+
+
+def test_the_list_may_be_called_categories(sets, damaged, tmp_path):
+    relist(damaged("shrec11"), str, "categories.txt")
+    labels = [entry.subject for entry in open_dataset("shrec11", tmp_path).entries]
+    assert labels == [entry.subject for entry in open_dataset("shrec11", sets).entries]
+
+
+def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
+    folder = damaged("shrec11")
+    (folder / "test.cla").unlink()
+    for number in range(600):
+        place = folder / "shrec_16" / f"beast{class_of(number, 30)}" / ("test" if number % 5 == 0 else "train")
+        place.mkdir(parents=True, exist_ok=True)
+        move(folder, f"T{number}.off", place / f"T{number}.off")
+    dataset, listed = open_dataset("shrec11", tmp_path), open_dataset("shrec11", sets)
+    assert [(e.identifier, e.subject) for e in dataset.entries] == [(e.identifier, e.subject) for e in listed.entries]
+    # 31 and 1 are of one class; 32 is not.
+    path = dataset.entries[32].path
+    path.rename(dataset.entries[1].path.with_name("T32.off"))
+    with pytest.raises(DatasetError, match="class 'beast[0-9]+' of .*shrec11 has (19|21) models, not the official 20"):
+        open_dataset("shrec11", tmp_path)
+
+
+def test_unreadable_files_cost_their_shapes_and_not_the_set(damaged, tmp_path):
+    folder = damaged("kids")
+    for file in ("0001.null.0.off", "0002.null.0.off"):
+        (folder / file).unlink()
+        (folder / file).touch()
+    assert len(open_dataset("kids", tmp_path).entries) == 32
+    report = check_source("kids", tmp_path)
+    assert [a.file for a in report.anomalies if a.severity == "error"] == ["0001.null.0.off", "0002.null.0.off"]
+
+
+def test_the_made_sets_pass_their_check(sets):
+    for name in ("shrec07", "faust"):
+        report = check_source(name, sets)
+        assert report.anomalies == ()
+        assert report.n_shapes == SETS[name].layout.n_shapes
+
+
+def test_a_set_of_one_subject_says_what_it_is_for(sets):
+    done = CliRunner().invoke(data, ["check", "scape", "--data-root", str(sets)])
+    assert done.exit_code == 0, done.output
+    assert "data set 'scape' shows one subject, so nothing can be retrieved; use it with canonicalise" in done.output
+    with pytest.raises(DatasetError, match="'topkids' shows one subject, so nothing can be retrieved; use it with"):
+        galleries([], ["topkids"], sets)
+
+
+@pytest.mark.parametrize("fault", ["a missing file", "a copied file"])
+def test_the_check_names_what_is_wrong_and_still_reads_the_meshes(damaged, tmp_path, fault):
+    name, damage, message = FAULTS[fault]
+    damage(damaged(name))
+    done = CliRunner().invoke(data, ["check", name, "--data-root", str(tmp_path)])
+    assert done.exit_code == 1
+    (error,) = [line for line in done.output.splitlines() if line.startswith("error")]
+    assert re.search(message, error)
+    assert "vertices    4 to 4" in done.output
+
+
+def test_a_broken_set_is_named_before_long_work(damaged, tmp_path):
+    name, damage, message = FAULTS["a missing file"]
+    damage(damaged(name))
+    with pytest.raises(DatasetError, match=message):
+        galleries(["extended"], data_root=tmp_path)

@@ -1,0 +1,104 @@
+"""Official sets that are here, or are not: where they are wanted, the table that ranks them, what is said of them."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.data import data
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.official.sets import EXTENDED, SETS
+from benchmark.datasets.official.tosca import CLASS_SIZES
+from benchmark.errors import DatasetError
+from benchmark.protocols.tables import galleries
+from retrieval.chance import chance_levels
+from tests.datasets.official.layouts import make
+from tests.toy import RADII, rod, write_off
+
+
+def test_an_absent_set_says_where_it_is_wanted_and_where_it_comes_from(tmp_path):
+    with pytest.raises(DatasetError, match="'faust' is not at .*/faust; put it there .* http://faust.is.tue.mpg.de"):
+        open_dataset("faust", tmp_path)
+
+
+def test_the_extended_table_is_made_for_every_set_that_is_here(sets, tmp_path):
+    assert set(EXTENDED) == set(SETS) - {"shrec14-synthetic", "shrec14-real", "topkids", "scape"}
+    chosen = galleries(["extended"], data_root=sets)
+    assert [(gallery.table.identifier, gallery.name) for gallery in chosen] == [("extended", name) for name in EXTENDED]
+    make("kids", tmp_path)
+    (kids,) = galleries(["extended"], data_root=tmp_path)
+    assert (kids.dataset.name, len(kids.entries)) == ("kids", 32)
+    assert [gallery.table.identifier for gallery in galleries([], ["kids"], tmp_path)] == ["extended"]
+    assert "extended" in {gallery.table.identifier for gallery in galleries(data_root=tmp_path)}
+    (thin,) = galleries(["extended"], data_root=tmp_path, quick=True)
+    assert (thin.name, len(thin.entries)) == ("kids (quick)", 6)
+
+
+def test_the_extended_table_without_data_names_its_sets(tmp_path):
+    with pytest.raises(DatasetError) as caught:
+        galleries(["extended"], data_root=tmp_path)
+    assert all(f"{name} ({SETS[name].folder}/)" in caught.value.problem for name in EXTENDED)
+    assert "extended" not in {gallery.table.identifier for gallery in galleries(data_root=tmp_path)}
+
+
+def test_the_list_fits_a_terminal_and_names_where_sets_belong(sets, tmp_path):
+    (tmp_path / "kids").mkdir()
+    lines = CliRunner().invoke(data, ["list"], env={"CANONICAL_FORMS_DATA": str(tmp_path)}).output.splitlines()
+    assert lines[0].split() == ["name", "state", "shapes", "classes", "source"]
+    assert max(map(len, lines)) <= 80
+    by_name = {line.split()[0]: line for line in lines}
+    assert re.search(r"not at shrec07 +400 +20 +IMATI", by_name["shrec07"])
+    assert re.search(r"present +32 +2 +TU Munich", by_name["kids"])
+    rows = json.loads(CliRunner().invoke(data, ["list", "--json"]).output)
+    assert all(row["url"].startswith("http") and row["terms"] for row in rows if row["kind"] == "official")
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_every_set_has_its_line_in_the_documentation(sets):
+    """Name, folder, shapes, classes and chance level of the table in docs/data.md."""
+
+    def printed(subjects):
+        levels = chance_levels(subjects)
+        return " ".join(f"{levels[measure]:.3f}" for measure in ("NN", "FT", "ST", "DCG"))
+
+    text = (ROOT / "docs" / "data.md").read_text()
+    for name, known in SETS.items():
+        (line,) = re.findall(rf"^\| `{name}` \|.*$", text, re.M)
+        _, _, folder, shapes, classes, chance, *_ = (cell.strip() for cell in line.split("|"))
+        assert folder == f"`{known.folder}/`"
+        layout = known.layout
+        assert (shapes, classes) == (str(layout.n_shapes or "?"), str(layout.n_classes))
+        if known.other_use or layout.n_shapes is None:
+            assert chance == "-"
+            continue
+        assert chance == printed([entry.subject for entry in open_dataset(name, sets).entries])
+    assert f"| {printed([subject for subject, n in CLASS_SIZES.items() for _ in range(n)])} | `cat0.off`" in text
+
+
+def test_every_set_is_cited():
+    entries = (ROOT / "benchmark" / "reference" / "references.bib").read_text()
+    assert [name for name, known in SETS.items() if not re.search(rf"^@\w+{{{known.citation},$", entries, re.M)] == []
+
+
+@pytest.mark.slow
+def test_a_present_set_fills_the_extended_table(tmp_path):
+    from tests.cli.test_command_line import benchmark
+
+    for kid, radius in zip(("0001", "0002"), RADII.values(), strict=True):
+        for pose in range(16):
+            kind = f"isometry.{pose}" if pose else "null.0"
+            write_off(tmp_path / "kids" / f"{kid}.{kind}.off", rod(radius, 0.15 * pose))
+    arguments = ("-t", "extended", "-m", "surface-area", "--input", "mesh", "--data-root", tmp_path)
+    arguments += ("--results", tmp_path / "results")
+    done = benchmark("run", *arguments)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
+    assert (row["table"], row["dataset"], row["n_shapes"], row["status"]) == ("extended", "kids", 32, "ok")
+    (tmp_path / "kids" / "0002.isometry.4.off").unlink()
+    done = benchmark("plan", *arguments)
+    assert done.returncode == 2
+    assert "holds 31 shapes, not the official 32: shape '0002.isometry.4' is missing" in done.stderr

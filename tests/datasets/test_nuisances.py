@@ -1,0 +1,135 @@
+"""Nuisances do what they say, the same each time; a stronger one is more of the same."""
+
+import numpy as np
+import pytest
+from trimesh import Trimesh
+from trimesh.creation import icosphere
+
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.nuisances import surface
+from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, disturbed_name, parsed
+from benchmark.datasets.nuisances.shortcuts import shortcuts
+from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.geometry.cleaning import extent_of
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.sensor import DepthSensor
+from benchmark.jobs import recipes
+from tests.toy import rod, write_rods
+
+BALL = Mesh(np.asarray(icosphere(subdivisions=3).vertices), np.asarray(icosphere(subdivisions=3).faces))
+HORSESHOE = rod(0.05, 4.5, rings=60)
+
+
+def random():
+    return np.random.default_rng(0)
+
+
+def as_trimesh(mesh):
+    return Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+def test_noise_has_its_deviation_and_keeps_its_direction():
+    moved = [surface.noise(BALL, amount, random()).vertices - BALL.vertices for amount in (0.01, 0.02)]
+    np.testing.assert_allclose(moved[1], 2 * moved[0], atol=1e-12)
+    assert moved[0].std() == pytest.approx(0.01 * extent_of(BALL), rel=0.05)
+
+
+def test_each_hole_is_a_boundary_and_fewer_holes_are_among_more(monkeypatch):
+    monkeypatch.setattr(surface, "HOLE_RADIUS", 0.1)
+    few, more = (surface.holes(BALL, amount, random()) for amount in (2, 6))
+    assert as_trimesh(few).euler_number == 2 - 2
+    assert {*map(tuple, more.vertices)} < {*map(tuple, few.vertices)} < {*map(tuple, BALL.vertices)}
+
+
+def test_missing_parts_are_a_share_of_the_area_beyond_a_plane():
+    cut = surface.missing_parts(BALL, 0.3, random())
+    assert cut.area == pytest.approx(0.7 * BALL.area, rel=0.02)
+    assert as_trimesh(cut).euler_number == 1  # a cap is gone, a disc is left
+
+
+def test_a_surface_gets_the_vertices_that_are_asked_for_without_losing_its_shape():
+    for amount in (300, 1500):
+        found = surface.resolution(BALL, amount, random())
+        assert abs(found.n_vertices - amount) <= 0.02 * amount
+        assert as_trimesh(found).is_watertight
+        assert found.area == pytest.approx(BALL.area, rel=0.02)
+
+
+def test_remeshing_has_edges_of_one_length():
+    found = surface.remeshing(HORSESHOE, 0.02, random())
+    lengths = as_trimesh(found).edges_unique_length / extent_of(HORSESHOE)
+    assert np.median(lengths) == pytest.approx(0.02, rel=0.2)
+    assert found.area == pytest.approx(HORSESHOE.area, rel=0.05)
+
+
+def test_scale_stays_between_its_bounds():
+    ratios = [surface.scale(BALL, 2.0, np.random.default_rng(k)).area / BALL.area for k in range(20)]
+    assert 0.25 <= min(ratios) < 0.6 < 1.6 < max(ratios) <= 4
+
+
+def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
+    assert as_trimesh(HORSESHOE).euler_number == 2
+    glued = shortcuts(HORSESHOE, 1, random())
+    tube = as_trimesh(glued)
+    assert tube.is_watertight and tube.is_winding_consistent
+    assert tube.euler_number == 0
+    added = glued.faces[HORSESHOE.n_faces - 2 :].ravel()
+    along = np.unique(added) // 12  # ring of each corner
+    assert along.min() < 15 and along.max() > 45  # from one arm to the other
+    with pytest.raises(UnsupportedShape, match="comes near itself at 0 places"):
+        shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
+
+
+def test_what_leaves_nothing_is_unsupported():
+    with pytest.raises(UnsupportedShape, match="leaves"):
+        surface.missing_parts(rod(0.1, 0, rings=6, sides=6), 0.4, random())
+
+
+def test_a_sensor_adds_noise_and_steps_to_the_surface_alone():
+    depth = np.zeros((100, 100), dtype=np.float32)
+    depth[20:80, 20:80] = 0.5
+    assert (DepthSensor(0, 0, 0).disturbed(depth) == depth).all()
+    found = DepthSensor(0.01, 0.004, 0).disturbed(depth)
+    assert ((found > 0) == (depth > 0)).all()
+    assert found[depth > 0].std() == pytest.approx(0.01, rel=0.1)
+    np.testing.assert_allclose(found / 0.004, np.round(found / 0.004), atol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory):
+    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
+
+
+def test_names_are_read_as_they_are_spelt():
+    for nuisance in NUISANCES:
+        for strength in STRENGTHS:
+            assert parsed(disturbed_name("a set", nuisance, strength)) == ("a set", nuisance, strength)
+    assert parsed("humans") is None
+    assert parsed("humans[noise=6]") is None
+    assert parsed("humans[noses=1]") is None
+    with pytest.raises(ConfigurationError, match="unknown data set|is no gallery"):
+        open_dataset("humans[noses=1]", None)
+
+
+def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
+    clean = open_dataset(str(rods), None)
+    one, same, other = (open_dataset(f"{rods}[noise={strength}]", None) for strength in (3, 3, 4))
+    entry = one.entries[0]
+    assert [e.identifier for e in one.entries] == [e.identifier for e in clean.entries]
+    np.testing.assert_array_equal(one.load(entry).vertices, same.load(entry).vertices)
+    assert one.recipe(entry) == same.recipe(entry)
+    named = {dataset.recipe(entry) for dataset in (one, other)} | {clean.recipe(clean.entries[0])}
+    assert len(named) == 3
+
+
+def test_what_a_camera_adds_is_part_of_the_recipe_of_the_view_alone(rods):
+    sets = {name: open_dataset(f"{rods}[{name}]", None) for name in ("depth-noise=1", "depth-noise=2", "view-angle=5")}
+    entry = sets["view-angle=5"].entries[0]
+    frame = {"stage": "frame"}
+    made = {str(recipes.shape_recipe(dataset, entry, "view", frame)) for dataset in sets.values()}
+    assert len(made) == 3
+    noisy = sets["depth-noise=1"]
+    assert "sensor" not in recipes.shape_recipe(noisy, entry, "mesh", frame)
+    clean = open_dataset(str(rods), None)
+    turn = np.dot(sets["view-angle=5"].camera(entry).direction, clean.camera(clean.entries[0]).direction)
+    assert np.cos(np.radians(60)) <= turn < 1
