@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh
+from benchmark.scoring import ScorerInfo, SignatureArrays
 from retrieval.clock import Progress, Signature, count_words, match_across, match_all
 from retrieval.codebook import Descriptors, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views
@@ -51,12 +53,31 @@ class CMBOF:
     Bag-of-Features", Machine Vision and Applications 24, 2013. Values: the public re-implementation by D. Pickup.
     """
 
+    info: ClassVar[ScorerInfo] = ScorerInfo(
+        name="cm-bof",
+        title="CM-BOF",
+        cite="lian2013cmbof",
+        summary="bags of SIFT features of 66 depth views, compared by clock matching",
+        draws=3,  # the codebook is drawn at random
+        invariant=False,
+    )
+
     n_words: int = 1500
     image_size: int = 256
     codebook_seed: int = 0
     pose: tuple[str, ...] = ("pca", "rectilinearity")
     allow_mirror: bool = False
     peak_threshold: float = 1e-3
+
+    def signature(self, form: Mesh) -> SignatureArrays:
+        """Arrays of the :class:`Features` of a form; raises ``InvalidMesh`` if it has no extent."""
+        return self.extract(form).to_arrays()
+
+    def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
+        """Dissimilarities of all pairs of forms under the codebook that is drawn with this seed, shape (N, N)."""
+        features = [Features.from_arrays(arrays) for arrays in signatures]
+        codebook = self.train_codebook(features, draw)
+        return self.distances([self.quantise(feature, codebook) for feature in features])
 
     def extract(self, mesh: Mesh) -> Features:
         """Normalise the pose of a form, draw its 66 views, and describe their keypoints.

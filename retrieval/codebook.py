@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ Descriptors = NDArray[np.uint8]
 
 #: Descriptors compared with the codebook at once: 1024 x 1500 single-precision scores stay in the cache.
 BLOCK = 1024
+
+#: Descriptors from which words are drawn at once.
+POOL = 2**18
 
 
 def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int) -> Descriptors:
@@ -50,17 +53,45 @@ def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int)
             "no view of any shape of the gallery has a keypoint",
             "check the forms (are they flat or empty?) or lower the peak threshold",
         )
-    pool = np.concatenate(descriptors)
-    hashes = _hash(pool, seed)
-    # More than needed, because equal descriptors stand side by side; all of them in the rare case that this is too few.
-    for count in (min(total, 4 * n_words), total):
-        nearest = np.argpartition(hashes, count - 1)[:count]
-        order = nearest[np.lexsort((*pool[nearest].T[::-1], hashes[nearest]))]
-        candidates = pool[order]
-        is_new = np.concatenate([[True], (candidates[1:] != candidates[:-1]).any(axis=1)])
-        if is_new.sum() >= n_words:
+    words = np.empty((0, descriptors[0].shape[1]), dtype=np.uint8)
+    hashes = np.empty(0, dtype=np.uint64)
+    for pool in _pooled(descriptors):
+        of_pool = _hash(pool, seed)
+        if len(words) == n_words:
+            below = of_pool <= hashes[-1]  # all others are words no more
+            pool, of_pool = pool[below], of_pool[below]
+        words, hashes = _smallest(np.concatenate([words, pool]), np.concatenate([hashes, of_pool]), n_words)
+    return np.ascontiguousarray(words)
+
+
+def _pooled(descriptors: Sequence[Descriptors]) -> Iterator[Descriptors]:
+    """Descriptors of a few forms at a time: those of a large gallery together would need its memory twice."""
+    pool: list[Descriptors] = []
+    size = 0
+    for part in descriptors:
+        pool.append(part)
+        size += len(part)
+        if size >= POOL:
+            yield np.concatenate(pool)
+            pool, size = [], 0
+    if pool:
+        yield np.concatenate(pool)
+
+
+def _smallest(rows: Descriptors, hashes: NDArray[np.uint64], count: int) -> tuple[Descriptors, NDArray[np.uint64]]:
+    """The distinct rows with the smallest hashes, in the order of these and of their bytes, at most a given number."""
+    # More than needed, because equal rows stand side by side; all of them in the rare case that this is too few.
+    for taken in (min(len(rows), 4 * count), len(rows)):
+        if taken < len(rows):
+            nearest = np.flatnonzero(hashes <= np.partition(hashes, taken - 1)[taken - 1])
+        else:
+            nearest = np.arange(len(rows))
+        order = nearest[np.lexsort((*rows[nearest].T[::-1], hashes[nearest]))]
+        candidates = rows[order]
+        is_new = np.concatenate([[True], (candidates[1:] != candidates[:-1]).any(axis=1)])[: len(candidates)]
+        if is_new.sum() >= count:
             break
-    return np.ascontiguousarray(candidates[is_new][:n_words])
+    return candidates[is_new][:count], hashes[order][is_new][:count]
 
 
 def nearest_words(descriptors: Descriptors, codebook: Descriptors) -> NDArray[np.int32]:

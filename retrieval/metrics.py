@@ -33,6 +33,8 @@ FloatArray = NDArray[np.float64]
 E_MEASURE_DEPTH = 32
 #: Largest asymmetry of a distance matrix, relative to its largest entry.
 ASYMMETRY = 1e-6
+#: Rows of a distance matrix that are looked at together.
+ROWS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +147,17 @@ def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray
         raise ConfigurationError(
             f"there are {len(matrix)} rows of distances but labels of shape {names.shape}", "pass one label per shape"
         )
-    if not np.isfinite(matrix).all():
-        raise ConfigurationError("a distance is NaN or infinite", "leave out the shapes that the method cannot treat")
-    difference = np.abs(matrix - matrix.T).max(initial=0.0)
-    if difference > ASYMMETRY * np.abs(matrix).max(initial=0.0):
+    difference = largest = 0.0
+    for start in range(0, len(matrix), ROWS):  # a copy of the whole matrix may not fit beside it
+        rows, columns = matrix[start : start + ROWS], matrix[:, start : start + ROWS]
+        if not np.isfinite(rows).all():
+            raise ConfigurationError(
+                "a distance is NaN or infinite", "leave out the shapes that the method cannot treat"
+            )
+        with np.errstate(invalid="ignore"):  # what is infinite below is found below
+            difference = max(difference, float(np.abs(rows - columns.T).max(initial=0.0)))
+        largest = max(largest, float(np.abs(rows).max(initial=0.0)))
+    if difference > ASYMMETRY * largest:
         raise ConfigurationError(
             f"the distances are not symmetric (largest difference {difference:.3g})", "average them with the transpose"
         )

@@ -106,7 +106,9 @@ def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleA
     if is_first:
         blur(base, gaussians[0], gaussian_kernel(np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)))
     else:
-        gaussians[0] = base
+        for row in range(base.shape[0]):  # assigned as a whole, it takes a second to compile
+            for x in range(base.shape[1]):
+                gaussians[0, row, x] = base[row, x]
     for level in range(1, N_GAUSSIANS):
         sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
         blur(gaussians[level - 1], gaussians[level], gaussian_kernel(sigma))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.rasterise import draw_triangles
+from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles
 
 N_VIEWS = 66
 BACKGROUND = 1.0
@@ -80,6 +80,8 @@ CUBE_ROTATIONS = _cube_rotations()
 VIEW_PERMUTATIONS = np.array([permutation_of(rotation) for rotation in CUBE_ROTATIONS])
 ORBITS = _orbits()
 CAMERAS = _cameras()
+#: The view from the other side of each view; it has the same upwards direction.
+OPPOSITE = np.asarray((DIRECTIONS @ DIRECTIONS.T).argmin(axis=1), dtype=np.int32)
 
 
 def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.float32]:
@@ -108,15 +110,24 @@ def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.floa
     Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching and
     Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
-    cameras = np.ascontiguousarray(CAMERAS[views])
-    images = np.full((len(cameras), size, size), BACKGROUND, dtype=np.float32)
-    _draw_views(mesh.vertices, mesh.faces, cameras, images)
+    chosen = np.arange(N_VIEWS)[views].tolist()
+    rows = {view: row for row, view in enumerate(chosen)}
+    fronts = [view for view in chosen if not OPPOSITE[view] < view or OPPOSITE[view] not in rows]
+    # Which image shows the front of each, and which one its back, if that is wanted.
+    sides = np.array([(rows[view], rows.get(OPPOSITE[view], -1)) for view in fronts], dtype=np.int64)
+    images = np.full((len(chosen), size, size), BACKGROUND, dtype=np.float32)
+    _draw_views(mesh.vertices, mesh.faces, CAMERAS[fronts], sides, images, NOT_BEHIND)
     return images
 
 
 @njit(cache=True, nogil=True)
 def _draw_views(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], cameras: NDArray[np.float64], images: NDArray[np.float32]
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    cameras: NDArray[np.float64],
+    sides: NDArray[np.int64],
+    images: NDArray[np.float32],
+    nothing: NDArray[np.float32],
 ) -> None:
     half = 0.5 * images.shape[1]
     projected = np.empty_like(vertices)
@@ -127,4 +138,5 @@ def _draw_views(
             projected[i, 0] = half * (1.0 + (right[0] * x + right[1] * y + right[2] * z))
             projected[i, 1] = half * (1.0 - (up[0] * x + up[1] * y + up[2] * z))
             projected[i, 2] = 0.5 * (1.0 - (eye[0] * x + eye[1] * y + eye[2] * z))
-        draw_triangles(projected, faces, images[v])
+        behind = images[sides[v, 1]] if sides[v, 1] >= 0 else nothing
+        draw_triangles(projected, faces, images[sides[v, 0]], behind)

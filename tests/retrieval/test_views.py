@@ -6,7 +6,7 @@ import trimesh
 
 from benchmark.geometry.mesh import Mesh
 from retrieval.pose import to_unit_sphere
-from retrieval.views import CAMERAS, CUBE_ROTATIONS, DIRECTIONS, N_VIEWS, ORBITS, VIEW_PERMUTATIONS, render
+from retrieval.views import CAMERAS, CUBE_ROTATIONS, DIRECTIONS, N_VIEWS, OPPOSITE, ORBITS, VIEW_PERMUTATIONS, render
 from tests.retrieval.figures import figure, turned
 
 pytestmark = pytest.mark.kernels
@@ -44,6 +44,14 @@ def test_cameras_look_at_the_origin_with_the_rule_for_up() -> None:
     assert along_y.sum() == 2
     np.testing.assert_allclose(CAMERAS[along_y, 1], [[0, 0, 1]] * 2)
     assert (CAMERAS[~along_y, 1, 1] > 0).all()
+
+
+def test_a_view_that_is_drawn_with_its_opposite_is_the_same_as_drawn_alone() -> None:
+    mesh = to_unit_sphere(figure())
+    np.testing.assert_array_equal(DIRECTIONS[OPPOSITE], -DIRECTIONS)
+    together = render(mesh, 96)
+    for view in range(N_VIEWS):
+        np.testing.assert_array_equal(together[view], render(mesh, 96, slice(view, view + 1))[0])
 
 
 def test_depth_of_a_small_sphere_off_centre() -> None:

@@ -1,0 +1,78 @@
+"""Whether two scorers put methods in the same order: Kendall's tau-b, which allows for ties, and its chance level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import kendalltau, permutation_test
+
+from benchmark.errors import ConfigurationError
+
+#: Orders that are tried where there are too many to try all; more than 7 methods have more than these.
+N_PERMUTATIONS = 9999
+
+#: Scores that differ by less than this are one score: what a table prints has two decimals, records have all of them.
+SAME = 1e-9
+
+FEWEST = 3
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far two rankings agree.
+
+    Parameters
+    ----------
+    tau
+        Kendall's tau-b in [-1, 1]; NaN where all scores of one side are equal.
+    p_value
+        Share of the orders of the second side in which tau is at least as far from 0; NaN with tau.
+    n
+        Methods that both sides rank.
+    """
+
+    tau: float
+    p_value: float
+    n: int
+
+
+def agreement(first: Sequence[float], second: Sequence[float]) -> Agreement:
+    """Compare the orders in which two lists of scores put the same methods.
+
+    Parameters
+    ----------
+    first, second
+        Scores of the same methods, in the same order.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are fewer than three methods, or the lists differ in length.
+
+    References
+    ----------
+    Kendall, "The treatment of ties in ranking problems", Biometrika 33, 1945.
+    """
+    if len(first) != len(second) or len(first) < FEWEST:
+        raise ConfigurationError(
+            f"{len(first)} and {len(second)} scores cannot be ranked against each other",
+            f"score at least {FEWEST} methods with both",
+        )
+    x, y = (np.round(np.asarray(scores, dtype=np.float64) / SAME) for scores in (first, second))
+    if (x == x[0]).all() or (y == y[0]).all():
+        return Agreement(float("nan"), float("nan"), len(x))
+
+    def tau(of_second: np.ndarray) -> float:
+        return float(kendalltau(x, of_second, method="asymptotic").statistic)
+
+    tested = permutation_test(
+        (y,),
+        tau,
+        permutation_type="pairings",
+        n_resamples=N_PERMUTATIONS,
+        alternative="two-sided",
+        rng=np.random.default_rng(0),
+    )
+    return Agreement(tau(y), float(tested.pvalue), len(x))

@@ -1,0 +1,192 @@
+"""Energies of spherical harmonics on concentric shells: a signature that no rotation changes, compared without a pose.
+
+The surface is spread over shells around its centroid; what lies in a shell is a function on the sphere, and the energy
+of such a function in each degree of the spherical harmonics does not depend on how the form is turned. Nothing is
+rendered, drawn at random or matched, so it shares no step with CM-BOF.
+
+References
+----------
+Kazhdan, Funkhouser, Rusinkiewicz, "Rotation invariant spherical harmonic representation of 3D shape descriptors",
+Symposium on Geometry Processing 2003.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial.distance import pdist, squareform
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.mesh import Mesh
+from benchmark.parameters.constraints import Interval
+from benchmark.scoring import ScorerInfo, SignatureArrays
+
+__all__ = ["SphericalHarmonics", "energies", "sample_surface"]
+
+Points = NDArray[np.float64]
+
+#: Triangles below which all of them are cut into four, again and again: a count, so the same on every machine.
+FEWEST_TRIANGLES = 4000
+
+#: Radius that the mean distance from the centroid is scaled to; the outermost shell has radius 1.
+MEAN_RADIUS = 0.5
+
+#: Distances are rounded to multiples of this, so that forms that differ by rounding alone tie on every machine.
+RESOLUTION = 2.0**-30
+
+#: Rule of degree 4 on the triangle: barycentric coordinates (1 - 2 a, a, a) in every order, and their weights.
+#: Dunavant, "High degree efficient symmetrical Gaussian quadrature rules for the triangle", 1985, table II.
+_RULE = ((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphericalHarmonics:
+    """Shells of a form by the energies of their spherical harmonics, compared by the Euclidean distance.
+
+    Where the original draws the surface into a grid of 64 x 64 x 64 voxels, the area itself is integrated here, so that
+    the signature is as invariant as arithmetic is; and what lies beyond the outermost shell counts to it instead of
+    being cut off.
+
+    Parameters
+    ----------
+    n_shells
+        Number of shells, of radii 1/n, 2/n, ..., 1.
+    n_degrees
+        Degrees of the harmonics, from 0.
+
+    References
+    ----------
+    Kazhdan, Funkhouser, Rusinkiewicz 2003, section 4: 32 shells, 16 degrees.
+    """
+
+    info: ClassVar[ScorerInfo] = ScorerInfo(
+        name="spherical-harmonics",
+        title="Spherical harmonics",
+        cite="kazhdan2003rotation",
+        summary="energies of spherical harmonics on concentric shells, invariant under rotation",
+    )
+
+    n_shells: Annotated[int, Interval(1, 256)] = 32
+    n_degrees: Annotated[int, Interval(1, 64)] = 16
+
+    def signature(self, form: Mesh) -> SignatureArrays:
+        """Energies by shell and degree: ``energies``, shape (n_shells, n_degrees).
+
+        Raises
+        ------
+        InvalidMesh
+            If the form has no triangles or no extent.
+        """
+        points, weights = sample_surface(form)
+        centred = points - weights @ points
+        radii = np.linalg.norm(centred, axis=1)
+        mean = float(weights @ radii)
+        if not mean > 1e-12 * np.abs(form.vertices).max():
+            raise InvalidMesh("the form has zero extent", "check the method: all vertices coincide")
+        directions = centred / np.maximum(radii, 1e-12 * mean)[:, None]
+        shells = _on_shells(radii * (MEAN_RADIUS / mean), weights, self.n_shells)
+        return {"energies": energies(directions, shells, self.n_degrees)}
+
+    def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
+        """Euclidean distances of all pairs of signatures, shape (N, N); there is nothing to draw."""
+        rows = np.array([arrays["energies"].ravel() for arrays in signatures])
+        return np.asarray(np.round(squareform(pdist(rows)) / RESOLUTION) * RESOLUTION)
+
+
+def sample_surface(mesh: Mesh) -> tuple[Points, Points]:
+    """Points that stand for the surface, and their shares of its area.
+
+    Returns
+    -------
+    points
+        Shape (k, 3), six to each triangle, or to each quarter, sixteenth ... where there are few triangles.
+    weights
+        Shape (k,), with sum 1.
+
+    Raises
+    ------
+    InvalidMesh
+        If there is no area.
+    """
+    corners = mesh.vertices[mesh.faces]
+    areas = mesh.face_areas
+    total = float(areas.sum())
+    if not (mesh.n_faces and total > 0):
+        raise InvalidMesh("the form has no area", "return the triangles of the input with the new positions")
+    while len(corners) < FEWEST_TRIANGLES:
+        a, b, c = (corners[:, k] for k in range(3))
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (bc, ca, ab))
+        corners = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
+        areas = np.tile(areas / 4, 4)
+    points, weights = [], []
+    for share, weight in _RULE:
+        for place in range(3):
+            barycentric = np.full(3, share)
+            barycentric[place] = 1 - 2 * share
+            points.append(np.einsum("k,ikj->ij", barycentric, corners))
+            weights.append(weight * areas)
+    joined = np.concatenate(weights)
+    return np.concatenate(points), joined / joined.sum()
+
+
+def _on_shells(radii: Points, weights: Points, n_shells: int) -> csr_array:
+    """How much of each point lies in each shell, shape (n_shells, k): shared by the two nearest, so nothing jumps."""
+    place = np.clip(radii * n_shells - 1, 0, n_shells - 1)
+    lower = np.minimum(place.astype(np.int64), max(n_shells - 2, 0))
+    upper = np.minimum(lower + 1, n_shells - 1)
+    share = place - lower
+    numbers = np.arange(len(radii))
+    rows, columns = np.concatenate([lower, upper]), np.concatenate([numbers, numbers])
+    values = np.concatenate([weights * (1 - share), weights * share])
+    return csr_array((values, (rows, columns)), shape=(n_shells, len(radii)))
+
+
+def energies(directions: Points, shells: csr_array, n_degrees: int) -> Points:
+    """Energies of measures on the sphere in each degree of the spherical harmonics.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors, shape (k, 3).
+    shells
+        Weight of each direction in each measure, shape (n, k).
+    n_degrees
+        Degrees, from 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, n_degrees): the norm of the coefficients of orthonormal harmonics of that degree.
+    """
+    squares = np.zeros((shells.shape[0], n_degrees))
+    for order, degree, values in _harmonics(directions, n_degrees):
+        coefficients = shells @ values
+        squares[:, degree] += (1 if order == 0 else 2) * (coefficients.real**2 + coefficients.imag**2)
+    return np.asarray(np.sqrt(squares))
+
+
+def _harmonics(directions: Points, n_degrees: int) -> Iterator[tuple[int, int, NDArray[np.complex128]]]:
+    """Orthonormal harmonics of all orders from 0: order, degree, values; those of negative order mirror them.
+
+    Neither angles nor functions of the system's library: powers of x + iy, and in z the recurrence of the Legendre
+    functions for a fixed order.
+    """
+    x, y, z = directions.T
+    around = np.full(len(directions), 0.5 / np.sqrt(np.pi), dtype=np.complex128)
+    for order in range(n_degrees):
+        if order:
+            around = around * (-np.sqrt((2 * order + 1) / (2 * order)) * (x + 1j * y))
+        before, now = np.zeros(len(z)), np.ones(len(z))
+        yield order, order, around
+        for degree in range(order + 1, n_degrees):
+            below = degree**2 - order**2
+            rise = np.sqrt((4 * degree**2 - 1) / below)
+            fall = np.sqrt((2 * degree + 1) * ((degree - 1) ** 2 - order**2) / ((2 * degree - 3) * below))
+            before, now = now, rise * z * now - fall * before
+            yield order, degree, around * now
