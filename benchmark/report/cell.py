@@ -30,6 +30,8 @@ class Cell:
         Jobs that the scores are the mean of, and jobs that there should be.
     outdated
         What has changed since the job was done; "" if nothing has.
+    records
+        The records of all jobs with scores, which hold the measures of each query.
     """
 
     status: str = "missing"
@@ -38,6 +40,7 @@ class Cell:
     n_averaged: int = 0
     n_wanted: int = 1
     outdated: str = ""
+    records: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
 
     @property
     def scores(self) -> Figures | None:
@@ -66,7 +69,7 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
         record = results[0].record
         return Cell(record["status"], {"reason": record.get("reason", "")}, n_wanted=n_wanted)
     if n_wanted == 1 and len(done) == 1:
-        return Cell("ok", done[0].record, n_averaged=1, outdated=outdated)
+        return Cell("ok", done[0].record, n_averaged=1, outdated=outdated, records=(done[0].record,))
     records = [result.record for result in done]
     columns = _by_gallery(records)
     peaks = [record["peak_mib"] for record in records if record.get("peak_mib") is not None]
@@ -91,7 +94,7 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
     }
     spread_over = columns if len(next(iter(columns.values()))) > 1 else _columns(records)
     deviation = {name: statistics.stdev(values) for name, values in spread_over.items()} if len(done) > 1 else None
-    return Cell("ok", merged, deviation, len(done), max(n_wanted, len(done)), outdated)
+    return Cell("ok", merged, deviation, len(done), max(n_wanted, len(done)), outdated, tuple(records))
 
 
 def _by_gallery(records: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:

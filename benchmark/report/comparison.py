@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from benchmark.storage.records import Record, by_place
+import numpy as np
+
+from benchmark.report.statistics.intervals import intervals
+from benchmark.report.statistics.queries import queries_of
+from benchmark.report.statistics.significance import permutation_test
+from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from retrieval.measures import PRINTED
 
-#: Smallest difference of a measure of one query that counts; records keep six decimals.
+#: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
 
 
@@ -22,6 +27,10 @@ class Difference:
         What they have in common.
     first, second
         Scores of each by measure.
+    intervals
+        By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
+    probabilities
+        By measure: of so large a difference of means if there were none; of one pair, not adjusted.
     changed
         Queries for which a measure differs.
     better, worse
@@ -33,6 +42,8 @@ class Difference:
     where: str
     first: Mapping[str, float]
     second: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]]
+    probabilities: Mapping[str, float]
     changed: int
     better: int
     worse: int
@@ -55,22 +66,29 @@ class Comparison:
 
 def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(
-        *({" ".join(map(str, where[:3])): found for where, found in _newest(part).items()} for part in (first, second))
-    )
+    return _compare(*({_words(where): found for where, found in _newest(part).items()} for part in (first, second)))
 
 
-def compare_methods(records: Iterable[Record], first: str, second: str) -> Comparison:
-    """Compare two methods on every gallery and input that both have scores for."""
+def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
+    """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
     newest = _newest(records)
 
     def of(method: str) -> dict[str, Record]:
-        return {f"{where[0]} {where[1]}": record for where, record in newest.items() if where[2] == method}
+        return {
+            f"{where.gallery} {where.input}": record
+            for where, record in newest.items()
+            if where.method == method and scorer_name(record) in (scorer, "")
+        }
 
     return _compare(of(first), of(second))
 
 
-def _newest(records: Iterable[Record]) -> dict[tuple[str, str, str, int], Record]:
+def _words(where: Place) -> str:
+    by = "" if where.scorer == DEFAULT_SCORER else f" by {where.scorer}"
+    return f"{where.gallery} {where.input} {where.method}{by}"
+
+
+def _newest(records: Iterable[Record]) -> dict[Place, Record]:
     scored = (record for record in records if record["status"] == "ok")
     return {where: found[-1] for where, found in by_place(scored).items()}
 
@@ -85,44 +103,54 @@ def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Compa
 
 
 def _difference(where: str, first: Record, second: Record) -> Difference:
-    place = {shape: k for k, shape in enumerate(second["shapes"])}
-    pairs = [(k, place[shape]) for k, shape in enumerate(first["shapes"]) if shape in place]
-
-    def value(record: Record, name: str, k: int) -> float:
-        found = record["per_query"][name][k]
-        return 0.0 if found is None else float(found)
-
-    def differences(name: str) -> list[float]:
-        return [value(second, name, j) - value(first, name, i) for i, j in pairs]
-
-    by_measure = {name: differences(name) for name in PRINTED}
-    changed = sum(any(abs(d) > _SMALLEST for d in of_query) for of_query in zip(*by_measure.values(), strict=True))
-    gain = by_measure["DCG"]
+    here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
+    shapes = {shape for _, shape in there.names}
+    both = [name for name in here.names if name[1] in shapes]
+    here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
+    gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
+    gain = gains[:, PRINTED.index("DCG")]
+    ends = intervals(gains, here.labels)
     return Difference(
         where,
         {name: first["scores"][name] for name in PRINTED},
         {name: second["scores"][name] for name in PRINTED},
-        changed,
-        sum(d > _SMALLEST for d in gain),
-        sum(d < -_SMALLEST for d in gain),
-        len(pairs),
+        {name: (float(low), float(high)) for name, (low, high) in zip(PRINTED, ends, strict=True)},
+        dict(zip(PRINTED, permutation_test(gains).tolist(), strict=True)),
+        int(np.count_nonzero(gains.any(axis=1))),
+        int(np.count_nonzero(gain > 0)),
+        int(np.count_nonzero(gain < 0)),
+        len(both),
     )
 
 
 def lines(comparison: Comparison, first: str, second: str) -> list[str]:
-    """A comparison as text, one line a pair; pairs without a difference are counted only."""
-    different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
-    width = max((len(pair.where) for pair in different), default=0)
+    """A comparison as text, a head and a line for each measure; pairs without a difference are counted only."""
     said = []
+    different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
     for pair in different:
-        figures = "  ".join(
-            f"{name} {pair.first[name]:.3f} -> {pair.second[name]:.3f} ({pair.second[name] - pair.first[name]:+.3f})"
-            for name in PRINTED
+        said.append(
+            f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
+            f"{pair.better} better, {pair.worse} worse in DCG"
         )
-        queries = f"{pair.changed} of {pair.n_queries} queries changed, {pair.better} better, {pair.worse} worse in DCG"
-        said.append(f"{pair.where:<{width}}  {figures}  {queries}")
+        for name in PRINTED:
+            before, after = pair.first[name], pair.second[name]
+            low, high = pair.intervals[name]
+            said.append(
+                f"  {name:<3}  {before:.3f} -> {after:.3f}  {_signed(after - before)}  "
+                f"({_signed(low)} to {_signed(high)})  p {pair.probabilities[name]:.4f}"
+            )
     same = len(comparison.differences) - len(different)
     said.append(f"{same} of {len(comparison.differences)} pairs are equal")
     said += [f"only {first}: {where}" for where in comparison.only_first]
     said += [f"only {second}: {where}" for where in comparison.only_second]
+    if different:
+        said.append(
+            "In brackets: 95 % of the differences when classes are drawn anew. "
+            "p: of so large a difference if there were none (paired permutation test over queries)."
+        )
     return said
+
+
+def _signed(value: float) -> str:
+    """Three decimals with a sign; nothing is negative that reads as zero."""
+    return f"{round(value, 3) + 0.0:+.3f}"

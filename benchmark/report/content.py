@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
 from benchmark.contracts import Input
+from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
+from benchmark.report.statistics.judgement import Judgements, judge
 from benchmark.storage.keys import digest
 from benchmark.system.text import brief
 
@@ -71,6 +74,8 @@ class TableContent:
         Expected scores of a random ranking; the mean over the galleries where there are several.
     n_galleries
         Galleries that a row is the mean over.
+    scorer
+        Name of what compared the forms; "" for the default scorer.
     """
 
     table: Table
@@ -79,6 +84,12 @@ class TableContent:
     rows: tuple[Row, ...]
     chance: Figures
     n_galleries: int
+    scorer: str = ""
+
+    @cached_property
+    def judgements(self) -> Judgements:
+        """How sure each of our figures is, and which rows differ from the best."""
+        return judge(self.rows, self.inputs)
 
     @property
     def identifier(self) -> str:
@@ -93,7 +104,7 @@ class TableContent:
     @property
     def file_stem(self) -> str:
         """Name of the files of this table."""
-        return file_stem(self.identifier, self.data["name"], quick=self.quick)
+        return file_stem(self.identifier, self.data["name"], quick=self.quick, scorer=self.scorer)
 
     @property
     def has_paper(self) -> bool:
@@ -113,19 +124,37 @@ class TableContent:
         each = f"{self.data['n_shapes']} shapes, {self.data['n_classes']} classes"
         return f"{self.n_galleries} x {each}" if self.n_galleries > 1 else each
 
-    def notes(self) -> list[str]:
-        """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores."""
+    def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
+        """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
+        rows = [row for row in self.rows if row.paper or (not paper_only and _is_run(row, input_))]
+        alone = tuple(replace(row, cells={name: c for name, c in row.cells.items() if name == input_}) for row in rows)
+        return replace(self, inputs=(input_,), rows=alone)
+
+    def notes(self, *, reasons: bool = True) -> list[str]:
+        """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
+
+        Parameters
+        ----------
+        reasons
+            Whether to say of each outdated row what has changed.
+        """
         lines = []
         if self.quick:
             lines.append("Quick run: some poses of each subject were left out.")
         if self.n_galleries > 1:
             lines.append(_OF_MEANS)
+        if any(judged.is_inseparable for judged in self.judgements.values()):
+            lines.append(_MARKS)
         lines += self._left_out()
         if trained := self._trainings():
             lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
         lines += [line for row in self.rows for line in _of_jobs(row)]
         lines += [f"{', '.join(titles)}, {what}" for what, titles in self._without_scores().items()]
-        lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in self._outdated().items()]
+        outdated = self._outdated()
+        if reasons:
+            lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in outdated.items()]
+        elif outdated:
+            lines.append(f"{OUTDATED} Made before the last change of code or packages.")
         not_run = [row.title for row in self.rows if all(cell.status == "missing" for cell in row.cells.values())]
         if not_run:
             lines.append(f"Not run: {', '.join(not_run)}.")
@@ -204,7 +233,16 @@ _WORTH_TELLING = 0.01
 #: Characters of a file name, which has room for 255 bytes.
 _LONGEST_NAME = 60
 
+_MARKS = (
+    "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
+    "(paired permutation test over queries, Holm's correction, 5 %)."
+)
+
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
+
+
+def _is_run(row: Row, input_: Input) -> bool:
+    return input_ in row.cells and row.cells[input_].status != "missing"
 
 
 def _of_jobs(row: Row) -> Iterable[str]:
@@ -219,18 +257,19 @@ def _of_jobs(row: Row) -> Iterable[str]:
             )
 
 
-def file_stem(table: str, dataset: str, *, quick: bool) -> str:
+def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "") -> str:
     """Name of the files of a table on a data set: letters, digits, dots, hyphens and underscores.
 
     A name that had to be changed by more than its spaces gets a digest, so that two tables never share a file.
     """
     parts = ["table", table] + ([dataset] if dataset != table else [])
-    whole = "-".join(parts + (["quick"] if quick else [])).replace(" ", "-").replace("/", "-")
+    parts += (["quick"] if quick else []) + ([scorer] if scorer else [])
+    whole = "-".join(parts).replace(" ", "-").replace("/", "-")
     name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
 
 
-def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[TableContent]:
+def contents(results: Iterable[Result], tables: Iterable[str] = (), *, blanks: bool = True) -> list[TableContent]:
     """Fill tables with results.
 
     Parameters
@@ -239,6 +278,8 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
         The records to show.
     tables
         Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
+    blanks
+        Whether the paper's methods have rows where there is no result of them.
     """
     named = set(tables)
     wanted = named | {table.identifier for table in TABLES if table.part_of in named}
@@ -246,11 +287,11 @@ def contents(results: Iterable[Result], tables: Iterable[str] = ()) -> list[Tabl
     for result in results:
         data = result.record["data"]
         for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
-            if not wanted or table in wanted:
+            if table in wanted or not (wanted or parsed(data["name"])):  # the table of robustness sums these up
                 grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
     order = {table.identifier: number for number, table in enumerate(TABLES)}
     places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
-    made = (_content(_table(*place[:2]), grouped[place]) for place in places)
+    made = (_content(_table(*place[:2]), grouped[place], blanks=blanks) for place in places)
     return [table for table in made if table.rows]
 
 
@@ -270,7 +311,7 @@ def _is_stand_in(place: tuple[str, str, bool]) -> bool:
     return any(table.identifier == place[0] and table.stand_in == place[1] for table in TABLES)
 
 
-def _content(table: Table, results: Sequence[Result]) -> TableContent:
+def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableContent:
     galleries = sorted({result.record["gallery"] for result in results})
     by_row: dict[str, dict[Input, list[Result]]] = {}
     for result in results:
@@ -289,10 +330,14 @@ def _content(table: Table, results: Sequence[Result]) -> TableContent:
     rows = [
         Row(name, row.title, "paper", row.values[table.identifier], blank | cells.get(name, {}))
         for name, row in printed.items()
+        if blanks or name in cells
     ]
     rows += [_further_row(name, by_row[name], cells[name]) for name in _others(by_row, printed)]
     one_each = {result.record["gallery"]: result.record for result in results}
     chance = [one_each[name]["data"]["chance"] for name in galleries]
+    scored = next((r.record for r in results if "scorer_title" in r.record), None)
+    if scored is not None:
+        table = replace(table, caption=f"{table.caption}, scored by {brief(scored['scorer_title'])}")
     return TableContent(
         table,
         one_each[galleries[0]]["data"],
@@ -300,6 +345,7 @@ def _content(table: Table, results: Sequence[Result]) -> TableContent:
         tuple(rows) if by_row else (),
         {name: statistics.fmean(levels[name] for levels in chance) for name in chance[0]},
         len(galleries),
+        scored["scorer"] if scored is not None else "",
     )
 
 

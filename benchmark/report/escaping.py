@@ -41,6 +41,7 @@ def markdown_line(text: object) -> str:
 def latex_text(text: object) -> str:
     r"""Text in LaTeX; what stands after a line break must not look like an argument of ``\\``."""
     told = "".join(_LATEX.get(character, character) for character in clean(text))
+    told = re.sub("-(?=-)", "-{}", told)  # two hyphens are an option of a command, no dash
     return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
 
 

@@ -8,24 +8,27 @@ from pathlib import Path
 
 from benchmark.errors import BenchmarkError
 from benchmark.report.content import TableContent
-from benchmark.report.formats import as_csv, as_json, latex, markdown
-from benchmark.report.splits import has_splits, splits_markdown
+from benchmark.report.formats import as_csv, as_json, markdown
+from benchmark.report.latex import latex_files
+from benchmark.report.statistics.document import has_intervals, intervals_markdown
+from benchmark.report.statistics.splits import has_splits, splits_markdown
 from benchmark.system.files import sweep, write_text
 
 
 def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
-    """Texts by file name: one LaTeX and Markdown file per table, one CSV and JSON file for all.
+    """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
 
     With LaTeX come the BibTeX entries of the methods, the scorer and the data.
     """
     files: dict[str, str] = {}
     for name in formats:
         if name == "latex":
-            files |= {f"{table.file_stem}.tex": latex(table) for table in tables}
+            files |= latex_files(tables)
             files["references.bib"] = resources.files("benchmark.reference").joinpath("references.bib").read_text()
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
+            files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if has_intervals(t)}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
         else:

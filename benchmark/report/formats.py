@@ -1,29 +1,31 @@
-"""Tables as Markdown, LaTeX, CSV and JSON: pure functions of their content, stable to the byte."""
+"""Tables as Markdown, CSV and JSON: pure functions of their content, stable to the byte."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from benchmark.contracts import Input
-from benchmark.report.cell import Cell, Figures
+from benchmark.report.cell import Cell
+from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import csv_cell, latex_text, markdown_line, markdown_text
-from benchmark.storage.keys import digest
+from benchmark.report.escaping import csv_cell, markdown_line, markdown_text
+from benchmark.report.statistics.judgement import Judgement
 from retrieval.measures import PRINTED
 
-BLANK = "--"
+_STYLE = Style("**{}**", "*{}*")
 
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
-    header = ["Method", *(f"{group} {metric}" for group, _ in column_groups(table) for metric in PRINTED)]
-    figures = cells(table, "**{}**", " ± ")
+    groups = groups_of(table)
+    header = ["Method", *(f"{group.title} {metric}" for group in groups for metric in PRINTED)]
+    figures = cells(table, groups, _STYLE)
     body = [[markdown_text(row.label), *values] for row, values in zip(table.rows, figures, strict=True)]
-    body.append(["*Chance*", *(number(table.chance[metric]) for _ in column_groups(table) for metric in PRINTED)])
+    body.append(["*Chance*", *(number(table.chance[metric]) for _ in groups for metric in PRINTED)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
     lines = [f"**{markdown_text(f'{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).')}**", ""]
@@ -36,43 +38,6 @@ def markdown(table: TableContent) -> str:
         )
     notes = table.notes()
     return "\n".join([*lines, *([""] if notes else []), *(f"- {markdown_line(note)}" for note in notes)]) + "\n"
-
-
-def latex(table: TableContent) -> str:
-    r"""A table for ``\input`` in a paper; needs the package booktabs. Its first line names what it was made from."""
-    groups = column_groups(table)
-    column = 2
-    spans, rules = [], []
-    for group, _ in groups:
-        spans.append(rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{{latex_text(group)}}}")
-        rules.append(rf"\cmidrule(lr){{{column}-{column + len(PRINTED) - 1}}}")
-        column += len(PRINTED)
-    caption = f"{table.table.caption}: {table.data_title} ({table.size}). {_legend(table)}"
-    lines = [
-        f"% {table.file_stem}, made from records {_digest(table)}",
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{latex_text(caption)}}}",
-        rf"\label{{tab:{table.file_stem}}}",
-        rf"\begin{{tabular}}{{l{'r' * len(PRINTED) * len(groups)}}}",
-        r"\toprule",
-        " & ".join(["", *spans]) + r" \\",
-        " ".join(rules),
-        " & ".join(["Method", *(metric for _ in groups for metric in PRINTED)]) + r" \\",
-        r"\midrule",
-    ]
-    last = ""
-    for row, values in zip(table.rows, cells(table, r"\textbf{{{}}}", r" $\pm$ "), strict=True):
-        if last and row.family != last:
-            lines.append(r"\midrule")
-        last = row.family
-        lines.append(" & ".join([latex_text(row.label), *values]) + r" \\")
-    chance = [number(table.chance[metric]) for _ in groups for metric in PRINTED]
-    lines += [r"\midrule", " & ".join(["Chance", *chance]) + r" \\", r"\bottomrule", r"\end{tabular}"]
-    notes = table.notes()
-    if notes:
-        lines.append(r"\par\smallskip{\footnotesize " + " ".join(latex_text(_sentence(note)) for note in notes) + "}")
-    return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
@@ -96,20 +61,32 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     names = ["table", "dataset", "stand_in", "input", "method", "title", *PRINTED]
     names += [f"paper_{m}" for m in PRINTED] + [f"chance_{m}" for m in PRINTED]
     names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib"]
-    names += [f"spread_{m}" for m in PRINTED] + ["n_models", "n_galleries", "status", "outdated"]
+    names += [f"{part}_{m}" for part in ("low", "high", "p_best", "spread") for m in PRINTED] + [
+        "n_models",
+        "n_galleries",
+        "status",
+        "outdated",
+    ]
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
     for row in rows_as_json(tables):
         flat = {name: row[name] for name in names if name in row}
-        for part in ("paper", "chance", "spread"):
+        for part in ("paper", "chance", "spread", "p_best"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
+        for metric, ends in (row["interval"] or {}).items():
+            flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
         writer.writerow({name: csv_cell(value) for name, value in flat.items()})
     return text.getvalue()
 
 
 def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:
     record, scores = cell.record, cell.scores
+    judged: dict[str, Judgement] = {
+        metric: table.judgements[row.method, input_, metric]
+        for metric in PRINTED
+        if (row.method, input_, metric) in table.judgements
+    }
     return {
         "table": table.identifier,
         "dataset": table.data["name"],
@@ -127,79 +104,16 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
         "peak_mib": record.get("peak_mib"),
         "spread": {metric: round(cell.deviation[metric], 6) for metric in PRINTED} if cell.deviation else None,
+        "interval": {metric: [round(one.low, 6), round(one.high, 6)] for metric, one in judged.items()} or None,
+        "p_best": {metric: one.rounded_probability for metric, one in judged.items()} or None,
+        "codebook_deviation": record.get("codebook_deviation"),
         "n_models": len(cell.models) or None,
         "n_galleries": table.n_galleries,
+        **({"scorer": table.scorer} if table.scorer else {}),
         "outdated": cell.outdated or None,
         "status": cell.status,
     }
 
 
-def column_groups(table: TableContent) -> list[tuple[str, Input | None]]:
-    """Column groups: the paper first, then the inputs."""
-    ours: list[tuple[str, Input | None]] = [(input_, input_) for input_ in table.inputs]
-    return [("paper", None), *ours] if table.has_paper else ours
-
-
-def cells(table: TableContent, mark: str, plus_minus: str) -> list[list[str]]:
-    """Format the figures of each row; the best of each of our columns is marked.
-
-    Marked is what reads as best: figures are compared after rounding, and equals are all marked. Means are followed by
-    their spread.
-    """
-    columns: list[list[str]] = []
-    for _, input_ in column_groups(table):
-        for metric in PRINTED:
-            values = [_value(row, input_, metric) for row in table.rows]
-            texts = [number(value) for value in values]
-            best = max((text for text in texts if text != BLANK), default=None) if input_ else None
-            marked = [mark.format(text) if text == best else text for text in texts]
-            spreads = [_spread(row, input_, metric) for row in table.rows]
-            columns.append(
-                [
-                    text if spread is None else f"{text}{plus_minus}{number(spread)}"
-                    for text, spread in zip(marked, spreads, strict=True)
-                ]
-            )
-    return [list(line) for line in zip(*columns, strict=True)]
-
-
-def _value(row: Row, input_: Input | None, metric: str) -> float | None:
-    if input_ is None:
-        scores: Figures | None = row.paper
-    else:
-        cell = row.cells.get(input_)
-        scores = cell.scores if cell else None
-    return scores[metric] if scores else None
-
-
-def _spread(row: Row, input_: Input | None, metric: str) -> float | None:
-    cell = row.cells.get(input_) if input_ else None
-    return cell.deviation[metric] if cell and cell.deviation else None
-
-
-def number(value: float | None) -> str:
-    """Two decimals, as the paper prints them."""
-    return BLANK if value is None else f"{value:.2f}"
-
-
 def _title(table: TableContent) -> str:
     return f"Table {table.identifier}"
-
-
-def _legend(table: TableContent) -> str:
-    ours = " and ".join(
-        {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}[input_]
-        for input_ in table.inputs
-    )
-    return f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}. {BLANK}: no result."
-
-
-def _sentence(note: str) -> str:
-    return note if note.endswith(".") else f"{note}."
-
-
-def _digest(table: TableContent) -> str:
-    def part(cell: Cell) -> Mapping[str, Any]:
-        return {"key": cell.record.get("key"), "scores": cell.scores, "status": cell.status}
-
-    return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])

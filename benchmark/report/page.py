@@ -6,9 +6,9 @@ import os
 from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
+from benchmark.report.columns import BLANK, Style, cells, groups_of, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_text
-from benchmark.report.formats import BLANK, cells, column_groups, number
 from retrieval.measures import PRINTED
 
 _STYLE = """
@@ -42,16 +42,16 @@ def page(tables: Sequence[TableContent], figures: Mapping[str, str]) -> str:
 
 
 def _table(table: TableContent) -> str:
-    groups = column_groups(table)
+    groups = groups_of(table)
     heading = f"Table {table.identifier}. {table.table.caption}: {table.data_title} ({table.size})"
     lines = [f"<h2>{html_text(heading)}</h2>", "<table><thead><tr><th></th>"]
-    lines += [f"<th colspan='{len(PRINTED)}'>{html_text(name)}</th>" for name, _ in groups]
+    lines += [f"<th colspan='{len(PRINTED)}'>{html_text(group.title)}</th>" for group in groups]
     lines += [
         "</tr><tr><th>Method</th>",
         *(f"<th>{metric}</th>" for _ in groups for metric in PRINTED),
         "</tr></thead><tbody>",
     ]
-    for row, values in zip(table.rows, cells(table, "<b>{}</b>", " ± "), strict=True):
+    for row, values in zip(table.rows, cells(table, groups, Style("<b>{}</b>", "<i>{}</i>")), strict=True):
         lines.append(
             f"<tr><td>{html_text(row.label)}</td>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>"
         )

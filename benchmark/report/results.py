@@ -9,16 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.datasets.catalogue import CATALOGUE, is_present
-from benchmark.errors import BenchmarkError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.jobs.plan import data_recipe, difference
 from benchmark.methods.registry import MethodSpec, variant
+from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES, Gallery, galleries, gallery_name
 from benchmark.storage import keys
-from benchmark.storage.records import Record, by_place
+from benchmark.storage.records import Record, by_place, scorer_name
 from benchmark.storage.store import Store
-from retrieval.cmbof import CMBOF
+from benchmark.system.plugins import is_imported
 
 __all__ = ["Result", "Results"]
 
@@ -51,14 +52,17 @@ class Results:
         Methods by name; of others nobody can tell whether their records are up to date.
     data_root
         The folder that holds the official sets; what is absent is taken as recorded.
+    known_scorers
+        Scorers by name.
     """
 
     store: Store
     known: Mapping[str, MethodSpec]
     data_root: Path | None = None
+    known_scorers: Mapping[str, ScorerSpec] = field(default_factory=scorers)
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
 
-    def all(self, seed: int = 0, *, fresh: bool = False) -> list[Result]:
+    def all(self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT) -> list[Result]:
         """One result for each place: the newest that this code would make again, else the newest with scores.
 
         Parameters
@@ -67,11 +71,13 @@ class Results:
             Base seed of the runs to look at.
         fresh
             Whether to leave out what is outdated.
+        scorer
+            Name of the scorer; descriptors, which have none, are in whatever it is.
         """
         both = {record["key"]: record for record in [*self.store.published, *self.store.records]}
         chosen = []
-        for (_, _, _, of_seed), records in by_place(both.values()).items():
-            if of_seed == seed:
+        for place, records in by_place(both.values()).items():
+            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, records))):
                 result = self._best(records)
                 if not (fresh and result.outdated):
                     chosen.append(result)
@@ -107,10 +113,14 @@ class Results:
     def _recipe_now(self, record: Record) -> dict[str, Any]:
         """The parts of the recipe that can be told without the data, and with it where it is here."""
         spec = variant(record["method"], self.known)
+        scorer = scorer_of(scorer_name(record) or DEFAULT, self.known_scorers)
+        module = str(record["data"]["module"])
+        if module.endswith(".py") and not is_imported(module):
+            raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
         now: dict[str, Any] = {
             "parameters": spec.resolved_parameters(),
-            "scorer": recipes.scorer_recipe(CMBOF()),
-            "code": recipes.job_code(record["data"]["module"], record["input"], spec),
+            "scorer": recipes.scorer_recipe(scorer),
+            "code": recipes.job_code(module, record["input"], spec, scorer),
         }
         gallery = self._gallery(record)
         if gallery is None:

@@ -7,7 +7,8 @@ import pytest
 from benchmark.protocols.tables import TABLES
 from benchmark.report.cell import cell_of
 from benchmark.report.content import contents, row_of
-from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
+from benchmark.report.formats import as_csv, markdown, rows_as_json
+from benchmark.report.latex import latex
 from benchmark.report.page import page
 from benchmark.report.results import Result
 from tests.records import failed, record
@@ -109,7 +110,7 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     assert cells[0] == "Our (4 models)"
     assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
-    assert r"\textbf{0.57} $\pm$ 0.15 & \textbf{0.50} $\pm$ 0.00" in latex(table)
+    assert r"\textbf{0.57}{\tiny$\,\pm$0.15} & \textbf{0.50}{\tiny$\,\pm$0.00}" in latex(table)
     assert "<td><b>0.57</b> ± 0.15</td>" in page([table], {})
     (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
     assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.566667, "Our", 3)

@@ -89,7 +89,7 @@ def unescaped(latex):
     shown = {
         r"\textbackslash{}": "\\", r"\textless{}": "<", r"\textgreater{}": ">", r"\textbar{}": "|", r"\dag{}": "†",
         r"$\pm$": "±", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\&": "&", r"\%": "%", r"\$": "$",
-        r"\#": "#", r"\_": "_", r"\{": "{", r"\}": "}",
+        r"\#": "#", r"\_": "_", r"\{": "{", r"\}": "}", "-{}": "-",
     }  # fmt: skip
     known = re.compile("|".join(map(re.escape, sorted(shown, key=len, reverse=True))))
     assert not re.search(r"[\\{}$&#^_%~|<>]", known.sub("", latex)), latex
@@ -164,21 +164,23 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     for name, content in files.items():
         content.encode("utf-8")
         assert all(line.isprintable() for line in content.split("\n")), name
-    (markdown,) = (files[name] for name in names if name.endswith(".md"))
-    tokens = MARKDOWN.parse(markdown)
-    kinds = [token.type for token in tokens]
-    assert kinds.count("table_open") == kinds.count("bullet_list_open") == 1
-    assert kinds.count("td_open") == 3 * 5
-    assert kinds.count("list_item_open") == len(table.notes())
-    assert not {"html_block", "heading_open", "fence", "code_block", "hr", "blockquote_open"} & set(kinds)
-    inner = {child.type for token in tokens if token.type == "inline" for child in token.children}
-    assert not inner & {"html_inline", "link_open", "image", "s_open"}
-    (latex,) = (files[name] for name in names if name.endswith(".tex"))
+    wanted = {f"{table.file_stem}.md": (3 * 5, len(table.notes())), f"intervals-{table.file_stem}.md": (11, 3)}
+    assert {name for name in names if name.endswith(".md")} == set(wanted)
+    for name, (n_cells, n_notes) in wanted.items():
+        tokens = MARKDOWN.parse(files[name])
+        kinds = [token.type for token in tokens]
+        assert kinds.count("table_open") == kinds.count("bullet_list_open") == 1
+        assert kinds.count("td_open") == n_cells
+        assert kinds.count("list_item_open") == n_notes
+        assert not {"html_block", "heading_open", "fence", "code_block", "hr", "blockquote_open"} & set(kinds)
+        inner = {child.type for token in tokens if token.type == "inline" for child in token.children}
+        assert not inner & {"html_inline", "link_open", "image", "s_open"}
+    (latex,) = (files[name] for name in names if name.endswith(".tex"))  # one input, and no paper to stand beside
     assert braces(latex) == 0
     assert latex.count(r"\begin{table}") == latex.count(r"\end{table}") == 1
     body = latex[latex.index(r"\midrule") : latex.index(r"\bottomrule")].split("\n")
     assert [len(re.findall(r"(?<!\\)&", line)) for line in body if line.endswith(r"\\")] == [4, 4, 4]
-    assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}", latex.split("\n")[0])
+    assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}; needs booktabs and graphicx", latex.split("\n")[0])
     assert re.search(r"^\\label\{tab:[\w.-]+\}$", latex, re.MULTILINE)
     rows = list(csv.reader(io.StringIO(files["tables.csv"])))
     assert len(rows) == 3

@@ -11,7 +11,8 @@ from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 from benchmark.report.files import render
-from benchmark.report.formats import as_csv, latex, markdown, rows_as_json
+from benchmark.report.formats import as_csv, markdown, rows_as_json
+from benchmark.report.latex import latex
 from retrieval.chance import chance_levels
 from tests.records import record
 
@@ -91,7 +92,7 @@ def test_latex_is_booktabs_escaped_and_stable():
     assert text == latex(table())
     assert text.startswith("% table-III-beasts, made from records ")
     assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
-    assert r"\begin{tabular}{lrrrrrrrrrrrr}" in text
+    assert r"\begin{tabular}{@{}lrrrrrrrrrrrr@{}}" in text
     assert r"\cmidrule(lr){2-5} \cmidrule(lr){6-9} \cmidrule(lr){10-13}" in text
     assert r"50 \% of\_mine & -- & -- & -- & -- & \textbf{0.74}" in text
     assert "generated stand-in 'beasts', not TOSCA" in text
@@ -124,13 +125,9 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
 
 def test_files_of_all_formats():
     files = render([table()], ("latex", "markdown", "csv", "json"))
-    assert sorted(files) == [
-        "references.bib",
-        "table-III-beasts.md",
-        "table-III-beasts.tex",
-        "tables.csv",
-        "tables.json",
-    ]
+    alone = [f"{prefix}table-III-beasts-{name}.tex" for prefix in ("", "paper-") for name in ("mesh", "view")]
+    both = ["table-III-beasts.md", "table-III-beasts.tex"]
+    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json"])
     assert json.loads(files["tables.json"]) == rows_as_json([table()])
 
 
@@ -171,7 +168,7 @@ def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
     assert "| Classic MDS † " in text
     assert text.count("†") == 2
     assert "- † Classic MDS: made before the last change (libigl 2.6.2 -> 2.6.3)" in text.splitlines()
-    assert r"Classic MDS \dag{} & 0.74" in latex(content)
+    assert r"Classic MDS \dag{}~\cite{elad2003bending} & 0.74" in latex(content)
     assert rows_as_json([content])[0]["outdated"] == "libigl 2.6.2 -> 2.6.3"
     assert rows_as_json([content])[0]["title"] == "Classic MDS"
     assert "†" not in markdown(table())

@@ -1,0 +1,138 @@
+"""Robustness as Markdown, LaTeX, CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from benchmark.datasets.nuisances.dataset import NUISANCES
+from benchmark.report.columns import BLANK, number
+from benchmark.report.escaping import csv_cell, latex_text, markdown_text
+from benchmark.report.robustness.curves import Curve, Robustness, worst
+
+_LEGEND = (
+    "Smallest tested amount of each nuisance at which NN is below half of its clean value; a shape that the nuisance "
+    "destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean value is not "
+    f"above chance. {BLANK}: not all strengths were run."
+)
+
+
+def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, str]:
+    """Texts by file name, as :func:`benchmark.report.files.render` makes those of the other tables."""
+    files: dict[str, str] = {}
+    for name in formats if found else ():
+        if name == "markdown":
+            files |= {f"{each.file_stem}.md": markdown(each) for each in found}
+        elif name == "latex":
+            files |= {f"{each.file_stem}.tex": latex(each) for each in found}
+        elif name == "csv":
+            files["robustness.csv"] = as_csv(found)
+        else:
+            files["robustness.json"] = json.dumps(_rows(found), indent=1) + "\n"
+    return files
+
+
+def markdown(found: Robustness) -> str:
+    """The amounts at which each method fails, then NN at each strength."""
+    header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
+    lines = [f"**What breaks the methods: {_title(found)}.**", "", _LEGEND, "", _line(header), _rule(len(header))]
+    lines += [_line([markdown_text(title), *_halves(found, method)]) for method, title in found.titles.items()]
+    for nuisance, curves in found.curves.items():
+        known = NUISANCES[nuisance]
+        header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
+        lines += ["", f"NN under {known.title} ({known.unit}):", "", _line(header), _rule(len(header))]
+        for method, curve in curves.items():
+            values = [number(value) for value in (curve.clean, *curve.values)]
+            lines.append(_line([markdown_text(found.titles[method]), *values]))
+        lost = worst(found, nuisance)
+        if any(lost):
+            lines.append(_line(["*Shapes destroyed, at most*", "0", *map(str, lost)]))
+    return "\n".join(lines) + "\n"
+
+
+def latex(found: Robustness) -> str:
+    r"""The amounts at which each method fails, for ``\input``; needs the package booktabs."""
+    header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
+    lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{latex_text(f'What breaks the methods: {_title(found)}. {_LEGEND}')}}}",
+        rf"\label{{tab:{found.file_stem}}}",
+        rf"\begin{{tabular}}{{l{'r' * (len(header) - 1)}}}",
+        r"\toprule",
+        " & ".join(map(latex_text, header)) + r" \\",
+        r"\midrule",
+    ]
+    for method, title in found.titles.items():
+        lines.append(" & ".join(latex_text(cell) for cell in [title, *_halves(found, method)]) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}"]) + "\n"
+
+
+def as_csv(found: Sequence[Robustness]) -> str:
+    """One line per data set, input, method, nuisance and strength."""
+    names = ["dataset", "input", "scorer", "method", "nuisance", "strength", "amount"]
+    names += ["clean_NN", "NN", "unsupported", "half_at"]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    for row in _rows(found):
+        writer.writerow({name: csv_cell(row[name]) for name in names})
+    return text.getvalue()
+
+
+def _rows(found: Sequence[Robustness]) -> list[dict[str, Any]]:
+    return [
+        {
+            "dataset": each.data,
+            "input": each.input,
+            "scorer": each.scorer or None,
+            "method": method,
+            "title": each.titles[method],
+            "nuisance": nuisance,
+            "strength": strength,
+            "amount": amount,
+            "clean_NN": round(curve.clean, 6),
+            "NN": None if value is None else round(value, 6),
+            "unsupported": lost,
+            "half_at": curve.half_at,
+        }
+        for each in found
+        for nuisance, curves in each.curves.items()
+        for method, curve in curves.items()
+        for strength, (amount, value, lost) in enumerate(
+            zip(curve.amounts, curve.values, curve.unsupported, strict=True), start=1
+        )
+    ]
+
+
+def _halves(found: Robustness, method: str) -> list[str]:
+    curves = [of_methods.get(method) for of_methods in found.curves.values()]
+    clean = next((curve.clean for curve in curves if curve), None)
+    return [number(clean), *(_half(curve) for curve in curves)]
+
+
+def _half(curve: Curve | None) -> str:
+    if curve is None:
+        return BLANK
+    if not curve.can_halve:
+        return "n/a"
+    if curve.half_at is not None:
+        return f"{curve.half_at:g}"
+    beyond = "<" if curve.amounts[-1] < curve.amounts[0] else ">"
+    return f"{beyond} {curve.amounts[-1]:g}" if curve.is_complete else BLANK
+
+
+def _title(found: Robustness) -> str:
+    by = f", scored by {found.scorer}" if found.scorer else ""
+    return f"{markdown_text(found.data)}, {found.n_shapes} shapes, {found.input} input{by}"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _rule(count: int) -> str:
+    return "|---|" + "---:|" * (count - 1)

@@ -1,0 +1,66 @@
+"""Intervals and tests of a table as a table of its own."""
+
+from __future__ import annotations
+
+from benchmark.report.content import Row, TableContent
+from benchmark.report.escaping import markdown_text
+from benchmark.report.statistics.intervals import DRAWS
+from benchmark.report.statistics.judgement import Judgement
+from benchmark.report.statistics.significance import RESAMPLES
+from retrieval.measures import PRINTED
+
+
+def has_intervals(table: TableContent) -> bool:
+    """Whether some figure of ours can be judged."""
+    return bool(table.judgements)
+
+
+def intervals_markdown(table: TableContent) -> str:
+    """Each figure of ours with its interval, its spread over codebooks, and its test against the best, as Markdown."""
+    head = ["Method", "input", *PRINTED, "codebooks NN", *(f"p {name}" for name in PRINTED)]
+    lines = [
+        f"**How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)} "
+        f"({table.size}).**",
+        "",
+        "| " + " | ".join(head) + " |",
+        "| --- | --- | " + " | ".join("---:" for _ in head[2:]) + " |",
+    ]
+    for input_ in table.inputs:
+        for row in table.rows:
+            judged = [table.judgements.get((row.method, input_, name)) for name in PRINTED]
+            scores = row.cells[input_].scores if input_ in row.cells else None
+            if scores is None or None in judged:
+                continue
+            figures = [
+                f"{scores[name]:.2f} ({one.low:.2f} to {one.high:.2f})"
+                for name, one in zip(PRINTED, judged, strict=True)
+                if one
+            ]
+            tests = [_probability(one) for one in judged if one]
+            of_row = [markdown_text(row.label), input_, *figures, _codebooks(row, input_), *tests]
+            lines.append("| " + " | ".join(of_row) + " |")
+    lines += [
+        "",
+        f"- In brackets: 95 % of {DRAWS} means over classes drawn anew with replacement; with few classes rather too "
+        "narrow.",
+        "- Codebooks NN: standard deviation of NN over the codebooks of the scorer, the mean over the jobs of the row; "
+        "0 for a descriptor, which has none.",
+        "- p: probability of so large a difference from the best row of the column if there were none "
+        f"({RESAMPLES + 1} exchanges of the two methods, query by query; Holm's correction over the rows). Best: the "
+        "best row itself. Controls take no part.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _probability(judged: Judgement) -> str:
+    if judged.is_best:
+        return "best"
+    return "--" if judged.probability is None else f"{judged.probability:.4f}"
+
+
+def _codebooks(row: Row, input_: str) -> str:
+    cell = next(cell for name, cell in row.cells.items() if name == input_)
+    found = [
+        record["codebook_deviation"]["NN"] for record in cell.records if record.get("codebook_deviation") is not None
+    ]
+    return f"{sum(found) / len(found):.3f}" if found else "--"

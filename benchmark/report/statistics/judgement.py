@@ -1,0 +1,128 @@
+"""What can be said about the rows of a table: how sure each figure is, and which rows differ from the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import Input
+from benchmark.report.cell import Cell
+from benchmark.report.statistics.intervals import intervals
+from benchmark.report.statistics.queries import Queries, queries_of
+from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
+from retrieval.measures import PRINTED
+
+
+class Row(Protocol):
+    """What a judge wants of a row of a table."""
+
+    @property
+    def method(self) -> str:
+        """Name of the row."""
+        ...
+
+    @property
+    def family(self) -> str:
+        """Kind of the row."""
+        ...
+
+    @property
+    def cells(self) -> Mapping[Input, Cell]:
+        """Our figures by input."""
+        ...
+
+
+#: Rows of this family take no part in the contest: they show what the scorer makes of no canonical form at all.
+CONTROL = "control"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What can be said about one figure.
+
+    Parameters
+    ----------
+    low, high
+        Ends of its 95 % interval over classes.
+    is_best
+        Whether no other row of the column, controls aside, has a higher figure.
+    probability
+        Of so large a difference from the best row if there were none, adjusted for the number of rows; None for the
+        best row itself and for controls.
+    """
+
+    low: float
+    high: float
+    is_best: bool = False
+    probability: float | None = None
+
+    @property
+    def rounded_probability(self) -> float | None:
+        """The probability with the four decimals that its resamples carry."""
+        return None if self.probability is None else round(self.probability, 4)
+
+    @property
+    def is_inseparable(self) -> bool:
+        """Whether the row cannot be told from the best one."""
+        return self.probability is not None and self.probability >= ALPHA
+
+
+#: Judgements by method, input and measure; figures without scores have none.
+Judgements = Mapping[tuple[str, Input, str], Judgement]
+
+
+def judge(rows: Sequence[Row], inputs: Sequence[Input]) -> Judgements:
+    """Judge all our figures of a table."""
+    found: dict[tuple[str, Input, str], Judgement] = {}
+    for input_ in inputs:
+        found |= _of_input([row for row in rows if input_ in row.cells and row.cells[input_].records], input_)
+    return found
+
+
+def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
+    if not rows:
+        return {}
+    queries = [queries_of(row.cells[input_].records, PRINTED) for row in rows]
+    names, labels = _union(queries)
+    found: dict[tuple[str, Input, str], Judgement] = {}
+    for measure in PRINTED:
+        columns = _columns(queries, names, measure)
+        ends = intervals(columns, labels)
+        scores = [row.cells[input_].scores or {} for row in rows]
+        contest = [k for k, row in enumerate(rows) if row.family != CONTROL]
+        best = max(contest, key=lambda k: (scores[k][measure], -k), default=None)
+        probabilities = _against(columns, contest, best)
+        for k, row in enumerate(rows):
+            low, high = (float(end) for end in ends[k])
+            found[row.method, input_, measure] = Judgement(low, high, k == best, probabilities.get(k))
+    return found
+
+
+def _against(columns: NDArray[np.float64], contest: Sequence[int], best: int | None) -> dict[int, float]:
+    """Adjusted probability of each other row of the contest against the best, over the queries that both have."""
+    others = [k for k in contest if k != best]
+    if best is None or not others:
+        return {}
+    differences = np.nan_to_num(columns[:, others] - columns[:, [best]])
+    return dict(zip(others, holm(permutation_test(differences).tolist()), strict=True))
+
+
+def _union(queries: Sequence[Queries]) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
+    """Names and classes of all queries that some row has."""
+    labels: dict[tuple[str, str], str] = {}
+    for each in queries:
+        labels |= zip(each.names, each.labels, strict=True)
+    return list(labels), tuple(labels.values())
+
+
+def _columns(queries: Sequence[Queries], names: Sequence[tuple[str, str]], measure: str) -> NDArray[np.float64]:
+    """One column a row of the table; NaN where it lacks the query."""
+    place = {name: k for k, name in enumerate(names)}
+    columns = np.full((len(names), len(queries)), np.nan)
+    for column, each in enumerate(queries):
+        columns[[place[name] for name in each.names], column] = each.values[measure]
+    return columns

@@ -1,0 +1,171 @@
+"""Intervals and tests: by hand, against scipy, and as tables show them."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from benchmark.report.content import contents
+from benchmark.report.files import render
+from benchmark.report.results import Result
+from benchmark.report.statistics.intervals import intervals
+from benchmark.report.statistics.queries import queries_of
+from benchmark.report.statistics.significance import holm, permutation_test
+from tests.records import MEASURES, record
+
+#: Millionths, in which queries are counted.
+ONE = 1e6
+
+
+def column(*values):
+    return ONE * np.array(values, dtype=float)[:, None]
+
+
+# Intervals -----------------------------------------------------------------------------------------------------------
+
+
+def test_of_two_classes_of_which_one_is_found_the_interval_is_everything():
+    # Means of two draws are 0, 1/2 and 1 in a quarter, a half and a quarter of the samples.
+    assert intervals(column(1, 1, 0, 0), "aabb").tolist() == [[0, 1]]
+
+
+def test_queries_of_one_class_are_drawn_together():
+    assert intervals(column(1, 0, 1, 0), "aabb").tolist() == [[0.5, 0.5]]
+
+
+def test_a_large_class_counts_more():
+    # With both classes drawn once, two of three; the ends are those of one class drawn twice.
+    assert intervals(column(1, 1, 0.5), "aab").tolist() == [[0.5, 1]]
+
+
+def test_intervals_are_those_of_scipy():
+    generator = np.random.default_rng(5)
+    labels = np.repeat(np.arange(12), generator.integers(3, 9, 12))
+    values = np.rint(ONE * np.clip(generator.normal(0.1 * (labels % 6), 0.2), 0, 1))
+    sums, sizes = np.bincount(labels, weights=values), np.bincount(labels)
+    peer = stats.bootstrap(
+        (sums, sizes), lambda s, n, axis: s.sum(axis=axis) / n.sum(axis=axis), paired=True, n_resamples=20_000,
+        method="percentile", rng=1,
+    ).confidence_interval  # fmt: skip
+    ((low, high),) = intervals(values[:, None], labels)
+    assert high - low > 0.1
+    assert [low, high] == pytest.approx([peer.low / ONE, peer.high / ONE], abs=0.004)
+
+
+def test_a_row_without_some_queries_has_an_interval_of_the_others():
+    values = np.hstack([column(1, 1, 0, 0), column(1, 1, np.nan, np.nan), np.full((4, 1), np.nan)])
+    found = intervals(values, "aabb")
+    assert found[:2].tolist() == [[0, 1], [1, 1]]
+    assert np.isnan(found[2]).all()
+
+
+# Tests ---------------------------------------------------------------------------------------------------------------
+
+
+def test_probability_by_hand():
+    # Of five equal gains, two of the 32 ways to exchange give as large a sum; no gain is as likely as can be.
+    assert permutation_test(column(1, 1, 1, 1, 1)) == pytest.approx(2 / 32, abs=0.01)
+    assert permutation_test(column(0, 0, 0)) == 1
+    assert permutation_test(column(1, -1)) == 1
+
+
+def test_probabilities_are_those_of_scipy():
+    generator = np.random.default_rng(3)
+    first, second = np.rint(ONE * generator.random((2, 60, 3)))
+    second += np.rint(ONE * np.array([0.0, 0.08, 0.2]))
+    found = permutation_test(second - first)
+    for k in range(3):
+        peer = stats.permutation_test(
+            (first[:, k], second[:, k]), lambda a, b, axis: (b - a).mean(axis=axis), permutation_type="samples",
+            vectorized=True, n_resamples=9999, rng=k,
+        )  # fmt: skip
+        assert found[k] == pytest.approx(peer.pvalue, abs=0.02)
+    assert found[0] > 0.05 > found[2]
+
+
+def test_queries_that_a_pair_lacks_change_nothing_but_the_draw():
+    few = column(*[1, 1, 1, -1, 1, 0, 1, 1])
+    assert permutation_test(np.vstack([few, np.zeros((30, 1))])) == pytest.approx(permutation_test(few), abs=0.02)
+
+
+def test_holm_by_hand():
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+# Queries -------------------------------------------------------------------------------------------------------------
+
+
+def test_trainings_are_averaged_and_galleries_joined():
+    queries = {name: [1.0, 0.0, 0.25, None] for name in MEASURES}
+    again = {name: [0.0, 0.0, 0.5, None] for name in MEASURES}
+    records = [record(per_query=queries), record(per_query=again), record(gallery="cones", per_query=queries)]
+    found = queries_of(records, ["NN"])
+    assert found.values["NN"].tolist() == [500_000, 0, 375_000, 1_000_000, 0, 250_000]
+    assert found.names[3] == ("cones", "cat0")
+    assert found.labels == ("cat", "cat", "dog") * 2
+
+
+# Tables --------------------------------------------------------------------------------------------------------------
+
+N = 12
+SHAPES = [f"{animal}{k}" for animal in ("cat", "dog", "fox", "hen") for k in range(N)]
+
+
+def of(method, hits, family="extended"):
+    """A method that finds the first shapes of each class."""
+    values = [float(int(shape[3:]) < hits) for shape in SHAPES]
+    mean = float(np.mean(values))
+    return record(
+        method, family=family, shapes=SHAPES, labels=[shape[:3] for shape in SHAPES], n_shapes=len(SHAPES), n_classes=4,
+        per_query=dict.fromkeys(MEASURES, values), scores=dict.fromkeys(MEASURES, mean),
+        codebook_deviation=dict.fromkeys(MEASURES, 0.02),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def table():
+    records = [of("best", 10), of("near", 9), of("far", 3), of("oracle", 12, "control")]
+    (found,) = contents([Result(each) for each in records])
+    return found
+
+
+def test_the_best_form_is_bold_what_cannot_be_told_from_it_italic_and_controls_neither(table):
+    lines = render([table], ["markdown"])["table-rods.md"].splitlines()
+    shown = {line.split("|")[1].strip(): line.split("|")[2].strip() for line in lines if line.startswith("| ")}
+    assert {name: shown[name] for name in ("Best", "Near", "Far", "Oracle")} == {
+        "Best": "**0.83**", "Near": "*0.75*", "Far": "0.25", "Oracle": "1.00",
+    }  # fmt: skip
+    assert "- Bold: best of the column, controls aside; italic:" in "\n".join(lines)
+    latex = render([table], ["latex"])["table-rods.tex"]
+    assert r"Best & \textbf{0.83}" in latex
+    assert r"Near & \textit{0.75}" in latex
+
+
+def test_json_and_the_table_of_intervals_tell_the_same(table):
+    assert table.judgements["near", "mesh", "NN"].probability == pytest.approx(1 / 8, abs=0.02)  # 4 gains: 2 of 16
+    assert table.judgements["far", "mesh", "NN"].probability < 0.001
+    text = render([table], ["markdown"])["intervals-table-rods.md"]
+    assert "| Best | mesh | 0.83 (0.83 to 0.83) |" in text  # every class has the same share
+    assert "| 0.020 | best | best | best | best |" in text
+    (oracle,) = (line for line in text.splitlines() if line.startswith("| Oracle"))
+    assert oracle.endswith("| 0.020 | -- | -- | -- | -- |")
+    (near,) = (row for row in json.loads(render([table], ["json"])["tables.json"]) if row["method"] == "near")
+    (flat,) = (
+        row for row in csv.DictReader(io.StringIO(render([table], ["csv"])["tables.csv"])) if row["method"] == "near"
+    )
+    assert (
+        near["p_best"]["NN"] == float(flat["p_best_NN"]) == table.judgements["near", "mesh", "NN"].rounded_probability
+    )
+    assert near["interval"]["DCG"] == [float(flat["low_DCG"]), float(flat["high_DCG"])] == [0.75, 0.75]
+
+
+def test_a_table_without_scores_has_no_intervals(table):
+    blank = replace(table, rows=tuple(replace(row, cells={}) for row in table.rows))
+    assert blank.judgements == {}
+    assert "intervals-table-rods.md" not in render([blank], ["markdown"])
