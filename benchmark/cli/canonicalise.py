@@ -2,22 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from benchmark.contracts import CanonicalForm, Method
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
+from benchmark.methods.answers import form_of
 from benchmark.methods.registry import methods, variant
+from benchmark.system.calls import call_apart
+
+#: A form in plain values: vertices, faces and notes.
+Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
+
+if TYPE_CHECKING:
+    from benchmark.geometry.mesh import Mesh
+
+#: Asks for the form at all vertices of the file.
+ALL = "all"
 
 
 def canonicalise_file(
-    source: Path, target: Path, method: str, plugins: Iterable[Path] = (), seed: int = 0
+    source: Path,
+    target: Path,
+    method: str,
+    plugins: Iterable[Path] = (),
+    seed: int = 0,
+    limit: float | None = None,
+    vertices: int | str | None = None,
 ) -> CanonicalForm:
-    """Prepare a mesh as the benchmark does, and write the form that a method gives it.
+    """Write the form that a method gives the mesh of a file, made in a process of its own.
 
-    A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
-    fits the mesh.
+    The file is written here, so that it is there if, and only if, the method has come to its end.
 
     Parameters
     ----------
@@ -29,38 +48,85 @@ def canonicalise_file(
         Python files with further methods.
     seed
         Base seed.
+    limit
+        Seconds that it may take; None for no limit.
+    vertices
+        Vertices of the prepared mesh, and so of the form; None for as many as in the benchmark. ``"all"`` prepares the
+        mesh as in the benchmark and carries the form over to the vertices of the file: each takes the barycentric mean
+        of the form over the triangle of the prepared mesh that is nearest to it and looks the same way.
 
     Raises
     ------
     ConfigurationError
-        If the method is unknown or has no canonical form.
+        If the method is unknown or has no canonical form, or if vertices are asked for and its forms have their own.
     ShapeError
-        If the mesh cannot be read or treated.
+        If the mesh cannot be read or treated, or the form cannot be written.
+    BrokenCall
+        If the method ends its process, or does not end.
+    """
+    from benchmark.geometry.io import write_mesh
+
+    vertices, faces, notes = call_apart(
+        plain_form, str(source), method, [str(path) for path in plugins], seed, vertices,
+        what=f"method '{method}' on {source}", mend="try another shape, or mend the method", limit=limit,
+    )  # fmt: skip
+    form = CanonicalForm(np.array(vertices), np.array(faces, dtype=np.int32), notes)
+    write_mesh(target, form.mesh)
+    return form
+
+
+def plain_form(
+    source: str, method: str, plugins: list[str], seed: int, vertices: int | str | None = None
+) -> Plain:  # fmt: skip
+    """Prepare a mesh as the benchmark does, and make its form, here; what is returned travels as JSON.
+
+    A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
+    fits the mesh.
     """
     from benchmark.geometry.camera import FRONT
-    from benchmark.geometry.io import read_mesh, write_mesh
+    from benchmark.geometry.io import read_mesh
     from benchmark.jobs.preparation import shape_of
     from benchmark.jobs.stages.complete import complete
     from benchmark.jobs.stages.view import half_width_of, seen
 
-    spec = variant(method, methods(plugins))
+    spec = variant(method, methods([Path(path) for path in plugins]))
     maker = spec.create()
     if not isinstance(maker, Method):
         raise ConfigurationError(
             f"method '{method}' describes shapes without a canonical form", "choose another method"
         )
-    mesh = read_mesh(source)
-    arrays = complete(mesh) if "mesh" in spec.info.inputs else seen(mesh, FRONT, half_width_of(mesh, FRONT))
-    form = maker.canonicalise(shape_of(arrays, source.stem, seed))
-    # What cannot be told about the form is found before the file is written.
-    notes = {name: value if isinstance(value, str) else float(value) for name, value in form.notes.items()}
-    write_mesh(target, form.mesh)
-    return replace(form, notes=notes)
+    reads_meshes = "mesh" in spec.info.inputs
+    if vertices is not None and not reads_meshes:
+        raise ConfigurationError(f"method '{method}' reads depth images, not vertices", "leave --vertices out")
+    path = Path(source)
+    mesh = read_mesh(path)
+    if vertices is not None:
+        form, noted = _with_vertices(maker, mesh, path.stem, seed, vertices)
+    else:
+        arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
+        form, noted = form_of(maker, shape_of(arrays, path.stem, seed))
+    notes = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in noted.items()}
+    return form.vertices.tolist(), form.faces.tolist(), notes
 
 
-def canonicalise_facts(
-    source: str, target: str, method: str, plugins: list[str], seed: int
-) -> tuple[int, dict[str, float | str]]:
-    """The same as :func:`canonicalise_file` in plain values: number of vertices, and notes of the form."""
-    form = canonicalise_file(Path(source), Path(target), method, [Path(path) for path in plugins], seed)
-    return len(form.vertices), dict(form.notes)
+def _with_vertices(
+    maker: Method, mesh: Mesh, name: str, seed: int, vertices: int | str
+) -> tuple[Mesh, dict[str, NDArray[Any]]]:
+    """The form of a mesh at a number of vertices, or at those of the mesh itself, and its notes."""
+    from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
+    from benchmark.geometry.preparation import prepare
+    from benchmark.jobs.stages.complete import N_VERTICES
+
+    prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
+    shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
+    form, noted = form_of(maker, shape)
+    if vertices != ALL:
+        return form, dict(noted)
+    if not np.array_equal(form.faces, prepared.mesh.faces):
+        raise ConfigurationError(
+            f"forms of method '{maker.info.name}' have vertices of their own", "leave '--vertices all' out"
+        )
+    points = (mesh.vertices - prepared.centre) / prepared.scale
+    places = nearest_on_surface(prepared.mesh, points, vertex_normals(mesh))
+    farthest = np.asarray(places.distances.max())
+    return mesh.with_vertices(places.carry(form.vertices)), {**noted, "farthest_from_prepared": farthest}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
+from typing import Any
 
 import click
 
-from benchmark.cli.options import NameOrFolder, PathOption, data_root_option
+from benchmark.cli import completion
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option
 from benchmark.system.text import clean, say
 
 #: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
@@ -38,31 +40,29 @@ def data() -> None:
 
 @data.command("list")
 @click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@plugin_option
 @data_root_option
-def list_(as_json: bool, data_root: Path | None) -> None:
+def list_(as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     """List the data sets: official or generated, present or absent."""
     from benchmark.cli import listing
 
-    print_rows(listing.datasets(data_root), as_json, COLUMNS)
+    print_rows(listing.datasets(data_root, plugins), as_json, COLUMNS)
 
 
 @data.command()
-@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER", shell_complete=completion.datasets)
+@plugin_option
 @data_root_option
-def check(name: str, data_root: Path | None) -> None:
+def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
-    from benchmark.cli.counting import counting
-    from benchmark.datasets.checking import check_source
-
-    with counting(f"checking {name}") as watched:
-        report = check_source(name, data_root, watched)
-    for line in report.lines():
+    lines, is_usable = _on_data(_checked, name, plugins, data_root, name)
+    for line in lines:
         say(line)
-    sys.exit(0 if report.usable else 1)
+    sys.exit(0 if is_usable else 1)
 
 
 @data.command()
-@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER", shell_complete=completion.datasets)
 @click.option(
     "-o",
     "--output",
@@ -78,20 +78,18 @@ def check(name: str, data_root: Path | None) -> None:
     help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off.",
 )
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
+@plugin_option
 @data_root_option
-def export(name: str, output: Path, layout: str, force: bool, data_root: Path | None) -> None:
+def export(
+    name: str, output: Path, layout: str, force: bool, plugins: tuple[Path, ...], data_root: Path | None
+) -> None:
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
-    from benchmark.cli.counting import counting
-    from benchmark.datasets.catalogue import open_dataset
-    from benchmark.datasets.export import export as write
-
-    with counting(f"writing {name}") as watched:
-        files = write(open_dataset(name, data_root), output, layout, force=force, watched=watched)
-    say(f"wrote {len(files)} files to {output}; use them with -d {output}")
+    count = _on_data(_exported, name, plugins, data_root, name, str(output), layout, force)
+    say(f"wrote {count} files to {output}; use them with -d {output}")
 
 
 @data.command()
-@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER")
+@click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER", shell_complete=completion.datasets)
 @click.option(
     "-o",
     "--output",
@@ -101,16 +99,67 @@ def export(name: str, output: Path, layout: str, force: bool, data_root: Path | 
 )
 @click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
 @click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
+@plugin_option
 @data_root_option
-def sheet(name: str, output: Path | None, subjects: int | None, poses: int, data_root: Path | None) -> None:
+def sheet(
+    name: str,
+    output: Path | None,
+    subjects: int | None,
+    poses: int,
+    plugins: tuple[Path, ...],
+    data_root: Path | None,
+) -> None:
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
+    problems, target = _on_data(_drawn, name, plugins, data_root, str(output) if output else "", subjects, poses)
+    for problem in problems:
+        say(f"not drawn: {problem}", err=True)
+    say(f"wrote {target}")
+
+
+def _on_data(
+    work: Callable[..., Any], name: str, plugins: Iterable[Path], data_root: Path | None, *arguments: Any
+) -> Any:
+    """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
+    from benchmark.datasets.catalogue import sources
+    from benchmark.datasets.own import is_own
+    from benchmark.system.calls import call_apart
+
+    (source,) = sources([name], plugins)
+    root = str(data_root) if data_root else None
+    if not is_own(source):
+        return work(source, root, *arguments)
+    what, mend = f"data set '{name}'", "mend the file: 'check' says more"
+    return call_apart(work, source, root, *arguments, what=what, mend=mend)
+
+
+def _checked(source: str, root: str | None, name: str) -> tuple[list[str], bool]:
+    """What is told of a data set, and whether it can be used."""
+    from benchmark.cli.counting import counting
+    from benchmark.datasets.checking import check_source
+
+    with counting(f"checking {name}") as watched:
+        report = check_source(source, Path(root) if root else None, watched)
+    return list(report.lines()), report.usable
+
+
+def _exported(source: str, root: str | None, name: str, output: str, layout: str, force: bool) -> int:
+    """Number of files that were written."""
+    from benchmark.cli.counting import counting
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.datasets.export import export as write
+
+    with counting(f"writing {name}") as watched:
+        dataset = open_dataset(source, Path(root) if root else None)
+        return len(write(dataset, Path(output), layout, force=force, watched=watched))
+
+
+def _drawn(source: str, root: str | None, output: str, subjects: int | None, poses: int) -> tuple[list[str], str]:
+    """What could not be drawn, and the file that was written."""
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.report.pictures.contact_sheet import contact_sheet
 
-    dataset = open_dataset(name, data_root)
+    dataset = open_dataset(source, Path(root) if root else None)
     drawn = contact_sheet(dataset, subjects, poses)
-    for problem in drawn.problems:
-        say(f"not drawn: {problem}", err=True)
-    target = output or Path(f"sheet-{dataset.name}.png")
+    target = Path(output or f"sheet-{dataset.name}.png")
     drawn.save(target)
-    say(f"wrote {target}")
+    return list(map(str, drawn.problems)), str(target)

@@ -29,10 +29,24 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
     return rows
 
 
-def datasets(data_root: Path | None) -> Rows:
-    """Name, presence, size and source of each data set."""
-    from benchmark.datasets.catalogue import CATALOGUE, is_present
+def scorers(plugins: Iterable[Path] = ()) -> Rows:
+    """Name, availability and summary of each scorer."""
+    from benchmark.methods.scorers import scorers as known
 
+    rows = []
+    for name, spec in known(plugins).items():
+        missing = spec.missing_packages()
+        state = f"needs {', '.join(missing)}" if missing else "available"
+        rows.append({"name": name, "title": spec.info.title, "state": state, "summary": spec.info.summary})
+    return rows
+
+
+def datasets(data_root: Path | None, plugins: Iterable[Path] = ()) -> Rows:
+    """Name, presence, size and source of each data set, those of plugin files last."""
+    from benchmark.datasets.catalogue import CATALOGUE, is_present
+    from benchmark.datasets.own import data_sets_of, open_own
+
+    opened = [open_own(source) for source in data_sets_of(plugins).values()]
     return [
         {
             "name": name,
@@ -47,6 +61,20 @@ def datasets(data_root: Path | None) -> Rows:
             "use": known.other_use or "retrieval",
         }
         for name, known in CATALOGUE.items()
+    ] + [
+        {
+            "name": own.name,
+            "kind": "plugin",
+            "state": "present",
+            "shapes": str(len(own.entries)),
+            "classes": str(len({entry.subject for entry in own.entries})),
+            "source": own.code,
+            "summary": own.made.info.summary,
+            "url": "",
+            "terms": "",
+            "use": "retrieval",
+        }
+        for own in opened
     ]
 
 

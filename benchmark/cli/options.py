@@ -4,25 +4,33 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from benchmark.cli import completion
+from benchmark.cli.completion import EVERY, FINISHED
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say
 
 if TYPE_CHECKING:
+    from benchmark.jobs.cluster.sharding import Shard
     from benchmark.jobs.plan import Job
-    from benchmark.report.results import Result
+    from benchmark.methods.scorers import ScorerSpec
+    from benchmark.report.results import Result, Results
     from benchmark.storage.store import Store
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 #: Names the folder of the official data sets where ``--data-root`` does not.
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
+
+#: Fewest vertices of a prepared mesh.
+FEWEST_VERTICES = 4
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
@@ -101,7 +109,17 @@ plugin_option = click.option(
     type=PathOption(),
     callback=_inspected,
     metavar="FILE",
-    help="Python file with methods.",
+    help="Python file with methods, scorers or data sets.",
+)
+
+
+scorer_option = click.option(
+    "--scorer",
+    metavar="SCORER",
+    default="cm-bof",
+    show_default=True,
+    help="What compares the forms; see 'list scorers'.",
+    shell_complete=completion.scorers,
 )
 
 
@@ -110,6 +128,14 @@ def name_skipped(*stores: Store) -> None:
     for store in stores:
         for line in (*store.published.news(), *store.records.news()):
             say(line, err=True)
+
+
+def name_unusable() -> None:
+    """Tell on stderr which installed packages bring methods that cannot be used."""
+    from benchmark.methods.registry import unusable
+
+    for line in unusable():
+        say(line, err=True)
 
 
 @dataclass(frozen=True)
@@ -125,25 +151,65 @@ class Selection:
     data_root: Path | None
     seed: int
     quick: bool
+    scorer: str = "cm-bof"
     retry: frozenset[str] = frozenset()
+    everything: bool = False
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
         """Take what belongs to a selection from the options of a verb."""
         return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
 
+    @property
+    def is_narrow(self) -> bool:
+        """Whether methods are named, so that a table has no rows for others that were never run."""
+        return bool(self.methods) and EVERY not in self.methods
+
+    def _methods(self, store: Store) -> tuple[str, ...]:
+        """Names of methods, with those of all finished jobs where these are asked for."""
+        from benchmark.methods.registry import methods, variants
+
+        if FINISHED not in self.methods:
+            return self.methods
+        known, found = methods(self.plugins), []
+        for record in (*store.published, *store.records):
+            with suppress(ConfigurationError):  # one of a plugin that was not passed, or of parameters of old
+                found += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
+        if not found:
+            raise ConfigurationError(f"no job under {self.results} has finished", "name methods, or run some first")
+        return tuple(dict.fromkeys([*(name for name in self.methods if name != FINISHED), *found]))
+
     def jobs(self, store: Store) -> list[Job]:
-        """Plan the selection."""
+        """Plan the selection; where neither tables nor data sets are named, the data sets of plugin files are meant."""
+        from benchmark.datasets.catalogue import sources
+        from benchmark.datasets.own import data_sets_of
         from benchmark.jobs.plan import make_plan, require_jobs
         from benchmark.methods.registry import methods, select
         from benchmark.protocols.tables import INPUTS, galleries
 
-        specs = select(self.methods, methods(self.plugins), self.plugins)
-        chosen = galleries(self.tables, self.datasets, self.data_root, self.quick)
+        specs = select(self._methods(store), methods(self.plugins), self.plugins)
+        if not self.methods or EVERY in self.methods:
+            name_unusable()
+        named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
+        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry)
+        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry, self.scorer_spec())
         name_skipped(store)
         return require_jobs(planned)
+
+    def scorer_spec(self) -> ScorerSpec:
+        """The scorer; raises ``ConfigurationError`` if there is none of this name."""
+        from benchmark.methods.scorers import scorer_of, scorers
+
+        return scorer_of(self.scorer, scorers(self.plugins))
+
+    def results_of(self, store: Store) -> Results:
+        """The records of a store, looked at with the methods and scorers that are known."""
+        from benchmark.methods.registry import methods
+        from benchmark.methods.scorers import scorers
+        from benchmark.report.results import Results
+
+        return Results(store, methods(self.plugins), self.data_root, scorers(self.plugins))
 
     def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
         """The records that the selection stands for, whether or not their data and models are here.
@@ -160,12 +226,11 @@ class Selection:
         ConfigurationError
             If there is none, or a method is unknown.
         """
-        from benchmark.methods.registry import EVERY, methods, select
-        from benchmark.report.results import Results
+        from benchmark.methods.registry import methods, select
 
         known = methods(self.plugins)
-        named = bool(self.methods) and EVERY not in self.methods
-        names = {spec.name for spec in select(self.methods, known)} if named else set()
+        finished = FINISHED in self.methods
+        names = {spec.name for spec in select(self.methods, known)} if self.is_narrow and not finished else set()
         sets = {*self.datasets, *map(os.path.realpath, self.datasets)}
 
         def is_chosen(result: Result) -> bool:
@@ -174,11 +239,12 @@ class Selection:
             return (
                 bool(data["quick"]) == self.quick
                 and (not names or record["method"] in names)
+                and (not finished or record["status"] == "ok")
                 and (not self.inputs or record["input"] in self.inputs)
-                and (not sets or bool(sets & {data["name"], data["source"], os.path.realpath(data["source"])}))
+                and (not sets or bool(sets & _names(data)))
             )
 
-        found = Results(store, known, self.data_root).all(self.seed, fresh=fresh)
+        found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         name_skipped(store)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
@@ -186,6 +252,15 @@ class Selection:
                 f"no finished job under {self.results} fits the selection", "run it first, or select less"
             )
         return chosen
+
+
+def _names(data: Mapping[str, str]) -> set[str]:
+    """What a data set may be called; under a nuisance, also what the clean set may be."""
+    from benchmark.datasets.nuisances.dataset import parsed
+
+    given = {data["name"], data["source"]}
+    clean = {found[0] for name in given if (found := parsed(name))}
+    return {name for each in given | clean for name in (each, os.path.realpath(each))}
 
 
 class Duration(click.ParamType[float]):
@@ -203,6 +278,36 @@ class Duration(click.ParamType[float]):
         return float(match[1]) * _UNITS[match[2]]
 
 
+class VertexCount(click.ParamType[int | str]):
+    """A number of vertices, or ``all`` of them."""
+
+    name = "vertices"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
+        """Read a number of at least :data:`FEWEST_VERTICES`."""
+        text = str(value).strip()
+        if text != "all" and not (text.isdecimal() and int(text) >= FEWEST_VERTICES):
+            self.fail(f"'{value}' is no number of vertices; write {FEWEST_VERTICES} or more, or all", param, ctx)
+        return text if text == "all" else int(text)
+
+
+class ShardOption(click.ParamType["Shard"]):
+    """A part of a plan, written as ``2/3``."""
+
+    name = "shard"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
+        """Parse a part."""
+        from benchmark.jobs.cluster.sharding import Shard
+
+        return value if isinstance(value, Shard) else Shard.parse(str(value))
+
+
+shard_option = click.option(
+    "--shard", type=ShardOption(), metavar="I/N", help="Part I of N of the jobs; 'merge' joins what all of them leave."
+)
+
+
 def timeout_option(what: str, default: str = PATIENCE) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make the option that limits how long foreign code may take for something."""
     return click.option(
@@ -215,9 +320,23 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of a :class:`Selection` to a verb."""
     options = [
         click.option(
-            "-t", "--table", "tables", multiple=True, metavar="TABLE", help="Table of the paper: I, II, III, IV."
+            "-t",
+            "--table",
+            "tables",
+            multiple=True,
+            metavar="TABLE",
+            help="Table of the paper: I, II, III, IV.",
+            shell_complete=completion.tables,
         ),
-        click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", help="See 'list methods'; or all."),
+        click.option(
+            "-m",
+            "--method",
+            "methods",
+            shell_complete=completion.methods,
+            multiple=True,
+            metavar="METHOD",
+            help="See 'list methods'; or all, or finished.",
+        ),
         click.option(
             "-d",
             "--dataset",
@@ -225,14 +344,16 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
             multiple=True,
             type=NameOrFolder(),
             metavar="DATASET|FOLDER",
-            help="Set or folder.",
+            shell_complete=completion.datasets,
+            help="Set, folder, or humans[subjects=N,poses=M].",
         ),
+        scorer_option,
         click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
         plugin_option,
         results_option,
         data_root_option,
         click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
-        click.option("--quick", is_flag=True, help="Fewer poses of each subject."),
+        click.option("--quick", is_flag=True, help="Fewer poses of each subject, the methods of the paper."),
     ]
     for option in reversed(options):
         command = option(command)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from benchmark.cli import completion
 from benchmark.cli.options import (
     NOT_OK,
     OK,
@@ -17,6 +18,7 @@ from benchmark.cli.options import (
     name_skipped,
     plugin_option,
     results_option,
+    scorer_option,
     selection_options,
 )
 from benchmark.errors import ConfigurationError
@@ -24,6 +26,7 @@ from benchmark.system.text import say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
+    from benchmark.methods.scorers import ScorerSpec
     from benchmark.storage.records import Record
 
 _SHORTEST_KEY = 6
@@ -57,15 +60,24 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @click.command()
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
+@scorer_option
 @plugin_option
 @results_option
-def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -> None:
-    """Tell what differs between two results folders, or between two methods of one, and for how many queries."""
+def compare(first: str, second: str, scorer: str, plugins: tuple[Path, ...], results: Path) -> None:
+    """Tell what differs between two results folders, or between two methods of one, and for how many queries.
+
+    Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
+    """
     from benchmark.methods.registry import methods, variant
+    from benchmark.methods.scorers import scorer_of, scorers
     from benchmark.report.comparison import compare_folders, compare_methods, lines
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store
 
+    known_scorers = scorers(plugins)
+    if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
+        _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), plugins, results)
+        return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
     stores = [Store(folder / "runs") for folder in ((Path(first), Path(second)) if are_folders else (results,))]
     try:
@@ -77,11 +89,30 @@ def compare(first: str, second: str, plugins: tuple[Path, ...], results: Path) -
     else:
         known = methods(plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names)
+        found = compare_methods(records[0], *names, scorer_of(scorer, known_scorers).name)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second):
         say(line)
+
+
+def _compare_scorers(first: ScorerSpec, second: ScorerSpec, plugins: tuple[Path, ...], results: Path) -> None:
+    from benchmark.methods.registry import methods
+    from benchmark.methods.scorers import scorers
+    from benchmark.report.results import Results
+    from benchmark.report.statistics.agreement import agreements, markdown
+    from benchmark.storage.store import Store
+
+    store = Store.open(results)
+    found = Results(store, methods(plugins), known_scorers=scorers(plugins))
+    rows = agreements(found.all(scorer=first.name), found.all(scorer=second.name))
+    name_skipped(store)
+    if not rows:
+        raise ConfigurationError(
+            f"no table has scores of three methods by both {first.name} and {second.name}",
+            f"run them: run -t TABLE --scorer {second.name}",
+        )
+    say_lines(markdown(rows, first.name, second.name))
 
 
 @click.command()
@@ -104,11 +135,10 @@ def prune(dry_run: bool, results: Path) -> None:
 
 
 @click.command()
-@click.argument("target", metavar="METHOD|KEY")
+@click.argument("target", metavar="METHOD|KEY", shell_complete=completion.methods)
 @selection_options
 def why(target: str, **options: Any) -> None:
     """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed."""
-    from benchmark.methods.registry import methods, variant
     from benchmark.storage.store import Store
 
     selection = Selection.of(options)
@@ -120,8 +150,7 @@ def why(target: str, **options: Any) -> None:
         if found:
             _explain_record(found[0])
             return
-    name = variant(target, methods(selection.plugins)).name
-    for job in Selection.of(options | {"methods": (name,)}).jobs(store):
+    for job in Selection.of(options | {"methods": (target,)}).jobs(store):
         _explain_job(job, store.records.read(job.key) or store.published.read(job.key))
 
 
@@ -139,6 +168,8 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
     if reason := record.get("reason"):
         facts.append(("reason", reason))
     facts += [("finished", str(record.get("finished", ""))), ("parameters", _plain(record["recipe"].get("parameters")))]
+    if scorer := record.get("scorer"):
+        facts.append(("scorer", scorer))
     if cost := record.get("cost"):
         phases = ", ".join(f"{name} {seconds:.3f}" for name, seconds in cost["seconds_per_shape"].items())
         facts.append(("seconds", f"{phases} (median of a shape)"))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from benchmark.cli import completion
 from benchmark.cli.options import data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
@@ -22,7 +23,7 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 
 
 @click.command()
-@click.argument("method", metavar="METHOD")
+@click.argument("method", metavar="METHOD", shell_complete=completion.methods)
 @click.option("-t", "--table", default="I", show_default=True, metavar="TABLE", help="Table that the model is for.")
 @click.option("--only", metavar="TRAINING", help="Train on this alone, e.g. humans-strict-0-1.")
 @click.option("--config", "configuration", metavar="NAME", help="Configuration of the method.")

@@ -1,11 +1,21 @@
 """The form of one mesh as a file: whole, or not there."""
 
-import pytest
+from contextlib import nullcontext
 
-from benchmark.cli.canonicalise import canonicalise_facts
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.canonicalise import canonicalise_file, plain_form
+from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError, InvalidForm
+from benchmark.geometry.mesh import Mesh
+from benchmark.system.calls import BrokenCall
+from tests.geometry.surfaces import sphere
 from tests.toy import rod, write_off
 
 PLUGIN = """
+import os
 from benchmark.contracts import CanonicalForm, canonical_form
 
 @canonical_form(name="noting", title="Noting")
@@ -16,24 +26,108 @@ def noting(shape):
 
 @pytest.fixture
 def form_with(tmp_path):
-    """What is told of a form with a note, given as source."""
+    """The form of a method with a note, given as source."""
     write_off(tmp_path / "rod.off", rod(0.1, 0.5))
 
     def make(note):
         (tmp_path / "noting.py").write_text(PLUGIN.replace("NOTE", note))
-        names = (str(tmp_path / name) for name in ("rod.off", "form.off"))
-        return canonicalise_facts(*names, "noting", [str(tmp_path / "noting.py")], 0)
+        return plain_form(str(tmp_path / "rod.off"), "noting", [str(tmp_path / "noting.py")], 0)
 
     return make
 
 
-def test_a_form_whose_notes_cannot_be_told_is_not_written(form_with, tmp_path):
-    with pytest.raises(TypeError):
+def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
+    """One that closes all files has made its form, and cannot hand it over any more."""
+    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
+    for name, note, whole in (("noting", "3", True), ("closing", "os.closerange(3, 1000)", False)):
+        plugin, target = tmp_path / f"{name}.py", tmp_path / f"{name}.off"
+        plugin.write_text(PLUGIN.replace("NOTE", f"{note} or 3").replace('"noting"', f"'{name}'"))
+        with nullcontext() if whole else pytest.raises(BrokenCall, match="method 'closing' on .*rod.off"):
+            canonicalise_file(tmp_path / "rod.off", target, name, [plugin])
+        assert target.exists() == whole
+
+
+def test_notes_that_cannot_be_told_are_the_fault_of_the_method(form_with):
+    with pytest.raises(
+        InvalidForm, match="method 'noting' returned object as note 'note'; note numbers and strings only"
+    ):
         form_with("object()")
-    assert not (tmp_path / "form.off").exists()
 
 
 @pytest.mark.parametrize(("source", "told"), [("'so'", "so"), ("3", 3.0)])
-def test_notes_are_told_as_plain_values(form_with, tmp_path, source, told):
-    assert form_with(source)[1] == {"note": told}
-    assert (tmp_path / "form.off").exists()
+def test_notes_are_told_as_plain_values(form_with, source, told):
+    assert form_with(source)[2] == {"note": told}
+
+
+def test_numbers_that_are_none_are_the_fault_of_the_method_and_not_of_the_mesh(form_with):
+    with pytest.raises(InvalidForm, match="method 'noting' returned no canonical form: .* vertices are NaN") as caught:
+        form_with("shape.form(shape.mesh.vertices * float('nan'))")
+    assert "export" not in caught.value.mend
+
+
+SHEARED = """
+from benchmark.contracts import canonical_form
+
+@canonical_form(name="sheared", title="Sheared")
+def sheared(shape):
+    return shape.mesh.vertices @ [[1.0, 0.3, 0.0], [0.0, 2.0, -0.4], [0.1, 0.0, 0.5]]
+"""
+
+
+@pytest.fixture
+def sheared(tmp_path):
+    """The form of a mesh under an affine map, with so many vertices; and the mesh."""
+    (tmp_path / "sheared.py").write_text(SHEARED)
+    mesh = sphere(5)
+    write_off(tmp_path / "in.off", mesh)
+
+    def make(vertices, method="sheared", plugins=("sheared.py",)):
+        found, faces, notes = plain_form(
+            str(tmp_path / "in.off"), method, [str(tmp_path / name) for name in plugins], 0, vertices
+        )
+        return notes, Mesh(np.array(found), np.array(faces))
+
+    return make, mesh
+
+
+def test_the_form_has_as_many_vertices_as_were_asked_for(sheared):
+    make, _ = sheared
+    _, form = make(300)
+    assert abs(form.n_vertices - 300) <= 3
+
+
+def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(sheared):
+    make, mesh = sheared
+    notes, form = make("all")
+    assert form.n_vertices == mesh.n_vertices == 10242
+    np.testing.assert_array_equal(form.faces, mesh.faces)
+    unit = (mesh.vertices - mesh.vertices.mean(axis=0)) / mesh.area**0.5
+    expected = unit @ [[1.0, 0.3, 0.0], [0.0, 2.0, -0.4], [0.1, 0.0, 0.5]]
+    assert np.abs(form.vertices - expected).max() < 3 * notes["farthest_from_prepared"] + 0.002
+    assert 0 < notes["farthest_from_prepared"] < 0.005
+
+
+@pytest.mark.parametrize(
+    ("method", "vertices", "message"),
+    [
+        ("learned", "all", "'learned' reads depth images, not vertices; leave --vertices out"),
+        ("learned", 500, "reads depth images"),
+    ],
+)
+def test_a_method_without_such_vertices_says_so(sheared, method, vertices, message):
+    with pytest.raises(ConfigurationError, match=message):
+        sheared[0](vertices, method, ())
+
+
+def test_a_form_with_vertices_of_its_own_cannot_be_carried_over(sheared, tmp_path):
+    own = SHEARED.replace("return shape", "return CanonicalForm(shape.mesh.vertices[:3], [[0, 1, 2]])  # ")
+    (tmp_path / "own.py").write_text(own.replace("import canonical", "import CanonicalForm, canonical"))
+    with pytest.raises(ConfigurationError, match="vertices of their own; leave '--vertices all' out"):
+        sheared[0]("all", plugins=("own.py",))
+
+
+@pytest.mark.parametrize("count", ["3", "-1", "0", "many", "1.5", ""])
+def test_what_is_no_number_of_vertices_is_refused(count):
+    done = CliRunner().invoke(cli, ["canonicalise", "-m", "identity", "in.off", "--vertices", count])
+    assert done.exit_code == 2
+    assert "is no number of vertices; write 4 or more, or all" in done.output

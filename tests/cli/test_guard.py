@@ -1,5 +1,6 @@
 """Whatever a plugin or an argument does, a verb ends with one line and an exit code that says so."""
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from benchmark.report.pictures.forms import save
 from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
 from tests.records import record
+from tests.system.test_workers import is_alive, wait_until
 from tests.toy import rod, write_off, write_rods
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -76,6 +80,7 @@ LONG = "x" * 5000
         (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
         (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
         (("check", "all"), "unknown method 'all'"),
+        (("canonicalise", "-m", "all", "a.off"), "unknown method 'all'"),
     ],
 )
 def test_an_argument_that_cannot_be_is_refused_in_one_line(call, arguments, message, tmp_path):
@@ -155,6 +160,27 @@ def test_a_plugin_that_cannot_be_imported_is_one_line(call, verb, fault, message
     assert message in refused(call(*verb, "--plugin", write_plugin(tmp_path / "tried.py", on_import=fault)))
 
 
+def test_nothing_that_a_plugin_leaves_behind_on_import_outlives_or_holds_the_program(tmp_path):
+    """It is imported by the program itself, too, where its methods are right."""
+    lines = (
+        f"open({str(tmp_path / 'children')!r}, 'a').write("
+        "str(subprocess.Popen(['sleep', '600'], start_new_session=True).pid) + ' ')",
+        "threading.Thread(target=time.sleep, args=(600,)).start()",
+        "atexit.register(time.sleep, 600)",
+    )
+    plugin = write_plugin(tmp_path / "tried.py", on_import="import atexit, subprocess\n" + "\n".join(lines))
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmark", "list", "methods", "--plugin", plugin],
+        capture_output=True, text=True, check=False, timeout=60, cwd=ROOT,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1].split()[0] == "tried"
+    children = [int(word) for word in (tmp_path / "children").read_text().split()]
+    assert len(children) == 2  # when it was looked at from outside, and here
+    wait_until(lambda: not any(map(is_alive, children)))
+    assert [child for child in children if is_alive(child)] == []
+
+
 def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp_path):
     """A property of a learner, say, that is right when it is looked at from outside."""
     plugin = write_plugin(tmp_path / "moody.py", name="moody-learner")
@@ -186,6 +212,36 @@ def test_canonicalise_survives_its_method(call, act, message, tmp_path):
     assert not Path("rod-tried.off").exists()
 
 
+FORKED = """
+import os
+from pathlib import Path
+from benchmark.contracts import Shape
+from benchmark.methods.answers import form_of
+from benchmark.methods.specs import plugin_methods
+from tests.toy import rod
+
+(spec,) = plugin_methods(Path("{plugin}"))
+method = spec.create()
+form_of(method, Shape(identifier="rod", mesh=rod(0.1, 1.0)))
+os.write(1, b"I go on.")
+"""
+
+
+@pytest.mark.parametrize("place", ["on_import", "on_making", "at_work"])
+def test_a_copy_of_the_process_that_a_method_makes_and_forgets_does_not_go_on(place, tmp_path):
+    plugin = write_plugin(tmp_path / "forks.py", **{place: "os.fork()"})
+    code = FORKED.format(plugin=plugin)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "I go on.", "")
+
+
+def test_what_a_thread_of_a_method_raises_is_one_line(call, tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    act = "thread = threading.Thread(target=lambda: 1 / 0); thread.start(); thread.join()"
+    done = call("canonicalise", "-m", "tried", "rod.off", "--plugin", write_plugin(tmp_path / "tried.py", at_work=act))
+    assert done[::2] == (0, "a thread raises ZeroDivisionError: division by zero\n")
+
+
 def test_the_file_of_a_form_has_a_name_that_fits(call, tmp_path):
     write_off(tmp_path / "rod.off", rod(0.1, 1.0))
     plugin = write_plugin(tmp_path / "tried.py", name="tried-path", field="start: str = ''")
@@ -212,13 +268,19 @@ def test_check_fails_the_check_in_which_a_method_ends_its_process_and_goes_on_wi
     assert failed[2][3].startswith("raises KeyboardInterrupt")
 
 
-def test_a_report_draws_what_can_be_drawn(call, rods, tmp_path):
-    """Of a method that crashes and has a title that is no formula."""
-    plugin = write_plugin(tmp_path / "tried.py", name="crash", at_work="crashes", info="title='Cost $ x_{'")
+@pytest.mark.parametrize("names", [("crashes",), pytest.param(("hangs", "raises"), marks=pytest.mark.slow)])
+def test_a_report_draws_what_can_be_drawn(call, rods, names, tmp_path):
+    """Of methods that break, and have titles that are no formula."""
+    plugin = tmp_path / "acts.py"
+    methods = "".join(
+        f"@canonical_form(name='{name}', title='Cost $ x_{{')\ndef act_{number}(shape):\n    {ACTS[name]}\n"
+        for number, name in enumerate(names)
+    )
+    plugin.write_text(f"import os, signal, time\nfrom benchmark.contracts import canonical_form\n{methods}")
     store = Store.open(tmp_path / "results")
     store.write_record(record(method="surface-area", data={"source": str(rods)}))
     selection = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")
-    code, _, error = call("report", *selection, "--plugin", plugin, "-o", tmp_path / "report")
+    code, _, error = call("report", *selection, "--plugin", plugin, "-o", tmp_path / "report", "--timeout", "1s")
     assert (code, error) == (0, "")
     assert (tmp_path / "report" / "forms-rods.png").read_bytes().startswith(b"\x89PNG")
 

@@ -1,0 +1,138 @@
+"""The verb ``compile``: what a machine does once, done before the first run by a process for each part of it.
+
+Kernels are compiled on their first use and kept beside the code. Workers of a run begin with the same ones, and each
+would compile them all for itself. Here every part is compiled by one process, and by the same steps as in a run, so
+that the kernels are those for the arrays that a run passes.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.system.text import say
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from benchmark.contracts import Input
+    from benchmark.methods.registry import MethodSpec
+
+
+@click.command("compile")
+@click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; all cores by default.")
+def compile_(jobs: int | None) -> None:
+    """Compile the kernels and build the body model, once on a machine; a run that comes first does it itself."""
+    from benchmark.threads import available_cores
+
+    sys.exit(0 if compile_parts(jobs or available_cores()) else 1)
+
+
+def compile_parts(jobs: int) -> bool:
+    """Compile all parts by several processes, telling on stderr which part is done.
+
+    Parameters
+    ----------
+    jobs
+        Processes at a time.
+
+    Returns
+    -------
+    bool
+        Whether all went well; what went wrong has been said.
+    """
+    from benchmark.system.workers import Worker, ending
+
+    start = time.monotonic()
+    waiting, running, ok = list(PARTS), dict[str, Worker](), True
+    say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                name = waiting.pop(0)
+                running[name] = Worker(_do, name)
+            wait([worker.sentinel for worker in running.values()])
+            for name, worker in list(running.items()):
+                if worker.exit_code is None:
+                    continue
+                worker.end()
+                del running[name]
+                ok &= worker.exit_code == 0
+                end = "done" if worker.exit_code == 0 else f"ended with {ending(worker.exit_code)}"
+                say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
+    finally:
+        for worker in running.values():
+            worker.end()
+    return ok
+
+
+def _do(name: str) -> None:
+    """Do one part, in its process; what this machine lacks is for the run to say, if it needs it."""
+    with suppress(BenchmarkError):
+        PARTS[name]()
+
+
+def compile_bodies() -> None:
+    """Make one shape of each generator, in the second pose, which bends what the first one leaves at rest."""
+    from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+
+    for name, source in CATALOGUE.items():
+        if not source.folder:
+            dataset = open_dataset(name, None)
+            dataset.load(dataset.entries[1])
+
+
+def compile_scorer() -> None:
+    """Rank the figure against its bent self."""
+    from benchmark.jobs.stages.features import extract
+    from benchmark.jobs.stages.ranking import form_distances
+    from benchmark.methods.conformance.shapes import BENDS, figure
+    from benchmark.methods.scorers import ScorerSpec
+
+    scorer = ScorerSpec().create()
+    form_distances(scorer, [extract(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
+
+
+def compile_methods() -> None:
+    """Treat a small figure, complete and as a camera sees it, by every method that does not learn."""
+    from benchmark.geometry.io import write_mesh
+    from benchmark.methods.conformance.shapes import figure
+    from benchmark.methods.registry import methods
+    from benchmark.protocols.tables import INPUTS, VARIANTS
+
+    specs = [spec for spec in methods().values() if not spec.learns]
+    rows = [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as name:
+        write_mesh(Path(name, "figure0.off"), figure())
+        for input_ in INPUTS:
+            _treat(Path(name), input_, [row for row in rows if input_ in row.info.inputs])
+
+
+def _treat(folder: Path, input_: Input, rows: Iterable[MethodSpec]) -> None:
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.jobs.preparation import Preparation
+    from benchmark.jobs.treatment import Treatment
+    from benchmark.storage.store import Store
+
+    store = Store.open(folder / "results")
+    dataset = open_dataset(str(folder), None)
+    preparation = Preparation(dataset, input_, store)
+    for row in rows:
+        with suppress(ShapeError):
+            Treatment(preparation, store, row).answer(dataset.entries[0])
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "methods": compile_methods,
+    "bodies": compile_bodies,
+    "scorer": compile_scorer,
+}

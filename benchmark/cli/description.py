@@ -1,0 +1,72 @@
+"""What ``describe`` tells of a method."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from benchmark.parameters.description import described
+from benchmark.parameters.values import spelt
+from benchmark.reference.bibliography import source_of
+from benchmark.system.text import clean
+
+if TYPE_CHECKING:
+    from benchmark.methods.registry import MethodSpec
+
+_KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
+
+
+def facts_of(spec: MethodSpec) -> dict[str, Any]:
+    """Everything that is to be known of a method before it is run, in plain values."""
+    info, made = spec.info, spec.load()
+    chosen = {name: spelt(value) for name, value in spec.parameters.items()}
+    return {
+        "name": spec.name,
+        "title": info.title,
+        "family": info.family,
+        "kind": "learner" if spec.learns else "method" if hasattr(made, "canonicalise") else "descriptor",
+        "summary": clean(info.summary or (inspect.getdoc(made) or "").partition("\n")[0]),
+        "source": source_of(info.cite),
+        "inputs": list(info.inputs),
+        "scale": info.scale,
+        "deterministic": info.deterministic,
+        "requires": list(info.requires),
+        "missing": list(spec.missing_packages()),
+        "defined_in": spec.target,
+        "parameters": [dataclasses.asdict(each) | {"chosen": chosen.get(each.name)} for each in described(made)],
+    }
+
+
+def lines_of(facts: dict[str, Any], width: int) -> list[str]:
+    """The same for a reader: a line for each fact, and two or more for each parameter."""
+    needs = ", ".join(facts["requires"]) or "nothing beyond the core"
+    if facts["missing"]:
+        needs += f" (not installed: {', '.join(facts['missing'])})"
+    rows = [
+        ("", facts["summary"]),
+        ("kind", f"{facts['kind']}, {_KINDS.get(facts['family'], facts['family'])}"),
+        ("source", facts["source"] or "none"),
+        ("inputs", " and ".join(facts["inputs"])),
+        ("scale", facts["scale"]),
+        ("random", "no" if facts["deterministic"] else "yes: the form depends on --seed"),
+        ("needs", needs),
+        ("defined in", facts["defined_in"]),
+    ]
+    lines = [f"{facts['name']}: {facts['title']}"]
+    for name, text in rows:
+        lines += _wrapped(f"  {name:<12}" if name else "  ", text, width)
+    lines.append("  parameters" + ("" if facts["parameters"] else "  none"))
+    for each in facts["parameters"]:
+        chosen = f", here {each['chosen']}" if each["chosen"] is not None else ""
+        default = each["default"] if each["default"] else "''"
+        lines += _wrapped(f"    {each['name']:<16}", f"{each['values']}; default {default}{chosen}", width)
+        lines += _wrapped(" " * 20, each["meaning"], width) if each["meaning"] else []
+    return lines
+
+
+def _wrapped(head: str, text: str, width: int) -> list[str]:
+    inner = max(20, width - len(head))
+    parts = textwrap.wrap(clean(text), inner, break_on_hyphens=False) or [""]
+    return [(head if not number else " " * len(head)) + part for number, part in enumerate(parts)]

@@ -1,0 +1,280 @@
+"""What a results folder holds, as pandas data frames and arrays: records, scores of queries, distances, forms.
+
+>>> from benchmark.results import open_results
+>>> results = open_results("results")
+>>> records = results.records()
+>>> key = records.query("gallery == 'tosca' and method == 'classic-mds' and input == 'mesh'").index[0]
+>>> results.queries(key)        # one row for each shape: subject, NN, FT, ...
+>>> results.distances(key)      # the distance matrix of the gallery
+>>> results.forms(key)          # the canonical form of each shape
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.own import is_own
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.preparation import Preparation, treated
+from benchmark.jobs.treatment import Treatment
+from benchmark.methods.inspection import inspect
+from benchmark.methods.registry import methods, variant
+from benchmark.methods.scorers import scorers
+from benchmark.protocols.models import find_models
+from benchmark.protocols.tables import Gallery
+from benchmark.report.content import own_table
+from benchmark.report.results import Result, Results
+from benchmark.storage.arrays import load_arrays
+from benchmark.storage.merging import told
+from benchmark.storage.records import place, scorer_name
+from benchmark.storage.store import StorageError, Store
+from benchmark.system.plugins import is_imported
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["ResultsFolder", "open_results"]
+
+
+@dataclass(frozen=True)
+class ResultsFolder:
+    """The finished jobs of a results folder: those done here, and those that came with the suite.
+
+    Where several records belong to one method, gallery, input and seed, the one counts that tables show. Every record
+    has a *key*, which all methods but :meth:`records` take.
+
+    Parameters
+    ----------
+    folder
+        The results folder.
+    data_root
+        Folder of the official data sets; forms of their shapes cannot be told apart without it.
+    plugins
+        Plugin files of the methods and data sets that are wanted.
+    """
+
+    folder: Path
+    data_root: Path | None = None
+    plugins: tuple[Path, ...] = ()
+    _treatments: dict[str, Treatment] = field(default_factory=dict, repr=False, compare=False)
+
+    def records(self) -> DataFrame:
+        """One row for each record, by key.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``gallery``, ``dataset``, ``stand_in``, ``quick``, ``input``, ``method``, ``title``, ``family``, ``scorer``
+            ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, mean over the queries in [0, 1], and
+            what chance gives as ``chance_NN`` and so on, NaN where there are no scores; ``n_shapes``, ``n_classes``,
+            ``unsupported`` (shapes left out), ``seconds`` a shape, ``peak_mib``, ``finished``, and ``outdated``: what
+            has changed since it was made, "" if nothing has.
+        """
+        from pandas import DataFrame
+
+        rows = {result.record["key"]: _row(result) for result in self._results.values()}
+        return DataFrame.from_dict(rows, orient="index").rename_axis("key")
+
+    def queries(self, *keys: str) -> DataFrame:
+        """Measures of single queries, of some records or of all.
+
+        Parameters
+        ----------
+        *keys
+            Of the records; all with scores by default.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each shape of each record: ``key``, ``gallery``, ``input``, ``method``, ``scorer``, ``seed``,
+            ``shape``, ``subject`` and each measure, NaN for the only shape of its class.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such record, or it has no scores.
+        """
+        from pandas import DataFrame, concat
+
+        wanted = keys or [key for key, result in self._results.items() if result.record["status"] == "ok"]
+        frames = []
+        for key in wanted:
+            record = self._scored(key)
+            head = {name: record[name] for name in ("gallery", "input", "method")} | {"scorer": scorer_name(record)}
+            seed = int(record["recipe"].get("seed", 0))
+            scores = {name: np.array(values, dtype=np.float64) for name, values in record["per_query"].items()}
+            body = {"shape": record["shapes"], "subject": record["labels"], **scores}
+            frames.append(DataFrame({"key": key, **head, "seed": seed, **body}))
+        return concat(frames, ignore_index=True) if frames else DataFrame()
+
+    def distances(self, key: str) -> DataFrame:
+        """Dissimilarities of all pairs of shapes, the mean over the codebooks where there are several.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Shape (N, N), symmetric with zero diagonal; rows and columns are named by the shapes.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such record, or it has no scores.
+        StorageError
+            If the matrices are not kept here.
+        """
+        from pandas import DataFrame
+
+        shapes = self._scored(key)["shapes"]
+        return DataFrame(self.distance_matrices(key).mean(axis=0), index=shapes, columns=shapes)
+
+    def distance_matrices(self, key: str) -> NDArray[np.float64]:
+        """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
+        record = self._scored(key)
+        found = list(self._kept_distances(record))
+        if not found:
+            raise self._not_kept(record, "distances")
+        return np.stack(found).astype(np.float64)
+
+    def forms(self, key: str) -> dict[str, Mesh]:
+        """Canonical forms by shape, in the order of the distance matrix.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such record, it has no scores, or its method makes no forms.
+        StorageError
+            If not all of them are kept here, as this code would make them.
+        """
+        record, treatment = self._scored(key), self._treatment(key)
+        if treatment.describes:
+            raise ConfigurationError(f"{record['method']} makes no forms", "ask for its descriptors")
+        entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
+        found = {
+            name: form
+            for name in record["shapes"]
+            if name in entries and (form := treatment.found_form(entries[name])) is not None
+        }
+        if len(found) < len(record["shapes"]):
+            raise self._not_kept(record, "forms")
+        return found
+
+    def descriptors(self, key: str) -> DataFrame:
+        """Descriptors, one row for each shape; errors as of :meth:`forms`."""
+        from pandas import DataFrame
+
+        record, treatment = self._scored(key), self._treatment(key)
+        if not treatment.describes:
+            raise ConfigurationError(f"{record['method']} describes no shapes", "ask for its forms")
+        entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
+        found = {
+            name: self._store.find(treatment.recipe(entries[name])) for name in record["shapes"] if name in entries
+        }
+        vectors = {name: treated(each)["descriptor"] for name, each in found.items() if each is not None}
+        if len(vectors) < len(record["shapes"]):
+            raise self._not_kept(record, "descriptors")
+        return DataFrame.from_dict(vectors, orient="index").rename_axis("shape")
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _store(self) -> Store:
+        return Store(self.folder / "runs")
+
+    @cached_property
+    def _results(self) -> dict[str, Result]:
+        known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
+        both = [*self._store.published, *self._store.records]
+        seen = sorted({(each.seed, each.scorer) for each in map(place, both)})
+        return {result.record["key"]: result for seed, scorer in seen for result in known.all(seed, scorer=scorer)}
+
+    def _scored(self, key: str) -> dict[str, Any]:
+        if key not in self._results:
+            raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
+        record = self._results[key].record
+        if record["status"] != "ok":
+            raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
+        return record
+
+    def _kept_distances(self, record: dict[str, Any]) -> Iterator[NDArray[Any]]:
+        count = len(record["shapes"])
+        for name in record.get("artefacts", ()):
+            path = self._store.artefacts / name[:2] / f"{name}.npz"
+            try:
+                arrays = load_arrays(path, name, lambda array: array == "distances")
+            except Exception:  # noqa: S112
+                continue  # freed or damaged
+            if "distances" in arrays and arrays["distances"].shape == (count, count):
+                yield arrays["distances"]
+
+    def _treatment(self, key: str) -> Treatment:
+        if key not in self._treatments:
+            record = self._scored(key)
+            source = record["data"]["source"]
+            if is_own(source) and not is_imported(source.rpartition(":")[0]):
+                raise ConfigurationError(f"the plugin of data set {record['data']['name']} was not passed", "pass it")
+            dataset, spec = open_dataset(source, self.data_root), variant(record["method"], methods(self.plugins))
+            entries = tuple(entry for entry in dataset.entries if entry.identifier in set(record["shapes"]))
+            gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
+            models = find_models(spec, gallery, self._store.models)
+            preparation = Preparation(dataset, record["input"], self._store)
+            seed = int(record["recipe"].get("seed", 0))
+            self._treatments[key] = Treatment(preparation, self._store, spec, seed, models)
+        return self._treatments[key]
+
+    def _not_kept(self, record: dict[str, Any], what: str) -> StorageError:
+        changed = self._results[record["key"]].outdated
+        why = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
+        return StorageError(f"the {what} of {told(record)} are not in {self.folder}: {why}", "run it again here")
+
+
+def open_results(
+    folder: str | Path = "results", *, data_root: str | Path | None = None, plugins: Sequence[str | Path] = ()
+) -> ResultsFolder:
+    """Open a results folder; see :class:`ResultsFolder`.
+
+    Raises
+    ------
+    StorageError
+        If there is no such folder.
+    ConfigurationError
+        If a plugin file cannot be used.
+    """
+    path, files = Path(folder), tuple(map(Path, plugins))
+    if not path.is_dir():
+        raise StorageError(f"{path} is no folder", "name a results folder")
+    inspect(files)
+    return ResultsFolder(path, Path(data_root) if data_root is not None else None, files)
+
+
+def _row(result: Result) -> dict[str, Any]:
+    record = result.record
+    data, cost = record["data"], record.get("cost", {}).get("seconds_per_shape", {})
+    return {
+        "gallery": record["gallery"],
+        "dataset": data["name"],
+        "stand_in": bool(data["stand_in_for"]),
+        "quick": bool(data["quick"]),
+        **{name: record[name] for name in ("input", "method", "title", "family")},
+        "scorer": scorer_name(record),
+        "seed": int(record["recipe"].get("seed", 0)),
+        "status": record["status"],
+        "reason": record.get("reason", ""),
+        **record.get("scores", {}),
+        **{f"chance_{name}": value for name, value in (record.get("chance") or data["chance"]).items()},
+        "n_shapes": record.get("n_shapes", data["n_shapes"]),
+        "n_classes": record.get("n_classes", data["n_classes"]),
+        "unsupported": len(record.get("unsupported", ())),
+        "seconds": sum(cost.values()) if cost else np.nan,
+        "peak_mib": record.get("peak_mib"),
+        "finished": record.get("finished", ""),
+        "outdated": result.outdated,
+    }

@@ -1,0 +1,58 @@
+"""Names that a shell completes."""
+
+import subprocess
+
+import pytest
+
+from benchmark.cli import completion
+from benchmark.cli.main import cli
+
+
+@pytest.fixture
+def words(monkeypatch, capsys):
+    """What a shell is offered behind some words, the last of which is begun."""
+
+    def ask(*line):
+        monkeypatch.setenv("COMP_WORDS", " ".join(("canonical-forms", *line)))
+        monkeypatch.setenv("COMP_CWORD", str(len(line)))
+        monkeypatch.setenv("_CANONICAL_FORMS_COMPLETE", "bash_complete")
+        assert completion.answer(cli) == 0
+        return [tuple(row.split(",", 1)) for row in capsys.readouterr().out.split()]
+
+    return ask
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        (("run", "-m", "class"), [("plain", "classic-mds")]),
+        (("tables", "-m", "fin"), [("plain", "finished")]),
+        (("describe", "gp"), [("plain", "gps")]),
+        (("why", "shape-d"), [("plain", "shape-dna")]),
+        (("canonicalise", "-m", "skel"), [("plain", "skeleton")]),
+        (("train", "learned-wide-"), [("plain", "learned-wide-extra")]),
+        (("run", "--scorer", "cm"), [("plain", "cm-bof")]),
+        (("run", "-t", "III"), [("plain", "III"), ("plain", "III-held-out")]),
+        (("run", "-d", "tos"), [("plain", "tosca"), ("dir", "tos")]),
+        (("data", "sheet", "ani"), [("plain", "animals"), ("dir", "ani")]),
+        (("run", "-m", "classic-mds[metric=gps,sol"), [("plain", "classic-mds[metric=gps,solver=")]),
+        (("check", "mine"), [("file", "mine")]),
+        (("desc",), [("plain", "describe")]),
+        (("describe", "no-such"), []),
+    ],
+)
+def test_names_are_offered(words, line, offered):
+    assert words(*line) == offered
+
+
+def test_nobody_is_answered_who_does_not_ask(monkeypatch):
+    monkeypatch.delenv("_CANONICAL_FORMS_COMPLETE", raising=False)
+    assert completion.answer(cli) is None
+
+
+def test_bash_reads_the_script():
+    text = completion.script(cli, "bash")
+    assert "complete" in text
+    assert subprocess.run(["bash", "-n"], input=text, text=True, check=False, capture_output=True).returncode == 0
+    with pytest.raises(ValueError, match="tcsh"):
+        completion.script(cli, "tcsh")

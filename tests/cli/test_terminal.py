@@ -1,0 +1,129 @@
+"""Tables at a terminal, and which rows there are."""
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from benchmark.cli.main import cli
+from benchmark.cli.options import Selection
+from benchmark.cli.terminal import drawn
+from benchmark.report.content import contents
+from benchmark.storage.store import Store
+
+ROOT = Path(__file__).parents[2]
+
+
+def published(*methods, **more):
+    """Tables of what came with the suite."""
+    options = {"tables": ("III",), "methods": methods, "datasets": ("tosca",), "inputs": (), "plugins": ()}
+    selection = Selection(**options, results=ROOT / "results", data_root=None, seed=0, quick=False, **more)
+    store = Store(ROOT / "results" / "runs")
+    return contents(selection.recorded(store), ("III",), blanks=not selection.is_narrow)
+
+
+def shown(table, width, only=None):
+    console = Console(width=width, record=True, file=open(os.devnull, "w"))  # noqa: SIM115, PTH123
+    console.print(drawn(table, only))
+    return console.export_text().splitlines()
+
+
+@pytest.fixture(scope="module")
+def table():
+    return published("gps", "identity", "finished")[0]
+
+
+def test_a_table_is_as_wide_as_the_terminal_and_loses_no_figure(table):
+    figures = re.findall(r"\d\.\d\d|--", "\n".join(shown(table, 200)))
+    for width in (80, 100, 140):
+        lines = shown(table, width)
+        assert max(map(len, lines)) <= width
+        assert re.findall(r"\d\.\d\d|--", "\n".join(lines)) == figures
+
+
+def test_a_group_of_columns_can_be_drawn_alone(table):
+    lines = shown(table, 60, only=1)
+    assert max(map(len, lines)) <= 60
+    heading = next(line for line in lines if line.startswith("Method"))
+    assert heading.split() == ["Method", "NN", "FT", "ST", "DCG"]
+    row = next(line for line in lines if line.startswith("GPS"))
+    assert row.split()[-4:] == ["0.81", "0.57", "0.85", "0.82"]
+
+
+@pytest.mark.slow
+def test_a_terminal_gets_a_drawn_table_and_a_pipe_markdown():
+    command = [sys.executable, "-m", "benchmark", "tables", "-t", "III", "-m", "gps", "-d", "tosca"]
+    env = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"} | {"COLUMNS": "80"}
+    piped = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True, env=env).stdout
+    assert "| GPS" in piped
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(command, stdout=theirs, stdin=subprocess.DEVNULL, cwd=ROOT, env=env) as process:
+        os.close(theirs)
+        seen = b""
+        while True:
+            try:
+                chunk = os.read(ours, 4096)
+            except OSError:
+                break
+            if not chunk:
+                break
+            seen += chunk
+        assert process.wait() == 0
+    os.close(ours)
+    text = re.sub(r"\x1b\[[0-9;]*m", "", seen.decode())
+    assert "| GPS" not in text
+    assert re.search(r"^GPS .*0\.81 0\.57 0\.85 0\.82", text, re.MULTILINE)
+    assert max(map(len, text.splitlines())) <= 80
+
+
+# Which rows there are ------------------------------------------------------------------------------------------------
+
+
+def rows(*methods):
+    (table,) = (t for t in published(*methods) if t.identifier == "III")
+    return [row.method for row in table.rows]
+
+
+def test_without_names_every_row_of_the_paper_is_there():
+    assert "learned" in rows()
+    assert rows("all") == rows()
+
+
+def test_a_named_method_has_its_row_and_no_other_has_a_blank_one():
+    assert rows("gps") == ["gps"]
+    assert rows("gps", "identity", "least-squares-mds[start=classic]") == [
+        "gps",
+        "least-squares-mds[start=classic]",
+        "identity",
+    ]
+
+
+def test_finished_stands_for_all_that_has_scores_variants_included():
+    finished = rows("finished")
+    assert "learned" not in finished  # there is no model of it
+    assert {"least-squares-mds[start=classic]", "gps", "identity", "shape-dna"} <= set(finished)
+    assert set(finished) < set(rows())
+
+
+def test_finished_can_be_planned_and_is_refused_where_nothing_has_finished(tmp_path):
+    def planned(results):
+        options = ["-t", "III", "-d", "animals", "--input", "mesh", "-m", "finished", "--results", str(results)]
+        return CliRunner().invoke(cli, ["plan", *options])
+
+    (tmp_path / "records").mkdir()
+    assert "no job under" in str(planned(tmp_path).exception)
+    record = next(
+        path
+        for path in (ROOT / "results" / "records").iterdir()
+        if (r := json.loads(path.read_text()))["method"] == "least-squares-mds[start=classic]" and r["status"] == "ok"
+    )
+    (tmp_path / "records" / record.name).write_bytes(record.read_bytes())
+    names = [line.split()[3] for line in planned(tmp_path).output.splitlines() if " animals mesh " in line]
+    assert names == ["least-squares-mds[start=classic]"]

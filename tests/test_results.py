@@ -1,0 +1,123 @@
+"""Results as data frames and arrays, through the public module."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError
+from benchmark.results import open_results
+from benchmark.storage.store import StorageError
+from retrieval.measures import MEASURES
+from retrieval.metrics import evaluate
+from tests.toy import write_rods
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Identity, shape-dna and a method that always fails on rods, the first one under two seeds."""
+    place = tmp_path_factory.mktemp("results")
+    write_rods(place / "rods")
+    (place / "fails.py").write_text(
+        "from benchmark.contracts import canonical_form\n"
+        "@canonical_form(name='fails', title='Fails', inputs=('mesh',))\ndef fails(shape):\n    1 / 0\n"
+    )
+    run = ["run", "-d", str(place / "rods"), "--input", "mesh", "--executor", "serial", "--results", str(place)]
+    CliRunner().invoke(cli, [*run, "-m", "identity", "-m", "shape-dna", "--plugin", str(place / "fails.py")])
+    CliRunner().invoke(cli, [*run, "-m", "identity", "--seed", "1"])
+    return place
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    return open_results(folder)
+
+
+def key_of(results, method, seed=0):
+    records = results.records()
+    return records[(records["method"] == method) & (records["seed"] == seed)].index[0]
+
+
+@pytest.mark.slow
+def test_records_are_a_frame_with_scores_and_what_is_known_of_the_job(results):
+    records = results.records()
+    assert sorted(zip(records["method"], records["seed"], records["status"], strict=True)) == [
+        ("fails", 0, "failed"),
+        ("identity", 0, "ok"),
+        ("identity", 1, "ok"),
+        ("shape-dna", 0, "ok"),
+    ]
+    assert records["NN"].isna().sum() == 1
+    finished = records[records["status"] == "ok"]
+    assert finished[["NN", "FT", "ST", "DCG", "mAP"]].stack().between(0, 1).all()
+    assert (finished["n_shapes"] == 6).all()
+    assert (finished["outdated"] == "").all()
+    assert "ZeroDivisionError" in records.loc[key_of(results, "fails"), "reason"]
+
+
+@pytest.mark.slow
+def test_queries_average_to_the_scores_of_their_record(results):
+    records, queries = results.records(), results.queries()
+    means = queries.groupby("key")[["NN", "FT", "ST", "DCG"]].mean()
+    wanted = records.loc[means.index, ["NN", "FT", "ST", "DCG"]]
+    np.testing.assert_allclose(means, wanted, atol=1e-6)
+    one = results.queries(key_of(results, "identity"))
+    assert list(one["shape"]) == ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
+    assert list(one["subject"]) == ["thick"] * 3 + ["thin"] * 3
+
+
+@pytest.mark.slow
+def test_distances_give_the_scores_again(results):
+    key = key_of(results, "identity")
+    matrices = results.distance_matrices(key)
+    assert matrices.shape == (3, 6, 6)
+    subjects = list(results.queries(key)["subject"])
+    nearest = next(measure for measure in MEASURES if measure.name == "NN")
+    scores = [getattr(evaluate(matrix, subjects), nearest.attribute) for matrix in matrices]
+    assert np.mean(scores) == pytest.approx(results.records().loc[key, "NN"])
+    frame = results.distances(key)
+    np.testing.assert_allclose(frame, frame.T)
+    assert list(frame.index) == list(frame.columns) == list(results.queries(key)["shape"])
+    assert results.distance_matrices(key_of(results, "shape-dna")).shape == (1, 6, 6)
+
+
+@pytest.mark.slow
+def test_forms_and_descriptors_are_those_of_each_shape(results):
+    forms = results.forms(key_of(results, "identity"))
+    assert list(forms) == ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
+    for form in forms.values():
+        assert form.area == pytest.approx(1, abs=1e-5)
+    width = {name: np.ptp(form.vertices[:, 1]) for name, form in forms.items()}
+    assert min(width["thick0"], width["thick1"]) > max(width["thin0"], width["thin1"])
+    descriptors = results.descriptors(key_of(results, "shape-dna"))
+    assert descriptors.shape[0] == 6
+    with pytest.raises(ConfigurationError, match="shape-dna makes no forms; ask for its descriptors"):
+        results.forms(key_of(results, "shape-dna"))
+    with pytest.raises(ConfigurationError, match="identity describes no shapes; ask for its forms"):
+        results.descriptors(key_of(results, "identity"))
+
+
+@pytest.mark.slow
+def test_what_is_not_there_is_named(results, folder, tmp_path):
+    with pytest.raises(ConfigurationError, match="holds no record 'abc'; take a key from records"):
+        results.distances("abc")
+    with pytest.raises(ConfigurationError, match="has no scores: failed; choose a finished one"):
+        results.queries(key_of(results, "fails"))
+    with pytest.raises(StorageError, match="none is no folder; name a results folder"):
+        open_results(tmp_path / "none")
+    (tmp_path / "records").mkdir()
+    for path in (folder / "runs" / "records").iterdir():
+        (tmp_path / "records" / path.name).write_bytes(path.read_bytes())
+    elsewhere = open_results(tmp_path)
+    key = key_of(elsewhere, "identity")
+    for ask in (elsewhere.distances, elsewhere.forms):
+        with pytest.raises(StorageError, match="are not in .*: made elsewhere, or freed; run it again here"):
+            ask(key)
+
+
+def test_what_came_with_the_suite_can_be_read_in_any_clone():
+    results = open_results("results")
+    records = results.records()
+    tosca = records.query("gallery == 'tosca' and input == 'mesh' and status == 'ok'")
+    assert {"classic-mds", "gps", "identity"} <= set(tosca["method"])
+    assert len(results.queries(tosca.index[0])) == tosca.iloc[0]["n_shapes"]
