@@ -17,9 +17,10 @@ class BenchmarkError(Exception):
     """
 
     def __init__(self, problem: str, mend: str = "") -> None:
-        super().__init__(problem, mend)
-        self.problem = problem
-        self.mend = mend
+        # A method may pass anything.
+        self.problem = str(problem)
+        self.mend = str(mend) if mend else ""
+        super().__init__(self.problem, self.mend)
 
     def __str__(self) -> str:
         return f"{self.problem}; {self.mend}" if self.mend else self.problem
@@ -53,16 +54,25 @@ class InvalidForm(ShapeError):
     """A method returned what is no canonical form, no descriptor or no distances: the fault is the method's."""
 
 
+class InvalidSignature(ShapeError):
+    """A scorer returned what is no signature of a form: the fault is the scorer's."""
+
+
 class UnsupportedShape(ShapeError):
     """A method cannot treat this shape; the message says why."""
 
 
+def message(error: BaseException) -> str:
+    """Message of an exception, which code of somebody else may have to tell."""
+    try:
+        return str(error)
+    except (Exception, SystemExit, GeneratorExit):
+        return "its message cannot be read"
+
+
 def one_line(error: BaseException) -> str:
     """Class and message of an exception, on one line."""
-    try:
-        said = " ".join(str(error).split())
-    except Exception:
-        said = "its message cannot be read"
+    said = " ".join(message(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 

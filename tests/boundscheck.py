@@ -17,16 +17,11 @@ FOLDER = Path("build/boundscheck")
 #: from a cache does not say which others it calls: hence a cache of its own, empty at the start.
 os.environ |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(FOLDER.absolute())}
 
-import importlib  # noqa: E402
-import pkgutil  # noqa: E402
-from types import ModuleType  # noqa: E402
-
 import numba  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from numba.core.dispatcher import Dispatcher  # noqa: E402
 
-PACKAGES = ("benchmark", "baselines", "learned", "retrieval")
+from tests.kernels import first_party_modules, kernels_of, was_compiled  # noqa: E402
 
 
 def main() -> int:
@@ -51,27 +46,6 @@ def planted_overrun_is_caught() -> bool:
     except IndexError:
         return True
     return False
-
-
-def first_party_modules() -> list[ModuleType]:
-    """All modules of the suite, imported."""
-    found = []
-    for name in PACKAGES:
-        package = importlib.import_module(name)
-        names = [info.name for info in pkgutil.walk_packages(package.__path__, f"{name}.")]
-        found += [importlib.import_module(module) for module in names if not module.endswith("__main__")]
-    return found
-
-
-def kernels_of(module: ModuleType) -> list[Dispatcher]:
-    """The kernels that a module defines."""
-    values = vars(module).values()
-    return [value for value in values if isinstance(value, Dispatcher) and value.__module__ == module.__name__]
-
-
-def was_compiled(kernel: Dispatcher) -> bool:
-    """Whether a kernel was compiled in this process; one that is always inlined is part of those that call it."""
-    return bool(kernel.signatures) or kernel.targetoptions.get("inline") == "always"
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ import torch  # noqa: E402
 from torch import Tensor, nn  # noqa: E402
 
 from benchmark.geometry.mesh import Mesh  # noqa: E402
-from benchmark.jobs.stages.ranking import CODEBOOK_SEEDS, form_distances, scores  # noqa: E402
+from benchmark.jobs.stages.ranking import form_distances, scores  # noqa: E402
 from benchmark.jobs.training_pairs import training_data  # noqa: E402
 from benchmark.protocols.trainings import TRAININGS, fold_name, with_validation  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
@@ -83,8 +83,9 @@ def measure(network: nn.Module, pairs: Pairs, held_back: Pairs, subjects: Sequen
 def ranked(forms: Iterable[Mesh], subjects: Sequence[str]) -> Row:
     """What the scorer of the tables finds in a gallery of these forms, and the level of chance."""
     scorer = CMBOF()
-    features = [scorer.extract(form) for form in forms]
-    found = scores([form_distances(scorer, features, seed) for seed in CODEBOOK_SEEDS], subjects)
+    signatures = [scorer.signature(form) for form in forms]
+    matrices = (form_distances(scorer, signatures, draw) for draw in range(scorer.info.draws))
+    found = scores(matrices, subjects)
     chance = {f"chance {name}": found["chance"][name] for name in PRINTED}
     return {name: found["scores"][name] for name in PRINTED} | chance
 

@@ -4,17 +4,55 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
+from benchmark.cli.main import cli
+from benchmark.reference import paper
+from retrieval.measures import PRINTED
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def python_with(text: str) -> str:
+    """The one block of Python with a text in it."""
+    (block,) = (block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if text in block)
+    return block
+
+
 def plugin() -> str:
-    return re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+    return python_with("class Flatten")
+
+
+@pytest.mark.slow
+def test_results_are_read_as_shown(tmp_path, monkeypatch):
+    write_rods(tmp_path / "rods")
+    run = ["run", "-d", str(tmp_path / "rods"), "-m", "gps", "--input", "mesh", "--executor", "serial"]
+    assert CliRunner().invoke(cli, [*run, "--results", str(tmp_path / "results")]).exit_code == 0
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, Any] = {}
+    exec(python_with("open_results").replace("'tosca'", "'rods'"), found)  # noqa: S102
+    assert len(found["records"]) == len(found["chosen"]) == 1
+    assert {"shape", "subject", "NN", "FT", "ST", "DCG", "E", "mAP"} <= set(found["queries"].columns)
+    assert found["distances"].shape == (6, 6)
+    assert [form.n_faces > 100 for form in found["forms"].values()] == [True] * 6
+
+
+def test_the_first_half_of_that_works_with_what_came_with_the_suite(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    found: dict[str, Any] = {}
+    exec(python_with("open_results").partition("\ndistances")[0], found)  # noqa: S102
+    assert len(found["queries"]) == 80
+
+
+def test_the_measures_and_the_paper_are_explained():
+    for measure in PRINTED:
+        assert f"**{measure}**" in README
+    assert "".join(paper.__doc__.split('"')[1].split()) in "".join(README.split())
 
 
 def test_the_plugin_has_fifteen_lines():

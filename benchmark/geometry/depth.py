@@ -23,6 +23,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
+from benchmark.geometry.sensor import DepthSensor
 
 DepthImage = NDArray[np.float32]
 
@@ -301,8 +302,15 @@ def back_project(
     return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost, round(lost / sampled, 6))
 
 
-def depth_surface(mesh: Mesh, camera: Camera, half_width: float) -> View:
+def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> View:
     """Depth image of a shape and the surface behind it; see :func:`render_depth` and :func:`back_project`.
+
+    Parameters
+    ----------
+    mesh, camera, half_width
+        As for :func:`render_depth`.
+    sensor
+        What a real camera adds to the image; None for one without faults.
 
     Raises
     ------
@@ -310,6 +318,8 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float) -> View:
         If fewer than ``FEWEST_PIXELS`` show the shape, or more than ``LARGEST_LOSS`` of them are lost.
     """
     depth = render_depth(mesh, camera, half_width)
+    if sensor is not None:
+        depth = sensor.disturbed(depth)
     foreground = int(np.count_nonzero(depth))
     if foreground < FEWEST_PIXELS:
         raise UnsupportedShape(

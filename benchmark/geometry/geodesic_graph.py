@@ -215,6 +215,18 @@ def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # no
 
 
 @njit(cache=True, nogil=True)
+def largest_count(starts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return the length of the longest run, where run i begins at ``starts[i]`` and ends before ``starts[i + 1]``.
+
+    ``np.diff`` says the same, but takes two seconds to compile.
+    """
+    found = 0
+    for i in range(starts.size - 1):
+        found = max(found, starts[i + 1] - starts[i])
+    return found
+
+
+@njit(cache=True, nogil=True)
 def _follow_windows(first_names, first_plane, passages, moves, first, budget):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
@@ -234,7 +246,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     # it has at most one window for each triangle at the source. If not, s < ``budget`` windows lie before it; the ring
     # before it is among them, and a window has at most two successors, so that the last ring has at most 2 s windows:
     # 3 s in all, less than three times the budget. One place more, as a window is written before it is counted.
-    room = max(3 * budget, np.diff(first).max()) + 1
+    room = max(3 * budget, largest_count(first)) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):

@@ -17,7 +17,7 @@ from benchmark.geometry.cleaning import (
     make_manifold,
 )
 from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, Points
 
 # Components with a smaller share of the area are debris; larger ones are parts of the shape.
 SMALLEST_SHARE = 0.01
@@ -39,6 +39,8 @@ class Prepared:
         One component, unit area, at most about the number of vertices that was asked for.
     source_area
         Area of the components that were kept, before decimation, in squared file units.
+    centre, scale
+        How it lies in the file: a point of the mesh is at ``centre + scale * point`` there; shape (3,), and a factor.
     report
         What preparation found and did: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
         ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
@@ -49,6 +51,8 @@ class Prepared:
 
     mesh: Mesh
     source_area: float
+    centre: Points
+    scale: float
     report: dict[str, float] = field(default_factory=dict)
 
 
@@ -89,7 +93,8 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
             f"{found.degenerate_faces} of {mesh.n_faces} triangles have no area",
             "look for stray vertices, or export it again",
         )
-    centred = cleaned.with_vertices(cleaned.vertices - cleaned.vertices.mean(axis=0))
+    centre = cleaned.vertices.mean(axis=0)
+    centred = cleaned.with_vertices(cleaned.vertices - centre)
     work = make_manifold(centred)
     areas, of_face = component_areas(work)
     kept = areas >= SMALLEST_SHARE * areas.sum()
@@ -111,7 +116,8 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
             f"only {work.n_vertices} vertices remain after preparation",
             f"pass a connected surface of at least {_FEWEST_VERTICES} vertices",
         )
-    result = work.with_vertices(work.vertices / np.sqrt(work.area))
+    size = np.sqrt(work.area)
+    result = work.with_vertices(work.vertices / size)
     report = {
         "vertices_before": found.vertices_before,
         "faces_before": found.faces_before,
@@ -130,7 +136,9 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "faces": result.n_faces,
         "euler_characteristic": result.n_vertices - len(edges_of(result.faces).ends) + result.n_faces,
     }
-    return Prepared(result, source_area, {name: float(value) for name, value in report.items()})
+    return Prepared(
+        result, source_area, unit * centre, float(unit * size), {name: float(value) for name, value in report.items()}
+    )
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:

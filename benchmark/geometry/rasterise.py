@@ -10,6 +10,9 @@ from benchmark.errors import InvalidMesh
 
 DepthImage = NDArray[np.float32]
 
+#: Stands where nobody looks from behind.
+NOT_BEHIND: DepthImage = np.empty((0, 0), dtype=np.float32)
+
 
 def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: float) -> DepthImage:
     """Draw the depth of the nearest surface at every pixel centre.
@@ -53,14 +56,18 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(positions)):
         raise InvalidMesh("a face names a vertex that does not exist", "check whether the file counts from 1")
     image = np.full((size, size), np.inf, dtype=np.float32)
-    draw_triangles(positions, triangles, image)
+    draw_triangles(positions, triangles, image, NOT_BEHIND)
     image[np.isinf(image)] = background
     return image
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image: DepthImage) -> None:
+def draw_triangles(
+    points: NDArray[np.float64], faces: NDArray[np.int32], image: DepthImage, behind: DepthImage
+) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
+
+    What is seen from behind is drawn along with it, for the pixels of a triangle are the same from both sides.
 
     Parameters
     ----------
@@ -70,6 +77,9 @@ def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image:
         As in :func:`depth_buffer`, int32; indices are not checked.
     image
         Shape (height, width), float32, changed in place; initialise it with a depth behind everything.
+    behind
+        What the opposite camera sees, with the same upwards direction, where depths run from 0 to 1 and are counted
+        from its own eye; like ``image``, or :data:`NOT_BEHIND` where it is not wanted.
     """
     # Rows and columns are cut to the image before any pixel is touched, so no vertex can lie too far outside.
     height, width = image.shape
@@ -105,17 +115,28 @@ def draw_triangles(points: NDArray[np.float64], faces: NDArray[np.int32], image:
                         continue
                     t = (y - y1) / (y2 - y1)
                     right, right_depth = x1 + t * (x2 - x1), z1 + t * (z2 - z1)
-                _draw_span(image, row, width, left, left_depth, right, right_depth)
+                _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _draw_span(image: DepthImage, row: int, width: int, x0: float, z0: float, x1: float, z1: float) -> None:
+def _draw_span(
+    image: DepthImage, behind: DepthImage, row: int, width: int, x0: float, z0: float, x1: float, z1: float
+) -> None:
     if x1 < x0:
         x0, x1, z0, z1 = x1, x0, z1, z0
     first = max(0, int(np.ceil(x0 - 0.5)))
     last = min(width - 1, int(np.floor(x1 - 0.5)))
     slope = (z1 - z0) / (x1 - x0) if x1 > x0 else 0.0
-    for column in range(first, last + 1):
-        depth = np.float32(z0 + (column + 0.5 - x0) * slope)
-        if depth < image[row, column]:
-            image[row, column] = depth
+    if behind.shape[0] == 0:
+        for column in range(first, last + 1):
+            depth = np.float32(z0 + (column + 0.5 - x0) * slope)
+            if depth < image[row, column]:
+                image[row, column] = depth
+    else:
+        for column in range(first, last + 1):
+            exact = z0 + (column + 0.5 - x0) * slope
+            depth, other = np.float32(exact), np.float32(1.0 - exact)
+            if depth < image[row, column]:
+                image[row, column] = depth
+            if other < behind[row, width - 1 - column]:
+                behind[row, width - 1 - column] = other

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.geometry.geodesic_graph import Graph
+from benchmark.geometry.geodesic_graph import Graph, largest_count
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -78,7 +78,7 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
     for column in range(sources.size):
         rows[sources[column], column] = 0
     # Room for the arcs of any vertex and one more, as an arc is written before it is counted.
-    arcs = np.empty(np.diff(starts).max() + 1, np.int64)
+    arcs = np.empty(largest_count(starts) + 1, np.int64)
     clock = 0
     settled = False
     while not settled:

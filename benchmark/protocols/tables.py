@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, check_ranked, folder_name, is_path, is_present, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, check_ranked, is_known, is_path, is_present, open_dataset
+from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.datasets.official.sets import EXTENDED
-from benchmark.datasets.parts import Part
+from benchmark.datasets.parts import Part, thinned
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.disturbed import conditions, inputs_of, own_table_name
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
 from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
 #: ``--quick`` keeps every k-th pose so that no subject keeps more than this many.
-QUICK_POSES = 5
+QUICK_POSES = 3
+
+#: Methods beyond the paper's that have rows in quick runs without being asked for: what a canonical form has to beat.
+QUICK_CONTROLS = ("identity",)
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,9 @@ class Table:
         Whether learners beyond the paper's have rows without being asked for by name; a model of each must exist.
     any_of
         Sets that it is made for, each on its own, as far as they are present; empty for a table of one set.
+    robustness
+        Whether it is made of a clean set and of that set under each nuisance, of the paper's methods and the controls
+        unless others are asked for, and by its name alone.
     """
 
     identifier: str
@@ -72,6 +80,7 @@ class Table:
     extended_learners: bool = False
     split_size: int = 0
     any_of: tuple[str, ...] = ()
+    robustness: bool = False
 
     @property
     def datasets(self) -> tuple[str, ...]:
@@ -144,6 +153,14 @@ TABLES: tuple[Table, ...] = (
         in_quick_runs=False,
         all_unseen=False,
     ),
+    Table(
+        "robustness",
+        "What breaks the methods: one gallery, clean and under each nuisance",
+        "humans-few",
+        in_quick_runs=False,
+        all_unseen=False,
+        robustness=True,
+    ),
 )
 
 #: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
@@ -182,7 +199,7 @@ class Gallery:
     entries
         The shapes, in matrix order.
     quick
-        Whether poses were left out to save time.
+        Whether poses, and methods that the paper does not have, were left out to save time.
     part
         Which part of the set it is in words, e.g. ``"fold 0"``; "" for the whole set.
     fold
@@ -205,6 +222,11 @@ class Gallery:
         """Name of the gallery in plans and records."""
         return gallery_name(self.dataset.name, self.part, quick=self.quick)
 
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance."""
+        return inputs_of(self.dataset.name, self.table.inputs)
+
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, some in several variants.
 
@@ -219,7 +241,7 @@ class Gallery:
         """
         if not self.table.ablation:
             chosen = [spec for spec in methods if spec.named or self._has_row(spec)]
-            return list({row.name: row for spec in chosen for row in _with_variants(spec)}.values())
+            return list({row.name: row for spec in chosen for row in self._with_variants(spec)}.values())
         printed = {row.method for row in paper.ABLATION}
         return [
             variant
@@ -253,16 +275,19 @@ class Gallery:
         if spec.base_name in ONLY_ABLATED:
             return False
         try:
+            if self.table.robustness:
+                return spec.info.family != "extended" and not spec.learns
             if self.table.split_size and spec.learns:
+                return False
+            if self.quick and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
                 return False
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
         except ConfigurationError:
             return True  # what cannot be imported says so in its row
 
-
-def _with_variants(spec: MethodSpec) -> list[MethodSpec]:
-    further = () if spec.named or spec.parameters else VARIANTS.get(spec.base_name, ())
-    return [spec, *(spec.with_parameters(parameters) for parameters in further)]
+    def _with_variants(self, spec: MethodSpec) -> list[MethodSpec]:
+        further = () if spec.named or spec.parameters or self.quick else VARIANTS.get(spec.base_name, ())
+        return [spec, *(spec.with_parameters(parameters) for parameters in further)]
 
 
 def galleries(
@@ -286,7 +311,8 @@ def galleries(
     data_root
         The folder that holds the official sets.
     quick
-        Keep at most :data:`QUICK_POSES` poses of each subject, and of a table with folds the first one.
+        Keep at most :data:`QUICK_POSES` poses of each subject, of a table with folds the first one, and of methods that
+        were not asked for by name those of the paper and :data:`QUICK_CONTROLS`.
 
     Raises
     ------
@@ -306,10 +332,13 @@ def galleries(
     chosen = [(table, name) for table in made for name in _sources(table, data_root, wanted_tables)]
     if wanted_sets:
         chosen = [(table, name) for name in wanted_sets for table in _tables_of(name, made, own=not wanted_tables)]
+        further = [(table, name) for table in made if table.robustness for name in wanted_sets]
+        chosen += [(replace(table, dataset=name), name) for table, name in further if name != table.dataset]
         if not chosen:
             raise ConfigurationError(
                 f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
             )
+    chosen = [(table, each) for table, name in chosen for each in (conditions(name) if table.robustness else [name])]
     found: list[Gallery] = []
     for table, name in chosen:
         try:
@@ -324,6 +353,8 @@ def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> b
     """Whether a selection includes a table; naming its set is as good as its numeral, but for what goes with others."""
     if table.identifier in tables:
         return True
+    if table.robustness:
+        return False
     named = bool(sets) and not table.part_of and not table.ablation
     return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)
 
@@ -344,11 +375,11 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
 
 def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
     """Tables that use a set; where none does, one of its own if that is wanted."""
-    if name not in CATALOGUE and not is_path(name):
+    if not is_known(name) and not is_path(name) and not parsed(name):
         raise did_you_mean("data set", name, CATALOGUE)
-    if any(name in table.datasets for table in TABLES) or not own:
+    if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
         return [table for table in made if name in table.datasets]
-    own_name = name if name in CATALOGUE else folder_name(Path(name))
+    own_name = own_table_name(name)
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
     return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
@@ -362,21 +393,10 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
     def gallery(subjects: tuple[int | str, ...], part: str = "", fold: int | None = None) -> Gallery:
         entries = Part(subjects).of(dataset)
         check_retrievable(dataset, entries if part else None)
-        return Gallery(table, name, dataset, _thin_out(entries) if quick else entries, quick, part, fold, data_root)
+        kept = thinned(entries, QUICK_POSES) if quick else entries
+        return Gallery(table, name, dataset, kept, quick, part, fold, data_root)
 
     if not table.folds:
         return [gallery(table.subjects, table.parts[0])]
     folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
     return folds[:1] if quick else folds
-
-
-def _thin_out(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Keep evenly spaced poses of each subject, the first one always."""
-    by_subject: dict[str, list[Entry]] = {}
-    for entry in entries:
-        by_subject.setdefault(entry.subject, []).append(entry)
-    kept: set[str] = set()
-    for members in by_subject.values():
-        step = -(-len(members) // QUICK_POSES)
-        kept.update(entry.identifier for entry in members[::step])
-    return tuple(entry for entry in entries if entry.identifier in kept)

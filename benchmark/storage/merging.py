@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from benchmark.storage.records import Record, Records, by_place, outcome, place, portable
+from benchmark.storage.records import DEFAULT_SCORER, Record, Records, by_place, outcome, place, portable
 from benchmark.storage.store import StorageError, Store
 
 
@@ -107,5 +107,6 @@ def _is_for_all(record: Record) -> bool:
 
 def told(record: Record) -> str:
     """Where a record belongs, in words."""
-    gallery, input_, method, seed = place(record)
-    return f"{gallery} {input_} {method}" + (f" seed {seed}" if seed else "")
+    gallery, input_, method, seed, scorer = place(record)
+    by = "" if scorer == DEFAULT_SCORER else f" by {scorer}"
+    return f"{gallery} {input_} {method}" + (f" seed {seed}" if seed else "") + by

@@ -7,7 +7,7 @@ import stat
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.storage.keys import digest
 from benchmark.storage.soundness import fault_of, not_a_number
@@ -24,6 +24,9 @@ CIRCUMSTANCES = frozenset({"finished", "wall_seconds", "environments", "cost", "
 #: Parts that have no meaning on another machine.
 LOCAL = frozenset({"artefacts"})
 
+
+#: Scorer of a record that names none, and what the record of a descriptor says in its place.
+DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 
 #: Skipped files of a folder that are named one by one.
 MOST_TOLD = 10
@@ -129,14 +132,31 @@ def portable(record: Mapping[str, Any]) -> Record:
     return {name: value for name, value in record.items() if name not in LOCAL}
 
 
-def place(record: Mapping[str, Any]) -> tuple[str, str, str, int]:
-    """Where a record belongs: gallery, input, method and seed."""
-    return record["gallery"], record["input"], record["method"], int(record["recipe"].get("seed", 0))
+class Place(NamedTuple):
+    """Where a record belongs: one place holds one result, however often it was made."""
+
+    gallery: str
+    input: str
+    method: str
+    seed: int = 0
+    scorer: str = DEFAULT_SCORER
 
 
-def by_place(records: Iterable[Record]) -> dict[tuple[str, str, str, int], list[Record]]:
+def place(record: Mapping[str, Any]) -> Place:
+    """Where a record belongs."""
+    seed = int(record["recipe"].get("seed", 0))
+    return Place(record["gallery"], record["input"], record["method"], seed, scorer_name(record) or DEFAULT_SCORER)
+
+
+def scorer_name(record: Mapping[str, Any]) -> str:
+    """Name of the scorer of a record; "" for a descriptor, whose record says that there is none."""
+    found = str(record.get("scorer", DEFAULT_SCORER))
+    return "" if found == NO_SCORER else found
+
+
+def by_place(records: Iterable[Record]) -> dict[Place, list[Record]]:
     """Records by the place where they belong, in their order."""
-    places: dict[tuple[str, str, str, int], list[Record]] = {}
+    places: dict[Place, list[Record]] = {}
     for record in records:
         places.setdefault(place(record), []).append(record)
     return places

@@ -84,6 +84,7 @@ _MODEL = {"training": str, "data": str, "digest": str, "schedule": str, "extra_d
 _RECORD: Kind = {
     "key": str, "gallery": str, "input": _is_input, "method": str, "title": str, "family": str, "parameters": dict,
     "target": str, "status": str, "reason?": str, "traceback?": str, "finished?": str,
+    "scorer?": str, "scorer_title?": str,
     "recipe": {
         "seed?": _is_seed, "unavailable?": str, "parameters?": dict, "models?": _are_named_texts,
         "code?": {...: _STAGE},

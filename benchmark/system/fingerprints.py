@@ -14,7 +14,7 @@ import importlib.util
 import json
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -68,6 +68,33 @@ def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
 def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
     """The code part of :func:`fingerprint`."""
     return dict(fingerprint(module, without=without).code)
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a process has found out about sources and packages, for another one to begin with.
+
+    Parameters
+    ----------
+    parsed
+        What was made of sources, by their contents; the other process reads the sources itself.
+    distributions
+        Names of the distributions that bring each package; the other process looks for their versions itself.
+    """
+
+    parsed: Mapping[Any, Any]
+    distributions: Mapping[str, Sequence[str]]
+
+
+def knowledge() -> Knowledge:
+    """What this process has found out so far."""
+    return Knowledge(dict(_PARSED), dict(_BRINGERS))
+
+
+def learn(known: Knowledge) -> None:
+    """Take over what another process has found out."""
+    _PARSED.update(known.parsed)
+    _BRINGERS.update(known.distributions)
 
 
 def forget() -> None:
@@ -158,14 +185,19 @@ def _source(name: str, folder: str = "") -> Path | None:
     return None
 
 
+#: Distributions of the packages that have been asked for and are not called like their own.
+_BRINGERS: dict[str, Sequence[str]] = {}
+
+
 @cache
 def _versions(name: str) -> tuple[tuple[str, str], ...]:
     """Name and version of the distribution that brings a package; none for one that is not installed."""
     try:
         return ((name, _version(name)),)
     except importlib.metadata.PackageNotFoundError:
-        found = _distributions().get(name, ())
-        return tuple((each.lower(), _version(each)) for each in sorted(set(found)))
+        if name not in _BRINGERS:
+            _BRINGERS[name] = sorted(set(_distributions().get(name, ())))
+        return tuple((each.lower(), _version(each)) for each in _BRINGERS[name])
 
 
 def _version(distribution: str) -> str:
@@ -190,9 +222,18 @@ def _read(path: Path, name: str, without: tuple[str, ...]) -> _Module:
     return _parsed(path.read_bytes(), name, package, without)
 
 
-@cache
+#: What was made of sources, by their contents: that need not be forgotten, and to parse is most of the work.
+_PARSED: dict[tuple[str, str, str, tuple[str, ...]], _Module] = {}
+
+
 def _parsed(source: bytes, name: str, package: str, without: tuple[str, ...]) -> _Module:
-    """The same by content, which need not be forgotten: to parse is most of the work of a fingerprint."""
+    known_as = (hashlib.sha256(source).hexdigest(), name, package, without)
+    if known_as not in _PARSED:
+        _PARSED[known_as] = _parse(source, name, package, without)
+    return _PARSED[known_as]
+
+
+def _parse(source: bytes, name: str, package: str, without: tuple[str, ...]) -> _Module:
     tree = ast.parse(source)
     names = tuple(sorted(set(_imports(tree, "" if name.endswith(".py") else package, frozenset(without)))))
     for node in ast.walk(tree):

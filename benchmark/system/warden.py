@@ -8,6 +8,7 @@ nothing of the project.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import secrets
 import signal
@@ -39,6 +40,12 @@ def token() -> str:
         )
     )
     return made
+
+
+def adopt() -> None:
+    """Mark this process, so that whatever foreign code starts here ends with it; a worker bears a mark already."""
+    if multiprocessing.parent_process() is None:
+        os.environ[MARK] = f"{token()}-here-"
 
 
 #: Kept so that the pipe stays open for as long as this process lives.

@@ -8,12 +8,16 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from typing import Any
 
+from benchmark.errors import one_line
 from benchmark.system import warden
+from benchmark.system.text import say
 
 #: ``PR_SET_PDEATHSIG`` of Linux.
 _PARENT_DEATH_SIGNAL = 1
@@ -61,12 +65,15 @@ class Worker:
         resource_tracker.ensure_running()  # it serves all workers, and must not bear the mark of the first
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, arguments, memory, quiet, os.getpid()))
+        before = os.environ.get(warden.MARK)
         with _without_interrupts():
             os.environ[warden.MARK] = self._mark
             try:
                 self._process.start()
             finally:
                 del os.environ[warden.MARK]
+                if before is not None:
+                    os.environ[warden.MARK] = before
 
     @property
     def sentinel(self) -> int:
@@ -125,12 +132,34 @@ def _main(
         nothing = os.open(os.devnull, os.O_WRONLY)
         for stream in (1, 2):
             os.dup2(nothing, stream)
-    task(*arguments)
+    threading.excepthook = _say_what_a_thread_raises
+    sys.unraisablehook = _say_what_nobody_hears
+    try:
+        task(*arguments)
+    except BaseException as error:  # what a method has done to this process may break anything
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        _complain(f"a process ends: {one_line(error)} (at {place.filename}, line {place.lineno})")
+        os._exit(1)
     for written in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             written.flush()
     # All that counts is on the disk. Exit handlers and threads of a method could only hang or complain.
     os._exit(0)
+
+
+def _say_what_a_thread_raises(found: threading.ExceptHookArgs) -> None:
+    if found.exc_value is not None and found.exc_type is not SystemExit:
+        _complain(f"a thread raises {one_line(found.exc_value)}")
+
+
+def _say_what_nobody_hears(found: Any) -> None:
+    if found.exc_value is not None:
+        _complain(f"{found.err_msg or 'an object that goes'} raises {one_line(found.exc_value)}")
+
+
+def _complain(said: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):  # a method may have closed what it would be said to
+        say(said, err=True)
 
 
 def _die_with(parent: int) -> None:

@@ -8,13 +8,14 @@ import sys
 import time
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
 from benchmark.threads import pin_threads
 from tests.faults.cases import Outcome
 from tests.faults.program import run
-from tests.faults.report import DOCUMENT, as_json, as_text, code, publish
+from tests.faults.report import DOCUMENT, as_json, as_text, code, publish, published
 from tests.faults.sections import SECTIONS, all_cases
 
 
@@ -25,7 +26,8 @@ from tests.faults.sections import SECTIONS, all_cases
 @click.option("--only", "patterns", multiple=True, metavar="NAME", help="A case, a section, or a pattern with *.")
 @click.option("--workers", type=click.IntRange(1, 2), default=1, show_default=True, help="Cases at a time.")
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write the report as JSON, too.")
-@click.option("--publish", "is_published", is_flag=True, help=f"Write {DOCUMENT} anew with what was tried.")
+@click.option("--publish", "is_published", is_flag=True, help=f"Write {DOCUMENT} anew after each case.")
+@click.option("--rest", "is_rest", is_flag=True, help="Leave out what was published with the present code and seed.")
 @click.option("--list", "names_only", is_flag=True, help="Print the names of the cases.")
 def main(
     seed: int,
@@ -35,11 +37,12 @@ def main(
     workers: int,
     output: Path | None,
     is_published: bool,
+    is_rest: bool,
     names_only: bool,
 ) -> None:
     """Try the suite with faults of every kind, and report what they cost."""
     pin_threads()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # reports what was tried, and leaves nothing behind
+    signal.signal(signal.SIGTERM, _interrupt)
     begun, tried = time.monotonic(), code()
     cases = [
         case
@@ -48,6 +51,9 @@ def main(
     ]
     if not cases:
         raise click.UsageError(f"no such case; choose from {', '.join(SECTIONS)}, or see --list")
+    if is_rest:
+        done = published(seed, tried)
+        cases = [case for case in cases if case.name not in done]
     if names_only:
         click.echo("\n".join(case.name for case in cases))
         return
@@ -57,15 +63,21 @@ def main(
         click.echo(f"{outcome.seconds:6.1f} s  {outcome.name:<32}  {said}", err=True)
         for crossing in outcome.crossings:
             click.echo(f"          {crossing.said}", err=True)
+        if is_published:
+            publish(as_json([outcome], seed, outcome.seconds, tried))
 
     outcomes = run(cases, seed, seconds=seconds, workers=workers, tell=tell)
     report = as_json(outcomes, seed, time.monotonic() - begun, tried)
     click.echo(as_text(report), nl=False)
     if output:
         output.write_text(json.dumps(report, indent=1) + "\n")
-    if is_published:
-        publish(report)
     sys.exit(any(outcome.crossings for outcome in outcomes))
+
+
+def _interrupt(*_: object) -> NoReturn:
+    """Report what was tried, and leave nothing behind, however often it is asked."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 main()

@@ -127,6 +127,8 @@ class BadPlugin:
         Regular expression that the reason in the record must hold, or the message that refuses the file.
     method
         Name of its method.
+    hangs
+        Whether it never ends.
     """
 
     name: str
@@ -134,6 +136,7 @@ class BadPlugin:
     statuses: tuple[str, ...] = ()
     says: str = ""
     method: str = "bad"
+    hangs: bool = False
 
 
 def bad_plugins() -> Iterator[BadPlugin]:
@@ -194,7 +197,8 @@ def _methods() -> Iterator[BadPlugin]:
         "many-processes": (
             "for _ in range(50): subprocess.Popen(['sleep', '3600'], start_new_session=True)", ("ok",), "",
         ),
-        "memory": ("eaten = [np.ones(2**27) for _ in range(10**4)]", ("memory", "killed"), "memory|killed"),
+        # Not even touched: where a machine has much memory, that alone would take minutes.
+        "memory": ("eaten = [np.empty(2**27) for _ in range(10**6)]", ("memory", "killed"), "memory|killed"),
         "masses-of-text": (
             "for _ in range(2000): print('x' * 10**4); print('y' * 10**4, file=sys.stderr)", ("ok",), "",
         ),
@@ -241,6 +245,10 @@ def _methods() -> Iterator[BadPlugin]:
             _FAILED, "E",
         ),
         "message-exits": ("class E(Exception):\n    def __str__(self): sys.exit(0)\nraise E", _FAILED, "E"),
+        "refusal-is-no-text": (
+            "from benchmark.errors import UnsupportedShape\nraise UnsupportedShape(object(), 5)",
+            ("unsupported",), "object",
+        ),
         "message-is-long": ("raise ValueError('x' * 10**7)", _FAILED, "ValueError"),
         "message-of-many-lines": (r"raise ValueError('a\nb\x1b[31mc|d\r<script>' + chr(0))", _FAILED, "ValueError"),
         "message-is-no-text": (r"raise ValueError('\udcff')", _FAILED, "ValueError"),
@@ -252,10 +260,12 @@ def _methods() -> Iterator[BadPlugin]:
             _FAILED, "Error",
         ),
         "file-size-limit": (
-            "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))", ("ok", "failed", "crashed"), "",
+            "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))",
+            ("ok", "failed", "crashed", "unsaved"), "",
         ),
         "open-file-limit": (
-            "import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))", ("ok", "failed", "crashed"), "",
+            "import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))",
+            ("ok", "failed", "crashed", "unsaved"), "",
         ),
         "memory-limit": (
             "import resource; resource.setrlimit(resource.RLIMIT_AS, (2**20, 2**20)); np.ones(2**20)",
@@ -267,7 +277,9 @@ def _methods() -> Iterator[BadPlugin]:
         ),
     }  # fmt: skip
     for name, (body, statuses, says) in found.items():
-        yield BadPlugin(f"method-{name}", _METHOD.format(body=_indented(body, 4)), statuses, says)
+        yield BadPlugin(
+            f"method-{name}", _METHOD.format(body=_indented(body, 4)), statuses, says, hangs=statuses == _STOPPED
+        )
 
 
 def _descriptors() -> Iterator[BadPlugin]:
@@ -284,7 +296,8 @@ def _descriptors() -> Iterator[BadPlugin]:
         "complex": ("return np.full((n, n), 1j)", (*_FAILED, "ok"), ""),
     }
     for name, (body, statuses, says) in found.items():
-        yield BadPlugin(f"distances-{name}", _DESCRIPTOR.format(body=_indented(body, 8)), statuses, says)
+        source = _DESCRIPTOR.format(body=_indented(body, 8))
+        yield BadPlugin(f"distances-{name}", source, statuses, says, hangs=statuses == _STOPPED)
 
 
 def _informations() -> Iterator[BadPlugin]:
@@ -336,7 +349,10 @@ def _imports() -> Iterator[BadPlugin]:
         "prints": "print('x' * 10**6); print('y' * 10**6, file=sys.stderr)",
         "hang": "time.sleep(3600)",
         "child": "subprocess.Popen(['sleep', '3600'], start_new_session=True)",
+        "fork": "os.fork()",
         "thread": "threading.Thread(target=time.sleep, args=(3600,)).start()",
+        "exit-handler-hang": "import atexit; atexit.register(time.sleep, 3600)",
+        "exit-handler-crash": "import atexit; atexit.register(lambda: ctypes.string_at(0))",
         "memory": "eaten = []\nwhile True: eaten.append(bytearray(2**27))",
         "recursion": "def f(): f()\nf()",
         "absent": "import no_such_package",
@@ -348,7 +364,7 @@ def _imports() -> Iterator[BadPlugin]:
         "closes-streams": "for n in (0, 1, 2): os.close(n)",
     }
     for name, body in found.items():
-        yield BadPlugin(f"import-{name}", _IMPORT.format(body=body))
+        yield BadPlugin(f"import-{name}", _IMPORT.format(body=body), hangs=name == "hang")
     yield BadPlugin("import-empty", "", method="")
     yield BadPlugin("import-zeros", "\0" * 100, method="")
     yield BadPlugin("import-no-text", "# \xff\xfe\n", method="")
@@ -376,4 +392,4 @@ def _classes() -> Iterator[BadPlugin]:
         "two-of-a-name": f"{kind}    {info}\n{work}\n\n\n{kind.replace('Bad', 'Worse')}    {info}\n{work}",
     }
     for name, body in found.items():
-        yield BadPlugin(f"class-{name}", _CLASS.format(body=body))
+        yield BadPlugin(f"class-{name}", _CLASS.format(body=body), hangs=name.endswith("hang"))

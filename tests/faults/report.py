@@ -29,6 +29,7 @@ _TEXT = """\
 Written by `python -m tests.faults --publish`; do not edit.
 
     python -m tests.faults [--seed N] [--seconds S] [--kills N] [--only NAME] [--workers 1|2] [--output FILE]
+    python -m tests.faults --publish --rest
     python -m tests.faults --list
 
 tries the suite with faults of every kind, each made on the fly in a temporary folder from the seed, and asks of each:
@@ -36,9 +37,9 @@ no finished record lost or changed, no half record, no process that outlives its
 traceback for the user, no undocumented exit code, a word on what is wrong, and for everything that the fault does not
 touch the scores of an undisturbed run. It ends with exit code 1 if any of these borders was crossed, and with the
 command that tries the case again. `--seconds` mixes the sections and begins no further case after that time; a short
-round is part of the tests, one of three minutes of the slow ones. It needs Linux.
+round is part of the tests, one of half a minute of the slow ones. It needs Linux.
 
-- **kills**: KILL, TERM, HUP and INT to the harness, its session, its workers and the programs that methods run, eight
+- **kills**: KILL, TERM, HUP and INT to the harness, its session, its workers and the programs that methods run, five
   in a results folder, at ages of a worker from 0 to 4 s, half of them in the first second. Where the harness dies the
   same command is given again, with `--retry all`. Recovery is the time from a kill until some worker is at work again.
 - **plugins**: plugin files that exit, crash, hang, fork, eat memory, answer nonsense, or name themselves oddly, when
@@ -52,14 +53,14 @@ round is part of the tests, one of three minutes of the slow ones. It needs Linu
 - **arguments**: command lines of every verb with values that nobody would give; a usage error is one line.
 - **readers**: mesh files of every format with random damage.
 
-Commands are forked from a process that has imported the suite already, for importing takes longer than most of them;
-workers start as always.
+Commands are forked from a process that has imported the suite already, and read its sources, for that takes longer than
+most of them; workers start as always.
 
 ## Latest report
 
-The latest try of each case that was published. All of them take hours one after the other, so `--publish` joins what is
-tried part by part, with `--only`, and the report says whether it was the same code all the time. The seed, the seconds
-and the code of each case are in [results/faults.json](../results/faults.json).
+The latest try of each case. `--publish` keeps each as soon as it has ended, and with `--rest` a program that was
+stopped goes on where it was; the report says whether it was the same code all the time. The seed, the seconds and the
+code of each case are in [results/faults.json](../results/faults.json).
 
 """
 
@@ -106,6 +107,17 @@ def publish(report: Mapping[str, Any], root: Path = Path()) -> None:
     lines = (f"{json.dumps(name)}: {json.dumps(figures)}" for name, figures in kept.items())
     path.write_text("{\n" + ",\n".join(lines) + "\n}\n")
     (root / DOCUMENT).write_text(document(kept))
+
+
+def published(seed: int, code: str, root: Path = Path()) -> set[str]:
+    """Names of the cases that the kept report has of a seed and a code, and in which no border was crossed."""
+    path = root / REPORT
+    kept = json.loads(path.read_text()) if path.exists() else {}
+    return {
+        name
+        for name, figures in kept.items()
+        if (figures["seed"], figures["code"]) == (seed, code) and not figures["crossings"]
+    }
 
 
 def document(cases: Mapping[str, Mapping[str, Any]]) -> str:

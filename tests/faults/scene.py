@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import re
+import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,11 +19,21 @@ from tests.faults.commands import BENCHMARK, Done, Launcher, Running
 #: Seconds after which a command that has little to do stands still; machines are busy.
 STALL = 150.0
 
+#: Seconds that the first commands of a new machine may take, which compile kernels.
+COMPILED = 900.0
+
+#: Folder of the run that nobody disturbs, beside those of the cases.
+UNDISTURBED = "undisturbed"
+
 #: Exit codes that the documentation knows.
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
 
-#: What only a program that did not expect its fault writes.
-TRACES = ("Traceback (most recent call last)", "Fatal Python error", "Exception ignored in", "Error in atexit")
+#: How lines begin that only a program writes that did not expect its fault; a message may quote them.
+TRACES = re.compile(
+    r"^[ +|]*(Exception Group )?"
+    r"(Traceback \(most recent call last\)|Fatal Python error|Exception ignored in|Error in atexit)",
+    re.MULTILINE,
+)
 
 #: The cheapest method: no form, so nothing to draw and no codebook.
 INNOCENT = "surface-area"
@@ -47,6 +59,8 @@ class Scene:
         Data set of four small shapes in two classes, to be left as it is.
     expected
         Scores by method of an undisturbed run on the rods.
+    patience
+        Seconds that a look at a plugin file may take; 0 for the usual limit.
     """
 
     case: Case
@@ -55,6 +69,7 @@ class Scene:
     launcher: Launcher
     rods: Path
     expected: Mapping[str, Scores]
+    patience: float = 0.0
     outcome: Outcome = field(init=False)
     random: random.Random = field(init=False)
 
@@ -66,6 +81,10 @@ class Scene:
     def results(self) -> Path:
         """Results folder of the case."""
         return self.folder / "results"
+
+    def begin_with_results(self) -> None:
+        """Take a copy of the results of the undisturbed run."""
+        shutil.copytree(self.folder.parent / UNDISTURBED / "results", self.results)
 
     def cross(self, border: Border, said: str) -> None:
         """Note that a border was crossed."""
@@ -86,7 +105,8 @@ class Scene:
 
     def start(self, *arguments: object, target: str = BENCHMARK, **options: Any) -> Running:
         """Start a command; see :meth:`Launcher.start`."""
-        return self.launcher.start([str(word) for word in arguments], self.folder, target=target, **options)
+        words = [str(word) for word in arguments]
+        return self.launcher.start(words, self.folder, target=target, patience=self.patience, **options)
 
     def command(
         self,
@@ -127,8 +147,8 @@ class Scene:
             done = running.done(was_stopped=True)
             self.cross(Border.STALL, f"{name}: stopped after {seconds:.0f} s; {_end(done.said)}")
             return done
-        for trace in () if may_trace else TRACES:
-            self.require(trace not in done.said, Border.TRACEBACK, f"{name}: {_end(done.said)}")
+        is_traced = not may_trace and TRACES.search(done.said) is not None
+        self.require(not is_traced, Border.TRACEBACK, f"{name}: {_end(done.said)}")
         self.require(done.code in codes, Border.EXIT_CODE, f"{name}: {done.code}, not {codes}; {_end(done.said)}")
         if done.code and 0 < done.code < 128:  # what a signal ends says nothing
             self.require(bool(done.said.strip()), Border.SILENCE, f"{name}: exit code {done.code} without a word")

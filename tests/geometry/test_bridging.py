@@ -136,11 +136,11 @@ def test_a_hundred_random_pieces(seed):
         for _ in range(96)
     ] + [moved(sphere(1), *generator.normal(0, 300, 3)) for _ in range(4)]
     mesh = joined(*pieces)
-    start = time.perf_counter()
+    start = time.process_time()
     bridged, count = bridge_components(mesh)
-    elapsed = time.perf_counter() - start
+    seconds = time.process_time() - start
     again, _ = bridge_components(mesh)
     np.testing.assert_array_equal(bridged.faces, again.faces)
     assert count == 99
     assert_joined(bridged)
-    assert elapsed < 1.0  # about 0.03 s on a quiet machine
+    assert seconds < 10  # about 0.03 s; half an hour if every pair of vertices were looked at

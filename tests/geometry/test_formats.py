@@ -69,7 +69,7 @@ def test_a_damaged_file_is_a_named_error_or_a_mesh(tmp_path, name):
     assert survivors < 80
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", NAMES)
 def test_thousands_of_damaged_files_are_named_errors_or_meshes(tmp_path, name):
     damage(tmp_path, name, 4000, seed=1)

@@ -61,6 +61,7 @@ def names_of_batch(pairs: Pairs, epoch: int, batch: int, size: int = PLAN.batch)
     return ", ".join(pairs.identifiers[row] for row in order[(batch - 1) * size : batch * size])
 
 
+@pytest.mark.slow
 def test_one_batch_can_be_overfitted(pairs: Pairs, tmp_path: Path) -> None:
     four = Pairs(pairs.identifiers[:4], pairs.images[:4], pairs.targets[:2], pairs.target_of[:4])
     plan = Schedule(resolution=32, epochs=160, batch=4, early_epochs=0, learning_rate=2e-3, precision="float32")
@@ -104,7 +105,8 @@ def gone_on_with_here(folder: Path) -> str:
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize(
-    ("where", "epoch", "finish"), [("batch", 8, started_again), ("checkpoint", 12, gone_on_with_here)]
+    ("where", "epoch", "finish"),
+    [pytest.param("batch", 8, started_again, marks=pytest.mark.slow), ("checkpoint", 12, gone_on_with_here)],
 )
 def test_a_training_that_is_killed_gives_the_same_weights_in_the_end(
     where: str, epoch: int, finish: Callable[[Path], str], trained: Path, tmp_path: Path

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from threadpoolctl import threadpool_info
+
 #: Compiled code and results are kept here; nothing in it is worth a commit.
 FOLDER = Path("build/portability")
 
@@ -28,18 +30,19 @@ class Variant:
     needs
         Flags in ``/proc/cpuinfo`` without which the processor cannot run it.
     cache
-        Name of the folder of numba's compiled code. A kernel of BLAS does not change that code.
+        Name of a folder for numba's compiled code, where it differs from that of the checkout. A kernel of BLAS does
+        not change that code.
     """
 
     name: str
     environment: Mapping[str, str]
     needs: frozenset[str] = field(default=frozenset())
-    cache: str = "numba"
+    cache: str | None = None
 
     def variables(self) -> dict[str, str]:
         """All environment variables of a process of this variant."""
-        folder = str((FOLDER / self.cache).resolve())
-        return {**os.environ, **self.environment, "NUMBA_CACHE_DIR": folder}
+        folder = {} if self.cache is None else {"NUMBA_CACHE_DIR": str((FOLDER / self.cache).resolve())}
+        return {**os.environ, **self.environment, **folder}
 
     def obstacle(self) -> str:
         """Why the processor cannot run this variant; empty if it can."""
@@ -47,6 +50,14 @@ class Variant:
             return "no x86-64 processor"
         missing = sorted(self.needs - processor_flags())
         return f"the processor has no {', '.join(missing)}" if missing else ""
+
+
+def own_kernels() -> str:
+    """The kernels that numpy's BLAS chooses by itself, by the name of the variant; empty if it cannot tell."""
+    import numpy  # noqa: F401  (loads the library that is asked)
+
+    found = (library.get("architecture", "") for library in threadpool_info() if library["user_api"] == "blas")
+    return next(found, "")
 
 
 def processor_flags() -> frozenset[str]:

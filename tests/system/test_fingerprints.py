@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -251,6 +252,24 @@ def test_the_build_of_a_package_is_no_part_of_its_version(monkeypatch):
     fingerprints._versions.cache_clear()
 
 
+# What another process has found out ---------------------------------------------------------------------------------
+
+
+def test_what_another_process_has_parsed_is_not_parsed_again_but_an_edit_is_noticed(package, monkeypatch):
+    before = fingerprints.fingerprint("toyparty.method", "benchmark.geometry.geodesics")
+    known = pickle.loads(pickle.dumps(fingerprints.knowledge()))  # noqa: S301
+    monkeypatch.setattr(fingerprints, "_PARSED", {})
+    monkeypatch.setattr(fingerprints, "_BRINGERS", {})
+    fingerprints.forget()
+    fingerprints._versions.cache_clear()
+    fingerprints.learn(known)
+    with monkeypatch.context() as patch:
+        patch.setattr(fingerprints.ast, "parse", None)
+        patch.setattr(fingerprints, "_distributions", None)
+        assert fingerprints.fingerprint("toyparty.method", "benchmark.geometry.geodesics") == before
+    assert changes(package / "helper.py", "def twice(x):\n    return 3 * x\n", "toyparty.method")
+
+
 # Digests -------------------------------------------------------------------------------------------------------------
 
 
@@ -276,6 +295,7 @@ def test_fields_that_only_some_versions_of_python_have_change_nothing(monkeypatc
                 yield from ((f"{name}_more", None) for name in fields)
 
         monkeypatch.setattr(ast, "iter_fields", with_new_fields)
+        monkeypatch.setattr(fingerprints, "_PARSED", {})
         fingerprints.forget()
         found[fields] = fingerprints.fingerprint("baselines.classic_mds").digest
         monkeypatch.setattr(ast, "iter_fields", real)

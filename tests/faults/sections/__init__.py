@@ -21,7 +21,7 @@ SECTIONS: dict[str, Callable[[int], list[Case]]] = {
 
 
 def all_cases(n_kills: int, seed: int = 0, *, shuffled: bool = False) -> list[Case]:
-    """All cases, section after section; or mixed evenly, so that a run of any length tries some of each section.
+    """All cases, section after section; or one of each section, then all mixed evenly, so that any part has of each.
 
     Parameters
     ----------
@@ -38,5 +38,5 @@ def all_cases(n_kills: int, seed: int = 0, *, shuffled: bool = False) -> list[Ca
     placed = []
     for cases in found.values():
         random.Random(seed).shuffle(cases)
-        placed += [((place + 0.5) / len(cases), case.name, case) for place, case in enumerate(cases)]
+        placed += [((place + 0.5) / len(cases) * bool(place), case.name, case) for place, case in enumerate(cases)]
     return [case for _, _, case in sorted(placed, key=lambda item: item[:2])]

@@ -122,7 +122,7 @@ def _try(scene: Scene, place: _Place) -> None:
     plugin = scene.folder / "light.py"
     plugin.write_text(LIGHT)
     selection = scene.selection(INNOCENT, plugin=plugin)
-    scene.command("run", *selection, "-j", 1, codes=(OK,))
+    scene.begin_with_results()
     before = scene.record_files()
     place(scene.results, scene.random)
     damaged = scene.record_files()

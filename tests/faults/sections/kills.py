@@ -19,7 +19,7 @@ from tests.faults.plugin_files import LIGHT
 from tests.faults.scene import INNOCENT, INTERRUPTED, NOT_OK, OK, STALL, USAGE, Scene
 
 #: Kills in one results folder, after which its jobs are brought to their end.
-PER_CASE = 8
+PER_CASE = 5
 
 #: Longest age at which a worker is struck, in seconds; most live less long.
 LIFE = 4.0

@@ -9,8 +9,9 @@ from tests.faults.cases import Border, Case
 from tests.faults.plugin_files import BadPlugin, bad_plugins
 from tests.faults.scene import INNOCENT, OK, USAGE, Scene
 
-#: Limit of a job, a form or a check: short, for some never end, but enough to start on a busy machine.
-_LIMIT = ("--timeout", "15s")
+#: Seconds for a job, a form or a check, and for a look at a file: few for what never ends, enough for what should end
+#: on a busy machine.
+_HANGING, _ENDING = (5, 5), (60, 30)
 
 
 def cases() -> list[Case]:
@@ -21,17 +22,19 @@ def cases() -> list[Case]:
 def _try(scene: Scene, plugin: BadPlugin) -> None:
     path = scene.folder / "plugin.py"
     path.write_bytes(plugin.source.encode("latin-1"))
+    seconds, scene.patience = _HANGING if plugin.hangs else _ENDING
+    limit = ("--timeout", f"{seconds}s")
     selection = scene.selection(INNOCENT, plugin=path)
-    _other_verbs(scene, plugin, path, selection)
-    _run(scene, plugin, selection)
-    scene.command("report", *selection, "-o", scene.folder / "report", *_LIMIT)
+    _other_verbs(scene, plugin, path, selection, limit)
+    _run(scene, plugin, selection, limit)
+    scene.command("report", *selection, "-o", scene.folder / "report", *limit)
     scene.command("why", INNOCENT, *selection, may_trace=True)
     scene.outcome.tried = 7
 
 
-def _run(scene: Scene, plugin: BadPlugin, selection: list[str]) -> None:
+def _run(scene: Scene, plugin: BadPlugin, selection: list[str], limit: tuple[str, str]) -> None:
     """The innocent method keeps its scores whatever the other one does, unless the file is refused before the run."""
-    done = scene.command("run", *selection, "-j", 1, *_LIMIT)
+    done = scene.command("run", *selection, "-j", 1, *limit)
     found = scene.records()
     if done.code == USAGE and not plugin.statuses:
         _require_refusal(scene, done.error, found)
@@ -64,21 +67,12 @@ def _require_refusal(scene: Scene, said: str, found: dict[str, object]) -> None:
     )  # fmt: skip
 
 
-def _other_verbs(scene: Scene, plugin: BadPlugin, path: Path, selection: list[str]) -> None:
+def _other_verbs(scene: Scene, plugin: BadPlugin, path: Path, selection: list[str], limit: tuple[str, str]) -> None:
     scene.command("list", "methods", "--plugin", path)
     scene.command("plan", *selection)
-    scene.command("check", path, *_LIMIT)
+    scene.command("check", path, *limit)
     mesh = next(iter(sorted(scene.rods.glob("*.off"))))
-    done = scene.command(
-        "canonicalise",
-        "-m",
-        plugin.method or INNOCENT,
-        mesh,
-        "-o",
-        scene.folder / "form.off",
-        "--plugin",
-        path,
-        *_LIMIT,
-    )
+    words = ("canonicalise", "-m", plugin.method or INNOCENT, mesh, "-o", scene.folder / "form.off", "--plugin", path)
+    done = scene.command(*words, *limit)
     whole = (scene.folder / "form.off").is_file()
     scene.require(whole == (done.code == OK), Border.HALF, f"canonicalise: {done.code}, file written: {whole}")

@@ -1,0 +1,66 @@
+"""Several values of a parameter make a method each."""
+
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.methods.registry import methods, select, variant, variants
+from benchmark.parameters.grid import combinations, quoted
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", [{}]),
+        ("a=1", [{"a": "1"}]),
+        ("a=1|2,b=x|y", [{"a": "1", "b": "x"}, {"a": "1", "b": "y"}, {"a": "2", "b": "x"}, {"a": "2", "b": "y"}]),
+        (" a = 1 | 2 ", [{"a": "1"}, {"a": "2"}]),
+        ("a=(1,2)|(3,4)", [{"a": "(1,2)"}, {"a": "(3,4)"}]),
+        ("a='1|2,b=3'|\"it's\"", [{"a": "1|2,b=3"}, {"a": "it's"}]),
+        ("a=", [{"a": ""}]),
+        ("a=it's|''", [{"a": "it's"}, {"a": ""}]),
+    ],
+)
+def test_each_choice_of_values_is_listed_once(text, expected):
+    assert combinations(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a=1||2", "'a' has an empty value; write VALUE.VALUE"),
+        ("a=1|", "'a' has an empty value"),
+        ("a='1|2", "has a quote without its other half; close what is opened"),
+        ("a=(1|2", "a parenthesis without its other half"),
+        ("a=1,a=2", "'a' is given twice"),
+        ("a", "'a' has no value"),
+        ("|", "'[|]' has no value"),
+    ],
+)
+def test_what_cannot_be_read_is_named(text, message):
+    with pytest.raises(ConfigurationError, match=message):
+        combinations(text)
+
+
+@pytest.mark.parametrize("text", ["plain", "a|b", "a,b", "it's", 'say "so"', "(1", "two words", ""])
+def test_a_quoted_text_is_read_as_itself(text):
+    assert combinations(f"name={quoted(text)},other=1") == [{"name": text, "other": "1"}]
+
+
+def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in():
+    known = methods()
+    chosen = select(["classic-mds[metric=biharmonic|geodesic]"], known)
+    assert [spec.name for spec in chosen] == ["classic-mds[metric=biharmonic]", "classic-mds"]
+    assert all(spec.named for spec in chosen)
+    grid = variants("least-squares-mds[start=mesh|classic,rtol=1e-3|1e-4|1e-3]", known)
+    assert len(grid) == 4
+    assert len({spec.name for spec in grid}) == 4
+
+
+def test_a_bad_value_of_a_grid_is_named():
+    with pytest.raises(ConfigurationError, match="unknown metric of classic-mds 'biharmonik'; did you mean biharmonic"):
+        variants("classic-mds[metric=geodesic|biharmonik]", methods())
+
+
+def test_where_one_method_is_wanted_a_grid_is_refused():
+    with pytest.raises(ConfigurationError, match="stands for 2 methods; name one: classic-mds$"):
+        variant("classic-mds[metric=geodesic|biharmonic]", methods())

@@ -1,0 +1,80 @@
+"""A process for one task: it ends with its task, whatever that leaves, and takes along what it has started."""
+
+import atexit
+import ctypes
+import os
+import subprocess
+import sys
+import threading
+import time
+from multiprocessing.connection import wait
+
+import psutil
+import pytest
+
+from benchmark.system.calls import call_apart
+from benchmark.system.workers import Worker
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
+
+
+def leaves_a_thread():
+    threading.Thread(target=time.sleep, args=(600,)).start()
+
+
+def leaves_a_handler_that_hangs():
+    atexit.register(time.sleep, 600)
+
+
+def leaves_a_handler_that_crashes():
+    atexit.register(ctypes.string_at, 0)
+
+
+def ends_in_the_middle():
+    os._exit(0)
+
+
+def nothing():
+    return None
+
+
+def starts_others(notes):
+    """In a session of their own, before and after a process of its own has come and gone."""
+    before = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
+    call_apart(nothing, what="this", mend="mend it")
+    after = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
+    notes.write_text(f"{before} {after}")
+
+
+@pytest.mark.parametrize(
+    "task", [leaves_a_thread, leaves_a_handler_that_hangs, leaves_a_handler_that_crashes, ends_in_the_middle]
+)
+def test_its_end_is_noticed_at_once(task):
+    worker = Worker(task)
+    try:
+        assert wait([worker.sentinel], timeout=30)
+        wait_until(lambda: worker.exit_code is not None)
+        assert worker.exit_code == 0
+    finally:
+        worker.end()
+
+
+def test_what_it_started_ends_with_it(tmp_path):
+    worker = Worker(starts_others, tmp_path / "notes")
+    assert wait([worker.sentinel], timeout=30)
+    children = [int(word) for word in (tmp_path / "notes").read_text().split()]
+    assert all(map(is_alive, children))
+    worker.end()
+    wait_until(lambda: not any(map(is_alive, children)))
+    assert [child for child in children if is_alive(child)] == []
+
+
+def wait_until(condition):
+    """Wait for what comes at once, or not at all."""
+    deadline = time.monotonic() + 10
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
+def is_alive(process):
+    return psutil.pid_exists(process) and psutil.Process(process).status() != psutil.STATUS_ZOMBIE
