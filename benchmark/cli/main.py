@@ -88,12 +88,6 @@ def run(
     **options: Any,
 ) -> None:
     """Run what is missing of a selection, then print its tables."""
-    from benchmark.cli.terminal import draw
-    from benchmark.jobs.run_plan import run_plan
-    from benchmark.report.content import contents
-    from benchmark.report.formats import markdown
-    from benchmark.report.robustness.curves import robustness
-    from benchmark.report.robustness.formats import markdown as robustness_markdown
     from benchmark.storage.store import Store
 
     selection = Selection.of(options | {"retry": frozenset(retry), "everything": everything})
@@ -101,6 +95,15 @@ def run(
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     store = Store.open(selection.results)
     plan = _part(selection.jobs(store), shard)
+
+    # What runs need takes a second to import: a name that is not known is told before.
+    from benchmark.cli.terminal import draw
+    from benchmark.jobs.run_plan import run_plan
+    from benchmark.report.content import contents
+    from benchmark.report.formats import markdown
+    from benchmark.report.robustness.curves import robustness
+    from benchmark.report.robustness.formats import markdown as robustness_markdown
+
     ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler)
     galleries = {job.gallery.name for job in plan}
     inputs = {job.input for job in plan}

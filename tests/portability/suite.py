@@ -12,7 +12,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.portability.variants import FOLDER, TESTED, Variant, own_kernels
+from tests.portability.variants import FOLDER, TESTED, TOGETHER, Variant, own_kernels
 
 #: Tests whose outcome can depend on BLAS, numba or numpy's choice of instructions. Those of the harness cannot, and the
 #: network runs on the kernels of torch, which none of the variants changes. Of the data sets, generators compute.
@@ -113,13 +113,17 @@ def run_suite(variants: Sequence[Variant] = TESTED, command: Sequence[str] = COM
 def main(arguments: Sequence[str]) -> int:
     """Run the suite; 0 if all variants passed.
 
-    With ``--others``, without the kernels that this processor chooses by itself: under those the other tests ran.
+    With ``--others``, without the kernels that this processor chooses by itself, under which the other tests ran, and
+    the old instructions of BLAS, numba and numpy at once.
     """
     start = time.perf_counter()
-    own = own_kernels() if "--others" in arguments else ""
-    if own in (variant.name for variant in TESTED):
-        print(f"{own:<10} left out: the choice of this processor", flush=True)
-    passed = run_suite([variant for variant in TESTED if variant.name != own])
+    variants: Sequence[Variant] = TESTED
+    if "--others" in arguments:
+        own = own_kernels()
+        if own in (variant.name for variant in TESTED):
+            print(f"{own:<10} left out: the choice of this processor", flush=True)
+        variants = [variant for variant in TOGETHER if variant.name != own]
+    passed = run_suite(variants)
     if passed:
         print(f"the numerical tests pass under all kernels in {time.perf_counter() - start:.0f} s")
     return 0 if passed else 1

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tests.portability import suite, variants
-from tests.portability.variants import GENERIC, HASWELL, NEHALEM, SKYLAKEX, TESTED, Variant
+from tests.portability.variants import GENERIC, HASWELL, NEHALEM, SKYLAKEX, TESTED, TOGETHER, Variant
 
 PRINT = (sys.executable, "-c", "import os; print(os.environ['WHO'])")
 
@@ -85,4 +85,4 @@ def test_the_kernels_that_blas_chose_are_told_and_left_out_on_demand(variant, ca
     subprocess.run([sys.executable, "-c", program], env=variant.variables(), check=True)
     said, names = capfd.readouterr().out.splitlines()[:2]
     assert said.split()[0] == variant.name
-    assert names.split() == [each.name for each in TESTED if each is not variant]
+    assert names.split() == [each.name for each in TOGETHER if each is not variant]

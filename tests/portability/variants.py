@@ -96,5 +96,7 @@ OLDEST = Variant(
 #: Under each of these the tests must pass. Two run side by side: the one that compiles for itself starts beside the one
 #: that compiles for all others.
 TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
+#: The same with what can be tested at once in one variant, for continuous integration.
+TOGETHER = (OLDEST, HASWELL, ZEN, SKYLAKEX)
 #: Between these the scores are compared: the extremes, and what lies between.
 SCORED = (SKYLAKEX, HASWELL, OLDEST)
