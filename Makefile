@@ -10,6 +10,9 @@ RUNNABLE := $(VENV)/.runnable
 COMPILED := $(VENV)/.compiled
 KERNELS := $(shell grep -rl njit --include='*.py' baselines benchmark learned retrieval)
 
+# Where modules are not kept compiled, each of some hundred processes compiles numpy, scipy and torch for itself.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup kernels bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability faults
 
 setup: $(READY)
