@@ -207,10 +207,8 @@ def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
 @click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
 def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bool, **options: Any) -> None:
     """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
-    from benchmark.cli.terminal import draw
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
-    from benchmark.report.pictures.curves import draw_curves
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import rendered
     from benchmark.storage.store import Store
@@ -223,6 +221,8 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
     if output is None and not formats and sys.stdout.isatty():
+        from benchmark.cli.terminal import draw
+
         draw(content)
         for text in rendered(disturbed, ("markdown",)).values():
             say_lines(text)
@@ -233,6 +233,8 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
         return
     files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
     if not check:
+        from benchmark.report.pictures.curves import draw_curves
+
         write(files, output)
         draw_curves(disturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
