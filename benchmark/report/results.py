@@ -61,6 +61,7 @@ class Results:
     data_root: Path | None = None
     known_scorers: Mapping[str, ScorerSpec] = field(default_factory=scorers)
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
+    _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT) -> list[Result]:
         """One result for each place: the newest that this code would make again, else the newest with scores.
@@ -125,7 +126,10 @@ class Results:
         gallery = self._gallery(record)
         if gallery is None:
             return now
-        now |= data_recipe(gallery, record["input"])
+        place = (gallery.source, gallery.quick, gallery.name, record["input"])
+        if place not in self._data:  # all methods share it
+            self._data[place] = data_recipe(gallery, record["input"])
+        now |= self._data[place]
         if "models" in record["recipe"]:
             try:
                 models = find_models(spec, gallery, self.store.models)
