@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, printable
-from benchmark.datasets.nuisances.dataset import Disturbed, parsed
+from benchmark.datasets.nuisances.dataset import Disturbed, disturbed_name, parsed
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
@@ -193,10 +193,16 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
     for name in own:
         if name in CATALOGUE:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
-    for name in names:
-        if name not in own and name not in CATALOGUE and not is_path(name):
-            raise did_you_mean("data set", name, [*CATALOGUE, *own])
-    return [own.get(name, name) for name in names]
+    return [_meant(name, own) for name in names]
+
+
+def _meant(name: str, own: Mapping[str, str]) -> str:
+    """What :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
+    if found := parsed(name):
+        return disturbed_name(_meant(found[0], own), *found[1:])
+    if name not in own and not is_known(name) and not is_path(name):
+        raise did_you_mean("data set", name, [*CATALOGUE, *own])
+    return own.get(name, name)
 
 
 def table_name(source: str) -> str:

@@ -5,7 +5,7 @@ import pytest
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 
-from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.nuisances import surface
 from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, disturbed_name, parsed
 from benchmark.datasets.nuisances.shortcuts import shortcuts
@@ -109,6 +109,13 @@ def test_names_are_read_as_they_are_spelt():
     assert parsed("humans[noses=1]") is None
     with pytest.raises(ConfigurationError, match="unknown data set|is no gallery"):
         open_dataset("humans[noses=1]", None)
+
+
+def test_generated_and_disturbed_sets_can_be_named_on_the_command_line(tmp_path):
+    named = ["humans[subjects=3]", "humans-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
+    assert sources(named, ()) == named
+    with pytest.raises(ConfigurationError, match="unknown data set 'human-few'; did you mean humans-few"):
+        sources(["human-few[noise=3]"], ())
 
 
 def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
