@@ -86,8 +86,8 @@ def _humans_scanlike(_: Path) -> Dataset:
 def _humans_few(root: Path) -> Dataset:
     from benchmark.datasets.nuisances.dataset import Some
 
-    few = Part(subjects=(0, 3, 6, 9, 12), poses=(0, 5, 10, 15))
-    return Some(_humans(root), few, "humans-few", "humans-few (generated, 5 subjects x 4 poses)")
+    few = Part(subjects=(0, 4, 8, 12), poses=(0, 5, 10, 15))
+    return Some(_humans(root), few, "humans-few", "humans-few (generated, 4 subjects x 4 poses)")
 
 
 def _animals(_: Path) -> Dataset:
@@ -113,7 +113,7 @@ CATALOGUE: dict[str, DatasetSource] = {
         "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
     ),
     "humans-few": DatasetSource(
-        "generated humans, 5 subjects x 4 poses of the set humans, for the table of robustness", _humans_few, 20, 5
+        "generated humans, 4 subjects x 4 poses of the set humans, for the table of robustness", _humans_few, 16, 4
     ),
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
