@@ -16,6 +16,7 @@ from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.disturbed import conditions, inputs_of, own_table_name
+from benchmark.protocols.rows import ROBUSTNESS_ROWS, VARIANTS
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
 from benchmark.reference import paper
 
@@ -165,23 +166,6 @@ TABLES: tuple[Table, ...] = (
 
 #: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
 TRAINING_SEEDS = (0, 1, 2)
-
-FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
-
-#: Variants that have rows beside their method where it was not asked for by name.
-VARIANTS = {
-    "classic-mds": FURTHER_METRICS,
-    "least-squares-mds": FURTHER_METRICS,
-    "euclidean-distance": ({"points": "local"},),
-}
-
-#: Rows of the table of robustness, with their variants, where none is asked for by name; it has 47 galleries. The
-#: paper's forms but the dearest, non-metric MDS; scaling of one other metric; the input itself, and two descriptors.
-ROBUSTNESS_ROWS: dict[str, tuple[dict[str, str], ...]] = {
-    **dict.fromkeys(("fast-mds", "least-squares-mds", "constrained-mds", "gps", "mesh-unfolding", "skeleton"), ()),
-    "classic-mds": ({"metric": "biharmonic"},),
-    **dict.fromkeys(("identity", "surface-area", "shape-dna"), ()),
-}
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
