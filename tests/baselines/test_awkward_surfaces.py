@@ -49,7 +49,7 @@ def ring() -> Mesh:
 def pieces() -> Mesh:
     """Three balls that hang together by nothing."""
     ball = sphere(120)
-    vertices = np.concatenate([ball.vertices + [3 * k, 0, 0] for k in range(3)])
+    vertices = np.concatenate([ball.vertices + np.array([3.0 * k, 0, 0]) for k in range(3)])
     return Mesh(vertices, np.concatenate([ball.faces + 120 * k for k in range(3)]))
 
 
