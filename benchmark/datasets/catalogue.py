@@ -83,17 +83,18 @@ def _humans_scanlike(_: Path) -> Dataset:
     return HumansScanlike()
 
 
-def _humans_few(root: Path) -> Dataset:
-    from benchmark.datasets.nuisances.dataset import Some
-
-    few = Part(subjects=(0, 4, 8, 12), poses=(0, 5, 10, 15))
-    return Some(_humans(root), few, "humans-few", "humans-few (generated, 4 subjects x 4 poses)")
-
-
 def _animals(_: Path) -> Dataset:
     from benchmark.datasets.animals import Animals
 
     return Animals()
+
+
+def _animals_few(root: Path) -> Dataset:
+    from benchmark.datasets.nuisances.dataset import Some
+
+    # The classes of at least seven shapes.
+    few = Part(subjects=("cat", "david", "dog", "horse", "michael", "victoria"), poses=(0, 2, 4))
+    return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
 
 
 CATALOGUE: dict[str, DatasetSource] = {
@@ -112,14 +113,17 @@ CATALOGUE: dict[str, DatasetSource] = {
     "humans": DatasetSource(
         "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
     ),
-    "humans-few": DatasetSource(
-        "generated humans, 4 subjects x 4 poses of the set humans, for the table of robustness", _humans_few, 16, 4
-    ),
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
     "animals": DatasetSource(
         "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals, 80, 9
+    ),
+    "animals-few": DatasetSource(
+        "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
+        _animals_few,
+        18,
+        6,
     ),
     **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }

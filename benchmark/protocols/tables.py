@@ -157,7 +157,7 @@ TABLES: tuple[Table, ...] = (
     Table(
         "robustness",
         "What breaks the methods: one gallery, clean and under each nuisance",
-        "humans-few",
+        "animals-few",
         in_quick_runs=False,
         all_unseen=False,
         robustness=True,

@@ -112,10 +112,10 @@ def test_names_are_read_as_they_are_spelt():
 
 
 def test_generated_and_disturbed_sets_can_be_named_on_the_command_line(tmp_path):
-    named = ["humans[subjects=3]", "humans-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
+    named = ["humans[subjects=3]", "animals-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
     assert sources(named, ()) == named
-    with pytest.raises(ConfigurationError, match="unknown data set 'human-few'; did you mean humans-few"):
-        sources(["human-few[noise=3]"], ())
+    with pytest.raises(ConfigurationError, match="unknown data set 'animal-few'; did you mean animals-few"):
+        sources(["animal-few[noise=3]"], ())
 
 
 def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
