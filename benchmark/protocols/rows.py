@@ -14,8 +14,8 @@ VARIANTS: dict[str, tuple[dict[str, str], ...]] = {
 }
 
 #: Rows of the table of robustness, with their variants, where none is asked for by name; it has 47 galleries. Of the
-#: paper's forms those of least-squares and non-metric MDS are missing, which scale the distances that classic MDS scales;
-#: beside them one other metric, the input itself, and two descriptors.
+#: paper's forms least-squares and non-metric MDS are missing, which scale the same distances as classic MDS; beside
+#: them one other metric, the input itself, and two descriptors.
 ROBUSTNESS_ROWS: dict[str, tuple[dict[str, str], ...]] = {
     "classic-mds": ({"metric": "biharmonic"},),
     **dict.fromkeys(("fast-mds", "constrained-mds", "gps", "mesh-unfolding", "skeleton"), ()),
