@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.methods.conformance import check_target
 from benchmark.reference import paper
 from retrieval.measures import PRINTED
 from tests.toy import write_rods
@@ -25,7 +26,7 @@ def python_with(text: str) -> str:
 
 
 def plugin() -> str:
-    return python_with("class Flatten")
+    return python_with("class Smooth")
 
 
 @pytest.mark.slow
@@ -60,8 +61,15 @@ def test_the_plugin_has_fifteen_lines():
 
 
 @pytest.mark.slow
+def test_the_plugin_keeps_the_contract(tmp_path):
+    (tmp_path / "smooth.py").write_text(plugin())
+    report = check_target(str(tmp_path / "smooth.py"))
+    assert report, f"\n{report}"
+
+
+@pytest.mark.slow
 def test_the_plugin_appears_as_a_row(tmp_path):
-    (tmp_path / "flatten.py").write_text(plugin())
+    (tmp_path / "smooth.py").write_text(plugin())
     write_rods(tmp_path / "rods")
     command = [
         sys.executable,
@@ -75,10 +83,10 @@ def test_the_plugin_appears_as_a_row(tmp_path):
         "--input",
         "mesh",
     ]
-    command += ["--plugin", str(tmp_path / "flatten.py"), "--results", str(tmp_path / "results")]
+    command += ["--plugin", str(tmp_path / "smooth.py"), "--results", str(tmp_path / "results")]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False)
     assert done.returncode == 0, done.stderr
-    assert "| Flattened" in done.stdout
+    assert "| Smoothed" in done.stdout
 
 
 def test_the_tables_are_those_of_the_results_folder():

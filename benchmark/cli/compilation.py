@@ -107,7 +107,8 @@ def compile_methods() -> None:
     from benchmark.geometry.io import write_mesh
     from benchmark.methods.conformance.shapes import figure
     from benchmark.methods.registry import methods
-    from benchmark.protocols.tables import INPUTS, VARIANTS
+    from benchmark.protocols.rows import VARIANTS
+    from benchmark.protocols.tables import INPUTS
 
     specs = [spec for spec in methods().values() if not spec.learns]
     rows = [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]

@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from benchmark.cli import completion
 from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option
 from benchmark.system.text import clean, say
+
+if TYPE_CHECKING:
+    from benchmark.datasets.base import Dataset
 
 #: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
 COLUMNS = ("name", "state", "shapes", "classes", "source")
@@ -99,6 +102,7 @@ def export(
 )
 @click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
 @click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
+@click.option("--nuisances", metavar="SHAPE", help="This shape alone, under each nuisance.")
 @plugin_option
 @data_root_option
 def sheet(
@@ -106,11 +110,14 @@ def sheet(
     output: Path | None,
     subjects: int | None,
     poses: int,
+    nuisances: str | None,
     plugins: tuple[Path, ...],
     data_root: Path | None,
 ) -> None:
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
-    problems, target = _on_data(_drawn, name, plugins, data_root, str(output) if output else "", subjects, poses)
+    problems, target = _on_data(
+        _drawn, name, plugins, data_root, str(output) if output else "", subjects, poses, nuisances
+    )
     for problem in problems:
         say(f"not drawn: {problem}", err=True)
     say(f"wrote {target}")
@@ -153,12 +160,17 @@ def _exported(source: str, root: str | None, name: str, output: str, layout: str
         return len(write(dataset, Path(output), layout, force=force, watched=watched))
 
 
-def _drawn(source: str, root: str | None, output: str, subjects: int | None, poses: int) -> tuple[list[str], str]:
+def _drawn(
+    source: str, root: str | None, output: str, subjects: int | None, poses: int, nuisances: str | None
+) -> tuple[list[str], str]:
     """What could not be drawn, and the file that was written."""
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.datasets.nuisances.overview import overview
     from benchmark.report.pictures.contact_sheet import contact_sheet
 
-    dataset = open_dataset(source, Path(root) if root else None)
+    dataset: Dataset = open_dataset(source, Path(root) if root else None)
+    if nuisances is not None:
+        dataset = overview(dataset, nuisances)
     drawn = contact_sheet(dataset, subjects, poses)
     target = Path(output or f"sheet-{dataset.name}.png")
     drawn.save(target)

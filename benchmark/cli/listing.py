@@ -16,7 +16,12 @@ Rows = list[dict[str, str]]
 
 
 def methods(plugins: Iterable[Path] = ()) -> Rows:
-    """Name, family, availability and summary of each method; one that cannot be imported says why."""
+    """Name, family, availability and summary of each method, and of each variant that has rows of its own.
+
+    A method that cannot be imported says why.
+    """
+    from benchmark.protocols.rows import VARIANTS
+
     rows = []
     for name, spec in registry.methods(plugins).items():
         try:
@@ -26,6 +31,10 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
             continue
         state = f"needs {', '.join(missing)}" if missing else "available"
         rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
+        for variant in map(spec.with_parameters, VARIANTS.get(name, ())):
+            chosen = ", ".join(f"{key}={value}" for key, value in variant.parameters.items())
+            other = {"name": variant.name, "title": variant.title, "family": "extended", "summary": f"with {chosen}"}
+            rows.append({**rows[-1], **other})
     return rows
 
 

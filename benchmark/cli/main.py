@@ -345,8 +345,10 @@ def _add_new(kind: str, what: str) -> None:
     def write(name: str) -> None:
         from benchmark.methods.scaffold import new_plugin
 
-        for path in new_plugin(kind, name):
+        plugin, *others = new_plugin(kind, name)
+        for path in (plugin, *others):
             say(path)
+        say(f"next: edit it, then 'python -m benchmark check {plugin}'", err=True)
 
 
 for _kind, _what in {

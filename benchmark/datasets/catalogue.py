@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, printable
-from benchmark.datasets.nuisances.dataset import Disturbed, parsed
+from benchmark.datasets.nuisances.dataset import Disturbed, disturbed_name, parsed
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
@@ -83,17 +83,18 @@ def _humans_scanlike(_: Path) -> Dataset:
     return HumansScanlike()
 
 
-def _humans_few(root: Path) -> Dataset:
-    from benchmark.datasets.nuisances.dataset import Some
-
-    few = Part(subjects=(0, 3, 6, 9, 12), poses=(0, 5, 10, 15))
-    return Some(_humans(root), few, "humans-few", "humans-few (generated, 5 subjects x 4 poses)")
-
-
 def _animals(_: Path) -> Dataset:
     from benchmark.datasets.animals import Animals
 
     return Animals()
+
+
+def _animals_few(root: Path) -> Dataset:
+    from benchmark.datasets.nuisances.dataset import Some
+
+    # The classes of at least seven shapes.
+    few = Part(subjects=("cat", "david", "dog", "horse", "michael", "victoria"), poses=(0, 2, 4))
+    return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
 
 
 CATALOGUE: dict[str, DatasetSource] = {
@@ -112,14 +113,17 @@ CATALOGUE: dict[str, DatasetSource] = {
     "humans": DatasetSource(
         "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
     ),
-    "humans-few": DatasetSource(
-        "generated humans, 5 subjects x 4 poses of the set humans, for the table of robustness", _humans_few, 20, 5
-    ),
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
     "animals": DatasetSource(
         "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals, 80, 9
+    ),
+    "animals-few": DatasetSource(
+        "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
+        _animals_few,
+        18,
+        6,
     ),
     **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }
@@ -193,10 +197,16 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
     for name in own:
         if name in CATALOGUE:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
-    for name in names:
-        if name not in own and name not in CATALOGUE and not is_path(name):
-            raise did_you_mean("data set", name, [*CATALOGUE, *own])
-    return [own.get(name, name) for name in names]
+    return [_meant(name, own) for name in names]
+
+
+def _meant(name: str, own: Mapping[str, str]) -> str:
+    """What :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
+    if found := parsed(name):
+        return disturbed_name(_meant(found[0], own), *found[1:])
+    if name not in own and not is_known(name) and not is_path(name):
+        raise did_you_mean("data set", name, [*CATALOGUE, *own])
+    return own.get(name, name)
 
 
 def table_name(source: str) -> str:

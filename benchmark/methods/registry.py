@@ -7,14 +7,13 @@ one broken or heavy method costs nobody else anything.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.methods.installed import installed
 from benchmark.methods.specs import MethodSpec, plugin_methods
-from benchmark.parameters.grid import combinations
+from benchmark.parameters.grid import combinations, parted
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
@@ -128,11 +127,10 @@ def variants(name: str, known: Mapping[str, MethodSpec]) -> list[MethodSpec]:
     ConfigurationError
         If the name or a parameter is unknown, or a value does not fit.
     """
-    match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name.strip())
-    base = match[1].strip() if match else name
-    if not match or base not in known:
+    base, inside = parted(name) or (name, "")
+    if base not in known:
         raise installed(frozenset(BUILT_IN)).faults.get(base) or did_you_mean("method", base, known)
-    made = (_with(known[base], given) for given in combinations(match[2] or ""))
+    made = (_with(known[base], given) for given in combinations(inside))
     return list({spec.name: spec for spec in made}.values())
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any, cast
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.methods.information import problems_of_scorer
 from benchmark.methods.loading import classes_of, load_class, make, module_of
+from benchmark.parameters.grid import parted
 from benchmark.parameters.values import assignments, departures, parameter_values, spelt
 from benchmark.scoring import Scorer, ScorerInfo
 from benchmark.storage.records import DEFAULT_SCORER
@@ -148,11 +148,10 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
     ConfigurationError
         If the name or a parameter is unknown, or a value does not fit.
     """
-    match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", name.strip())
-    base = match[1].strip() if match else name
-    if not match or base not in known:
+    base, inside = parted(name) or (name, "")
+    if base not in known:
         raise did_you_mean("scorer", base, known)
-    spec = ScorerSpec(base, known[base].target, assignments(match[2] or ""))
+    spec = ScorerSpec(base, known[base].target, assignments(inside))
     spec.create()  # a class may refuse parameters by a rule of its own, and had better do so now
     return spec
 

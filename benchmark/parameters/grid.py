@@ -1,19 +1,37 @@
-"""Several values of a parameter in one text: ``metric=geodesic|biharmonic,power=1|2`` stands for four choices."""
+"""Names with parameters in brackets, and several values of a parameter in one text.
+
+``metric=geodesic|biharmonic,power=1|2`` stands for four choices.
+"""
 
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
 
-__all__ = ["combinations", "quoted"]
+__all__ = ["combinations", "parted", "quoted"]
 
 #: Characters that mean something between the brackets of a method: a text that has one of them is quoted.
 _SPECIAL = frozenset("|,()'\" ")
 
 _QUOTES = "'\""
+
+_NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
+
+
+def parted(name: str) -> tuple[str, str] | None:
+    """A name and what stands in brackets behind it, "" if nothing does; None where brackets do not close or follow.
+
+    Examples
+    --------
+    >>> parted("classic-mds[metric=biharmonic]")
+    ('classic-mds', 'metric=biharmonic')
+    """
+    match = _NAME.fullmatch(name.strip())
+    return (match[1].strip(), match[2] or "") if match else None
 
 
 def combinations(text: str) -> list[dict[str, str]]:

@@ -16,6 +16,7 @@ from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.disturbed import conditions, inputs_of, own_table_name
+from benchmark.protocols.rows import ROBUSTNESS_ROWS, VARIANTS
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
 from benchmark.reference import paper
 
@@ -63,8 +64,8 @@ class Table:
     any_of
         Sets that it is made for, each on its own, as far as they are present; empty for a table of one set.
     robustness
-        Whether it is made of a clean set and of that set under each nuisance, of the paper's methods and the controls
-        unless others are asked for, and by its name alone.
+        Whether it is made of a clean set and of that set under each nuisance, of :data:`ROBUSTNESS_ROWS` unless others
+        are asked for, and by its name alone.
     """
 
     identifier: str
@@ -156,7 +157,7 @@ TABLES: tuple[Table, ...] = (
     Table(
         "robustness",
         "What breaks the methods: one gallery, clean and under each nuisance",
-        "humans-few",
+        "animals-few",
         in_quick_runs=False,
         all_unseen=False,
         robustness=True,
@@ -165,15 +166,6 @@ TABLES: tuple[Table, ...] = (
 
 #: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
 TRAINING_SEEDS = (0, 1, 2)
-
-FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
-
-#: Variants that have rows beside their method where it was not asked for by name.
-VARIANTS = {
-    "classic-mds": FURTHER_METRICS,
-    "least-squares-mds": FURTHER_METRICS,
-    "euclidean-distance": ({"points": "local"},),
-}
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
@@ -272,11 +264,11 @@ class Gallery:
 
     def _has_row(self, spec: MethodSpec) -> bool:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
+        if self.table.robustness:
+            return spec.base_name in ROBUSTNESS_ROWS
         if spec.base_name in ONLY_ABLATED:
             return False
         try:
-            if self.table.robustness:
-                return spec.info.family != "extended" and not spec.learns
             if self.table.split_size and spec.learns:
                 return False
             if self.quick and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
@@ -286,7 +278,8 @@ class Gallery:
             return True  # what cannot be imported says so in its row
 
     def _with_variants(self, spec: MethodSpec) -> list[MethodSpec]:
-        further = () if spec.named or spec.parameters or self.quick else VARIANTS.get(spec.base_name, ())
+        known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
+        further = () if spec.named or spec.parameters or self.quick else known.get(spec.base_name, ())
         return [spec, *(spec.with_parameters(parameters) for parameters in further)]
 
 

@@ -1,8 +1,14 @@
-"""Text as each format takes it for text: names, titles and reasons may hold anything and stay what they are."""
+"""Text as each format takes it for text: names, titles and reasons may hold anything and stay what they are.
+
+And the rows that such texts are put into.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from benchmark.system.text import clean
@@ -56,3 +62,23 @@ def csv_cell(value: object) -> object:
         return value
     told = clean(value)
     return f"'{told}" if told.lstrip().startswith(("=", "+", "-", "@")) else told
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
+    """A CSV file with a heading; what a row has beyond these names is left out, and what it lacks is empty."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: csv_cell(row[name]) for name in names if name in row})
+    return text.getvalue()
+
+
+def markdown_row(cells: Iterable[str]) -> str:
+    """A row of a Markdown table, of cells that are Markdown already."""
+    return f"| {' | '.join(cells)} |"
+
+
+def markdown_rule(n_columns: int, n_left: int = 1) -> str:
+    """The line below the heading: the first columns to the left, numbers to the right."""
+    return markdown_row(["---"] * n_left + ["---:"] * (n_columns - n_left))

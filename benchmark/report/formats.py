@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +10,7 @@ from benchmark.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import csv_cell, markdown_line, markdown_text
+from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
 from benchmark.report.statistics.judgement import Judgement
 from retrieval.measures import PRINTED
 
@@ -31,11 +29,8 @@ def markdown(table: TableContent) -> str:
     lines = [f"**{markdown_text(f'{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).')}**", ""]
     for line in [header, rule, *body]:
         first, *rest = line
-        lines.append(
-            f"| {first.ljust(widths[0])} | "
-            + " | ".join(c.rjust(w) for c, w in zip(rest, widths[1:], strict=True))
-            + " |"
-        )
+        aligned = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))
+        lines.append(markdown_row([first.ljust(widths[0]), *aligned]))
     notes = table.notes()
     return "\n".join([*lines, *([""] if notes else []), *(f"- {markdown_line(note)}" for note in notes)]) + "\n"
 
@@ -67,17 +62,15 @@ def as_csv(tables: Sequence[TableContent]) -> str:
         "status",
         "outdated",
     ]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
+    rows = []
     for row in rows_as_json(tables):
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread", "p_best"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
         for metric, ends in (row["interval"] or {}).items():
             flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
-        writer.writerow({name: csv_cell(value) for name, value in flat.items()})
-    return text.getvalue()
+        rows.append(flat)
+    return csv_text(names, rows)
 
 
 def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:

@@ -86,6 +86,10 @@ def test_help_and_lists_answer_at_once():
 def test_lists_speak_json():
     rows = json.loads(benchmark("list", "methods", "--json").stdout)
     assert {"name", "title", "family", "state", "summary"} == set(rows[0])
+    names = [row["name"] for row in rows]
+    assert names.index("classic-mds") + 3 == names.index("classic-mds[metric=biharmonic]")
+    forms = {row["name"] for row in rows if row["family"] != "control" and not row["name"].startswith("learned")}
+    assert len(forms) >= 15
     assert {row["table"] for row in json.loads(benchmark("list", "tables", "--json").stdout)} == {
         "I",
         "I-whole",

@@ -5,11 +5,12 @@ import pytest
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 
-from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.nuisances import surface
 from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, disturbed_name, parsed
+from benchmark.datasets.nuisances.overview import overview
 from benchmark.datasets.nuisances.shortcuts import shortcuts
-from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.sensor import DepthSensor
@@ -111,6 +112,13 @@ def test_names_are_read_as_they_are_spelt():
         open_dataset("humans[noses=1]", None)
 
 
+def test_generated_and_disturbed_sets_can_be_named_on_the_command_line(tmp_path):
+    named = ["humans[subjects=3]", "animals-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
+    assert sources(named, ()) == named
+    with pytest.raises(ConfigurationError, match="unknown data set 'animal-few'; did you mean animals-few"):
+        sources(["animal-few[noise=3]"], ())
+
+
 def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
     clean = open_dataset(str(rods), None)
     one, same, other = (open_dataset(f"{rods}[noise={strength}]", None) for strength in (3, 3, 4))
@@ -120,6 +128,20 @@ def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_othe
     assert one.recipe(entry) == same.recipe(entry)
     named = {dataset.recipe(entry) for dataset in (one, other)} | {clean.recipe(clean.entries[0])}
     assert len(named) == 3
+
+
+def test_an_overview_shows_one_shape_as_the_disturbed_sets_have_it(rods):
+    clean = open_dataset(str(rods), None)
+    shape = clean.entries[2]
+    shown = overview(clean, shape.identifier)
+    assert {entry.subject for entry in shown.entries} == NUISANCES.keys() - {"scale"}
+    (entry,) = (entry for entry in shown.entries if entry.identifier == "noise=4")
+    expected = open_dataset(f"{rods}[noise=4]", None).load(shape)
+    np.testing.assert_array_equal(shown.load(entry).vertices, expected.vertices)
+    assert shown.sensor(shown.entries[-1]) is not None and shown.sensor(entry) is None
+    assert overview(clean).shape == clean.entries[0]
+    with pytest.raises(DatasetError, match="has no shape 'nobody'"):
+        overview(clean, "nobody")
 
 
 def test_what_a_camera_adds_is_part_of_the_recipe_of_the_view_alone(rods):

@@ -4,7 +4,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import methods, select, variant, variants
-from benchmark.parameters.grid import combinations, quoted
+from benchmark.parameters.grid import combinations, parted, quoted
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,22 @@ def test_what_cannot_be_read_is_named(text, message):
 @pytest.mark.parametrize("text", ["plain", "a|b", "a,b", "it's", 'say "so"', "(1", "two words", ""])
 def test_a_quoted_text_is_read_as_itself(text):
     assert combinations(f"name={quoted(text)},other=1") == [{"name": text, "other": "1"}]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        (" gps ", ("gps", "")),
+        ("gps[]", ("gps", "")),
+        ("a [b=1|2] ", ("a", "b=1|2")),
+        ("a[b", None),
+        ("a[b]c", None),
+        ("a[b][c]", None),
+        ("[b]", None),
+    ],
+)
+def test_a_name_is_parted_from_what_its_one_pair_of_brackets_holds(name, expected):
+    assert parted(name) == expected
 
 
 def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in():

@@ -1,4 +1,4 @@
-"""A data set with a nuisance of some strength: ``humans-few[noise=3]``."""
+"""A data set with a nuisance of some strength: ``animals-few[noise=3]``."""
 
 from __future__ import annotations
 

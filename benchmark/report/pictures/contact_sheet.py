@@ -17,7 +17,9 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs.preparation import Preparation
+from benchmark.jobs.recipes import sensor_of
 from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
 
 #: Poses of each subject, unless told otherwise.
@@ -101,7 +103,7 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
         try:
             mesh = clean(dataset.load(entry))[0]
             render_depth(mesh, dataset.camera(entry), half_width, 1)  # refuses what does not fit the frame
-            sights[entry.identifier] = _Sight(mesh, dataset.camera(entry), half_width)
+            sights[entry.identifier] = _Sight(mesh, dataset.camera(entry), half_width, sensor_of(dataset, entry))
         except ShapeError as error:
             problems.append(f"{entry.identifier}: {error}")
     layout = _Layout.of(rows, sights)
@@ -154,6 +156,7 @@ class _Sight:
     mesh: Mesh
     camera: Camera
     half_width: float
+    sensor: DepthSensor | None = None
 
     def cameras(self, aside: bool) -> tuple[Camera, ...]:
         return (self.camera, _three_quarter(self.camera)) if aside else (self.camera,)
@@ -167,7 +170,8 @@ class _Sight:
     def pictures(self, aside: bool, size: int) -> list[NDArray[np.float64]]:
         """The pictures, shape (size, size, 3) each, in [0, 1]."""
         fine = size * SUPERSAMPLING
-        depth = depth_picture(render_depth(self.mesh, self.camera, self.half_width, fine), fine)
+        image = render_depth(self.mesh, self.camera, self.half_width, fine)
+        depth = depth_picture(image if self.sensor is None else self.sensor.disturbed(image), fine)
         depth = depth.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3).mean(axis=(1, 3))
         return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), depth]
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from benchmark.datasets.nuisances.dataset import NUISANCES
 from benchmark.report.columns import BLANK, number
-from benchmark.report.escaping import csv_cell, latex_text, markdown_text
+from benchmark.report.escaping import csv_text, latex_text, markdown_row, markdown_rule, markdown_text
 from benchmark.report.robustness.curves import Curve, Robustness, worst
 
 _LEGEND = (
@@ -38,18 +36,25 @@ def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, s
 def markdown(found: Robustness) -> str:
     """The amounts at which each method fails, then NN at each strength."""
     header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
-    lines = [f"**What breaks the methods: {_title(found)}.**", "", _LEGEND, "", _line(header), _rule(len(header))]
-    lines += [_line([markdown_text(title), *_halves(found, method)]) for method, title in found.titles.items()]
+    lines = [
+        f"**What breaks the methods: {_title(found)}.**",
+        "",
+        _LEGEND,
+        "",
+        markdown_row(header),
+        markdown_rule(len(header)),
+    ]
+    lines += [markdown_row([markdown_text(title), *_halves(found, method)]) for method, title in found.titles.items()]
     for nuisance, curves in found.curves.items():
         known = NUISANCES[nuisance]
         header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
-        lines += ["", f"NN under {known.title} ({known.unit}):", "", _line(header), _rule(len(header))]
+        lines += ["", f"NN under {known.title} ({known.unit}):", "", markdown_row(header), markdown_rule(len(header))]
         for method, curve in curves.items():
             values = [number(value) for value in (curve.clean, *curve.values)]
-            lines.append(_line([markdown_text(found.titles[method]), *values]))
+            lines.append(markdown_row([markdown_text(found.titles[method]), *values]))
         lost = worst(found, nuisance)
         if any(lost):
-            lines.append(_line(["*Shapes destroyed, at most*", "0", *map(str, lost)]))
+            lines.append(markdown_row(["*Shapes destroyed, at most*", "0", *map(str, lost)]))
     return "\n".join(lines) + "\n"
 
 
@@ -75,12 +80,7 @@ def as_csv(found: Sequence[Robustness]) -> str:
     """One line per data set, input, method, nuisance and strength."""
     names = ["dataset", "input", "scorer", "method", "nuisance", "strength", "amount"]
     names += ["clean_NN", "NN", "unsupported", "half_at"]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    for row in _rows(found):
-        writer.writerow({name: csv_cell(row[name]) for name in names})
-    return text.getvalue()
+    return csv_text(names, _rows(found))
 
 
 def _rows(found: Sequence[Robustness]) -> list[dict[str, Any]]:
@@ -128,11 +128,3 @@ def _half(curve: Curve | None) -> str:
 def _title(found: Robustness) -> str:
     by = f", scored by {found.scorer}" if found.scorer else ""
     return f"{markdown_text(found.data)}, {found.n_shapes} shapes, {found.input} input{by}"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _rule(count: int) -> str:
-    return "|---|" + "---:|" * (count - 1)

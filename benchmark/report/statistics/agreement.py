@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from benchmark.contracts import Input
 from benchmark.report.content import TableContent, contents
-from benchmark.report.escaping import markdown_text
+from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
 from benchmark.report.results import Result
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
@@ -84,12 +84,12 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
         f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
         "random orders with a tau as far from 0.",
         "",
-        f"| table | data | input | methods | {' | '.join(PRINTED)} |",
-        f"|---|---|---|---:|{'---:|' * len(PRINTED)}",
+        markdown_row(["table", "data", "input", "methods", *PRINTED]),
+        markdown_rule(4 + len(PRINTED), 3),
     ]
     for row in rows:
-        figures = " | ".join(_figure(row.measures[measure]) for measure in PRINTED)
-        lines.append(f"| {row.table} | {markdown_text(row.data)} | {row.input} | {len(row.methods)} | {figures} |")
+        figures = [_figure(row.measures[measure]) for measure in PRINTED]
+        lines.append(markdown_row([row.table, markdown_text(row.data), row.input, str(len(row.methods)), *figures]))
     return "\n".join(lines) + "\n"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import markdown_text
+from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
 from benchmark.report.statistics.intervals import DRAWS
 from benchmark.report.statistics.judgement import Judgement
 from benchmark.report.statistics.significance import RESAMPLES
@@ -22,8 +22,8 @@ def intervals_markdown(table: TableContent) -> str:
         f"**How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)} "
         f"({table.size}).**",
         "",
-        "| " + " | ".join(head) + " |",
-        "| --- | --- | " + " | ".join("---:" for _ in head[2:]) + " |",
+        markdown_row(head),
+        markdown_rule(len(head), 2),
     ]
     for input_ in table.inputs:
         for row in table.rows:
@@ -38,7 +38,7 @@ def intervals_markdown(table: TableContent) -> str:
             ]
             tests = [_probability(one) for one in judged if one]
             of_row = [markdown_text(row.label), input_, *figures, _codebooks(row, input_), *tests]
-            lines.append("| " + " | ".join(of_row) + " |")
+            lines.append(markdown_row(of_row))
     lines += [
         "",
         f"- In brackets: 95 % of {DRAWS} means over classes drawn anew with replacement; with few classes rather too "

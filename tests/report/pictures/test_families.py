@@ -2,7 +2,7 @@ import numpy as np
 
 from benchmark.geometry.camera import Camera
 from benchmark.methods.registry import BUILT_IN, methods, variant
-from benchmark.protocols.tables import VARIANTS
+from benchmark.protocols.rows import VARIANTS
 from benchmark.report.pictures.families import FAMILIES, family_figure
 from tests.toy import rod
 

@@ -1,0 +1,92 @@
+"""One shape under every nuisance at every strength, as a data set that can be drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, Disturbed
+from benchmark.errors import DatasetError
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.sensor import DepthSensor
+
+__all__ = ["Overview", "overview"]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """A class for each nuisance and a pose for each strength.
+
+    Scale is left out: a picture shows a shape as large as there is room.
+
+    Parameters
+    ----------
+    clean
+        The data set that the shape is of.
+    shape
+        Which of its shapes.
+    """
+
+    clean: Dataset
+    shape: Entry
+    stand_in_for: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+        return f"{self.clean.name}-nuisances"
+
+    @property
+    def title(self) -> str:
+        """Name in captions."""
+        return f"{self.shape.identifier} of {self.clean.title} under each nuisance"
+
+    @property
+    def half_width(self) -> float | None:
+        """Half the width of the camera's frame, that of the clean set."""
+        return self.clean.half_width
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """One for each nuisance and strength."""
+        return tuple(
+            Entry(f"{nuisance}={strength}", nuisance, f"strength {strength}")
+            for nuisance in NUISANCES
+            if nuisance != "scale"
+            for strength in STRENGTHS
+        )
+
+    def load(self, entry: Entry) -> Mesh:
+        """Disturb the shape."""
+        return self._set_of(entry).load(self.shape)
+
+    def recipe(self, entry: Entry) -> str:
+        """Name what determines the mesh."""
+        return self._set_of(entry).recipe(self.shape)
+
+    def camera(self, entry: Entry) -> Camera:
+        """Return the camera of the shape under the nuisance."""
+        return self._set_of(entry).camera(self.shape)
+
+    def sensor(self, entry: Entry) -> DepthSensor | None:
+        """What the depth camera adds to its image."""
+        return self._set_of(entry).sensor(self.shape)
+
+    def _set_of(self, entry: Entry) -> Disturbed:
+        nuisance, _, strength = entry.identifier.partition("=")
+        return Disturbed(self.clean, nuisance, int(strength))
+
+
+def overview(dataset: Dataset, identifier: str = "") -> Overview:
+    """One shape of a data set under every nuisance; the first one where none is named.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such shape.
+    """
+    found = [entry for entry in dataset.entries if identifier in ("", entry.identifier)]
+    if not found:
+        raise DatasetError(f"data set '{dataset.name}' has no shape '{identifier}'", "see 'data list'")
+    return Overview(dataset, found[0])

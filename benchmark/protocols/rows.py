@@ -1,0 +1,23 @@
+"""Rows that tables have without being asked for them: variants of methods, and what the table of robustness shows."""
+
+from __future__ import annotations
+
+__all__ = ["ROBUSTNESS_ROWS", "VARIANTS"]
+
+FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
+
+#: Variants that have rows beside their method where it was not asked for by name.
+VARIANTS: dict[str, tuple[dict[str, str], ...]] = {
+    "classic-mds": FURTHER_METRICS,
+    "least-squares-mds": FURTHER_METRICS,
+    "euclidean-distance": ({"points": "local"},),
+}
+
+#: Rows of the table of robustness, with their variants, where none is asked for by name; it has 47 galleries. Of the
+#: paper's forms least-squares and non-metric MDS are missing, which scale the same distances as classic MDS; beside
+#: them one other metric, the input itself, and two descriptors.
+ROBUSTNESS_ROWS: dict[str, tuple[dict[str, str], ...]] = {
+    "classic-mds": ({"metric": "biharmonic"},),
+    **dict.fromkeys(("fast-mds", "constrained-mds", "gps", "mesh-unfolding", "skeleton"), ()),
+    **dict.fromkeys(("identity", "surface-area", "shape-dna"), ()),
+}

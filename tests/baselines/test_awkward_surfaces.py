@@ -1,0 +1,85 @@
+"""Surfaces with repeated eigenvalues, borders, handles, pieces: a finite form in space, or a refusal that says why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from trimesh.creation import torus
+
+from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.methods.registry import methods, variant
+from tests.baselines.deformable import sheet
+from tests.baselines.embedding import sphere
+
+METRICS = ("diffusion", "commute-time", "biharmonic")
+FORMS = (
+    "spectral-mds",
+    "nystrom-mds",
+    "subspace-mds",
+    "feature-preserved",
+    "euclidean-distance",
+    "euclidean-distance[points=local]",
+    *(f"{name}[metric={metric}]" for name in ("classic-mds", "least-squares-mds") for metric in METRICS),
+)
+
+
+def cube(steps: int = 6) -> Mesh:
+    """Surface of a cube with all its symmetries but for the diagonals: eigenvalues come in twos and threes."""
+    axis = np.linspace(-1, 1, steps)
+    points = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    points = points[np.abs(points).max(axis=1) == 1]
+    # Blown up to a ball, all vertices are on the hull, which then has the faces of the cube's grid.
+    ball = points / np.linalg.norm(points, axis=1, keepdims=True)
+    faces = ConvexHull(ball).simplices
+    corners = ball[faces]
+    turned = np.einsum(
+        "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]
+    )
+    faces[turned < 0] = faces[turned < 0][:, ::-1]
+    return Mesh(points, faces)
+
+
+def ring() -> Mesh:
+    """Closed, with a handle, and round: every eigenvalue but the lowest is double."""
+    made = torus(1.0, 0.3, major_sections=24, minor_sections=10)
+    return Mesh(np.asarray(made.vertices), np.asarray(made.faces))
+
+
+def pieces() -> Mesh:
+    """Three balls that hang together by nothing."""
+    ball = sphere(120)
+    vertices = np.concatenate([ball.vertices + np.array([3.0 * k, 0, 0]) for k in range(3)])
+    return Mesh(vertices, np.concatenate([ball.faces + 120 * k for k in range(3)]))
+
+
+CONNECTED = {
+    "ball": lambda: sphere(300),
+    "cube": cube,
+    "ring": ring,
+    "sheet": lambda: sheet(rows=18, columns=9),
+    "rolled sheet": lambda: sheet(rows=18, columns=9, bend=3.0),
+    "fifty vertices": lambda: sphere(50),
+}
+
+
+@pytest.mark.parametrize("surface", CONNECTED)
+@pytest.mark.parametrize("name", FORMS)
+def test_connected_surfaces_have_a_form(name, surface):
+    mesh = CONNECTED[surface]()
+    form = variant(name, methods()).create().canonicalise(Shape(identifier=surface, mesh=mesh))
+    assert form.vertices.shape == mesh.vertices.shape
+    assert np.isfinite(form.vertices).all()
+    assert np.ptp(form.vertices, axis=0).max() > 0
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_pieces_have_a_form_or_are_refused_by_name(name):
+    shape = Shape(identifier="pieces", mesh=pieces())
+    try:
+        form = variant(name, methods()).create().canonicalise(shape)
+    except UnsupportedShape as refusal:
+        assert "piece" in str(refusal) or "connected" in str(refusal) or "hang" in str(refusal)
+    else:
+        assert np.isfinite(form.vertices).all()
+        assert np.ptp(form.vertices, axis=0).max() > 0
