@@ -56,7 +56,7 @@ def test_a_flipped_bit_here_and_there_is_noticed_or_harms_nothing(tmp_path, scra
     assert store.get_or_compute({"a": 1}, compute, scratch=scratch).was_cached
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("bit", range(8))
 @pytest.mark.parametrize("scratch", [False, True], ids=["compressed", "stored"])
 def test_every_flipped_bit_is_noticed_or_harms_nothing(tmp_path, scratch, bit):
