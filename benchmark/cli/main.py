@@ -104,7 +104,8 @@ def run(
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import markdown as robustness_markdown
 
-    ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler)
+    unnamed = not selection.is_narrow
+    ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)
     galleries = {job.gallery.name for job in plan}
     inputs = {job.input for job in plan}
     results = selection.results_of(store).all(selection.seed, scorer=selection.scorer_spec().name)

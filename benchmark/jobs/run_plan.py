@@ -46,6 +46,8 @@ def run_plan(
     workers: int | None,
     timeout: float | None,
     scheduler: str = "",
+    *,
+    as_far_as_possible: bool = False,
 ) -> bool:
     """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
 
@@ -57,6 +59,8 @@ def run_plan(
         Where the results are, and what else the orders tell.
     executor, workers, timeout, scheduler
         See :func:`make_executor`.
+    as_far_as_possible
+        Whether a job whose models are not here is no failure, as where nobody named its method.
 
     Returns
     -------
@@ -75,7 +79,8 @@ def run_plan(
             made = {"environment": environment_text(), "artefacts": 0}
             store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
-    fine = all(job.state in _FINE for job in jobs if not job.to_run)
+    passed_over = (*_FINE, "unavailable") if as_far_as_possible else _FINE
+    fine = all(job.state in passed_over for job in jobs if not job.to_run)
     orders = [Order.of(job, scope) for job in to_run]
     with Claims.of(store) as claims, _Display(orders) as display:
         for order in orders:

@@ -7,8 +7,10 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.cli.options import Selection
 from benchmark.cli.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.jobs.run_plan import run_plan
 from benchmark.learning import card_digest
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import find_training
@@ -158,6 +160,17 @@ def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp
     assert command[3:7] == ["train", "mean-target[training_seed=1]", "--only", "tosca-III"]
     call(*command[3:-2], "--results", tmp_path, "--data-root", root)
     assert call("plan", "-t", "III-held-out", *arguments).startswith("missing")
+
+
+def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_path):
+    chosen = Selection(
+        ("III-held-out",), ("mean-target[training_seed=2]",), (), ("view",), (PLUGIN_PATH,), tmp_path, root, 0, False
+    )
+    store = Store.open(tmp_path)
+    (job,) = chosen.jobs(store)
+    assert job.state == "unavailable"
+    assert not run_plan([job], store, chosen, "serial", 1, None)
+    assert run_plan([job], store, chosen, "serial", 1, None, as_far_as_possible=True)
 
 
 def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
