@@ -9,8 +9,8 @@ from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
 from retrieval.features import Features, Keypoints, detect, detect_views
+from retrieval.gaussian_blur import blur, gaussian_kernel
 from retrieval.gradient_histograms import describe, gradients, orientations
-from retrieval.scale_space import blur, gaussian_kernel
 
 pytestmark = pytest.mark.kernels
 
