@@ -120,11 +120,12 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
     last, radius, row, column = plus(args[1], -1), args[3], args[4], args[5]
     zero = ir.Constant(index, 0)
 
-    def load(of_row: Any) -> Any:
-        """Eight pixels of a row, the nearest that exists."""
-        high = builder.select(builder.icmp_signed("<", of_row, last), of_row, last)
-        inside = builder.select(builder.icmp_signed(">", high, zero), high, zero)
-        return builder.load(at(source, builder.add(builder.mul(inside, stride), column), _VECTOR), align=4)
+    def load(of_row: Any, *, cut: bool = False) -> Any:
+        """Eight pixels of a row; cut, of the nearest row that exists."""
+        if cut:
+            of_row = builder.select(builder.icmp_signed("<", of_row, last), of_row, last)
+            of_row = builder.select(builder.icmp_signed(">", of_row, zero), of_row, zero)
+        return builder.load(at(source, builder.add(builder.mul(of_row, stride), column), _VECTOR), align=4)
 
     def weight(place: Any) -> Any:
         nothing = ir.Constant(_VECTOR, ir.Undefined)
@@ -136,16 +137,27 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
         pixels = load(plus(row, k))
         for each, value in ((above, pixels), (below, pixels), (sums, builder.fmul(weight(zero), pixels))):
             builder.store(value, each[k])
-    with cgutils.for_range(builder, radius, intp=index) as loop:
-        j = plus(loop.index, 1)
-        factor = weight(j)
-        aboves = [load(builder.sub(row, j)), *(builder.load(each) for each in above[:-1])]
-        belows = [*(builder.load(each) for each in below[1:]), load(builder.add(plus(row, ROWS - 1), j))]
-        for k in range(ROWS):
-            builder.store(aboves[k], above[k])
-            builder.store(belows[k], below[k])
-            product = builder.fmul(factor, builder.fadd(aboves[k], belows[k]))
-            builder.store(builder.fadd(builder.load(sums[k]), product), sums[k])
+
+    def add_neighbours(*, cut: bool) -> None:
+        with cgutils.for_range(builder, radius, intp=index) as loop:
+            j = plus(loop.index, 1)
+            factor = weight(j)
+            aboves = [load(builder.sub(row, j), cut=cut), *(builder.load(each) for each in above[:-1])]
+            belows = [*(builder.load(each) for each in below[1:]), load(builder.add(plus(row, ROWS - 1), j), cut=cut)]
+            for k in range(ROWS):
+                builder.store(aboves[k], above[k])
+                builder.store(belows[k], below[k])
+                product = builder.fmul(factor, builder.fadd(aboves[k], belows[k]))
+                builder.store(builder.fadd(builder.load(sums[k]), product), sums[k])
+
+    reach = builder.add(plus(row, ROWS - 1), radius)
+    inside = builder.and_(builder.icmp_signed(">=", row, radius), builder.icmp_signed("<=", reach, last))
+    # Rows are asked whether they exist only where some do not.
+    with builder.if_else(inside) as (then, otherwise):
+        with then:
+            add_neighbours(cut=False)
+        with otherwise:
+            add_neighbours(cut=True)
     four = ir.VectorType(ir.FloatType(), ROWS)
     for lane, pixels in enumerate(_transposed(builder, [builder.load(each) for each in sums])):
         offset = builder.add(builder.mul(plus(column, lane), target_stride), row)
