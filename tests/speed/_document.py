@@ -65,7 +65,7 @@ decimated to n vertices: the least of {repeats} runs, or a single one beyond {lo
 The geodesics of all pairs are a row of their own and not counted in the methods that take them; a method marked * asks
 for a few rows of geodesics instead, which are counted. The last column is the exponent k of n^k between the two largest
 sizes. A method that needs more than {limit:g} s stops there; forms are not made of the largest size, where a matrix of
-all pairs is 2 GB. The command is `python -m tests.speed.growth`.
+all pairs is more than 1 GB. The command is `python -m tests.speed.growth`.
 
 ![Time against the number of vertices](../{figure})
 """

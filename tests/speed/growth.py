@@ -30,7 +30,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 
 SIZES = (500, 1000, 2000, 4000, 8000)
-#: All geodesics go further; forms over all pairs would need many times their matrix of 2 GB.
+#: All geodesics go further, or as far as the body has vertices; forms would need many times their matrix of over 1 GB.
 LARGEST = 16000
 SETTINGS = {"limit": 60.0, "repeats": 3, "long_run": 5.0}
 ALL_GEODESICS = "all geodesics"
