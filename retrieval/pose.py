@@ -169,11 +169,13 @@ def _projected_area(area_vectors: NDArray[np.float64], rotation: Rotation) -> fl
     # the first until one number is left is a fixed order, and can be vectorised as it stands.
     x, y, z = area_vectors[0], area_vectors[1], area_vectors[2]
     count = area_vectors.shape[1]
-    sums = np.zeros(count)
-    for axis in range(3):
-        a, b, c = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
-        for f in range(count):
-            sums[f] += abs(a * x[f] + b * y[f] + c * z[f])
+    sums = np.empty(count)
+    p, q, r = rotation[0], rotation[1], rotation[2]
+    for f in range(count):
+        onto_p = abs(p[0] * x[f] + p[1] * y[f] + p[2] * z[f])
+        onto_q = abs(q[0] * x[f] + q[1] * y[f] + q[2] * z[f])
+        onto_r = abs(r[0] * x[f] + r[1] * y[f] + r[2] * z[f])
+        sums[f] = onto_p + onto_q + onto_r
     while count > 1:
         half = (count + 1) // 2
         lower, upper = sums[:half], sums[half:count]

@@ -10,6 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from retrieval.candidates import LANES, mark_candidates
+from retrieval.gaussian_blur import blur, gaussian_kernel
+
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
@@ -18,76 +21,11 @@ N_GAUSSIANS = LEVELS + 3
 STEP = 2.0 ** (1.0 / LEVELS)
 BASE_SCALE = 1.6
 NOMINAL_BLUR = 0.5
-#: Gaussians are cut at four standard deviations.
-SUPPORT = 4.0
 #: Pixels kept around the foreground in every octave: the widest accumulated blur, 1.6 * 2^(4/3), reaches 16 pixels.
 MARGIN = 17
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
 REFINEMENT_STEPS = 5
-
-
-@njit(cache=True, nogil=True)
-def gaussian_kernel(sigma: float) -> SingleArray:
-    """Right half of a sampled Gaussian of unit sum, float32, shape (radius + 1,)."""
-    radius = int(np.ceil(SUPPORT * sigma))
-    half = np.exp(-0.5 * (np.arange(radius + 1) / sigma) ** 2)
-    half /= 2.0 * half.sum() - half[0]
-    return half.astype(np.float32)
-
-
-@njit(cache=True, nogil=True)
-def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
-    """Convolve an image with a separable Gaussian; the border is repeated.
-
-    Products and sums are rounded one by one: fused where the processor can, they would give other bits on another one.
-
-    Parameters
-    ----------
-    source, target
-        Shape (height, width), float32; ``target`` is overwritten.
-    kernel
-        From :func:`gaussian_kernel`.
-    """
-    height, width = source.shape
-    radius = len(kernel) - 1
-    padded = np.empty(width + 2 * radius, dtype=np.float32)  # a weight reaches at most ``radius`` to either side
-    for row in range(height):
-        column_sum = padded[radius : radius + width]
-        middle = source[row]
-        for x in range(width):
-            column_sum[x] = kernel[0] * middle[x]
-        last = height - 1
-        in_threes, in_fours = radius - radius % 3, radius - radius % 4
-        # Several weights at a time, so that a sum is loaded and stored less often; the order of its terms is the same.
-        for j in range(1, in_threes, 3):
-            p, q, r = kernel[j], kernel[j + 1], kernel[j + 2]
-            a, b = source[max(row - j, 0)], source[min(row + j, last)]
-            c, d = source[max(row - j - 1, 0)], source[min(row + j + 1, last)]
-            e, f = source[max(row - j - 2, 0)], source[min(row + j + 2, last)]
-            for x in range(width):
-                column_sum[x] = column_sum[x] + p * (a[x] + b[x]) + q * (c[x] + d[x]) + r * (e[x] + f[x])
-        for j in range(in_threes + 1, radius + 1):
-            weight, above, below = kernel[j], source[max(row - j, 0)], source[min(row + j, last)]
-            for x in range(width):
-                column_sum[x] += weight * (above[x] + below[x])
-        padded[:radius] = column_sum[0]
-        padded[radius + width :] = column_sum[width - 1]
-        result = target[row]
-        for x in range(width):
-            result[x] = kernel[0] * column_sum[x]
-        for j in range(1, in_fours, 4):
-            p, q, r, s = kernel[j], kernel[j + 1], kernel[j + 2], kernel[j + 3]
-            left = padded[radius - j - 3 : radius - j + width]
-            right = padded[radius + j : radius + j + width + 3]
-            for x in range(width):
-                inner = result[x] + p * (left[x + 3] + right[x]) + q * (left[x + 2] + right[x + 1])
-                result[x] = inner + r * (left[x + 1] + right[x + 2]) + s * (left[x] + right[x + 3])
-        for j in range(in_fours + 1, radius + 1):
-            weight, left = kernel[j], padded[radius - j : radius - j + width]
-            right = padded[radius + j : radius + j + width]
-            for x in range(width):
-                result[x] += weight * (left[x] + right[x])
 
 
 @njit(cache=True, nogil=True)
@@ -143,47 +81,32 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
     count = 0
     height, width = differences.shape[1:]
     candidate_threshold = np.float32(0.8 * peak_threshold)
-    candidates = np.empty(max(width - 2, 0), dtype=np.uint8)
     for level in range(1, LEVELS + 1):
-        finer, same, coarser = differences[level - 1], differences[level], differences[level + 1]
         for row in range(1, height - 1):
-            above, below = same[row - 1], same[row + 1]
-            _mark_candidates(same[row], above, below, finer[row], coarser[row], candidate_threshold, candidates)
-            for column in range(1, width - 1):
-                if not candidates[column - 1] or not _is_extremum(differences, level, row, column, same[row, column]):
-                    continue
-                good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
-                if not good:
-                    continue
-                if count < len(found):
-                    found[count, 0], found[count, 1], found[count, 2], found[count, 3] = x, y, level - 1, offset
-                count += 1
+            for block in range(1, width - 1, LANES):
+                # Inside the array with their neighbours; those that the block before has seen are shifted out.
+                begin = min(block, width - 1 - LANES)
+                if begin > 0:
+                    marks = mark_candidates(differences, level, row, begin, candidate_threshold) >> (block - begin)
+                else:
+                    marks = (1 << min(LANES, width - 1 - block)) - 1
+                column = block - 1
+                while marks:
+                    column += 1
+                    marked = marks & 1
+                    marks >>= 1
+                    value = differences[level, row, column]
+                    if not marked or not abs(value) >= candidate_threshold:
+                        continue
+                    if not _is_extremum(differences, level, row, column, value):
+                        continue
+                    good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
+                    if not good:
+                        continue
+                    if count < len(found):
+                        found[count, 0], found[count, 1], found[count, 2], found[count, 3] = x, y, level - 1, offset
+                    count += 1
     return count
-
-
-@njit(cache=True, nogil=True)
-def _mark_candidates(
-    middle: SingleArray,
-    above: SingleArray,
-    below: SingleArray,
-    finer: SingleArray,
-    coarser: SingleArray,
-    threshold: np.float32,
-    candidates: NDArray[np.uint8],
-) -> None:
-    """Whether each pixel of a row but the ends is far enough from zero and beyond its six nearest neighbours.
-
-    That rejects nearly every pixel without a branch, so that many are looked at together.
-    """
-    inner = len(candidates)
-    left, value, right = middle[:inner], middle[1 : inner + 1], middle[2 : inner + 2]
-    above, below = above[1 : inner + 1], below[1 : inner + 1]
-    finer, coarser = finer[1 : inner + 1], coarser[1 : inner + 1]
-    for x in range(inner):
-        highest = max(max(left[x], right[x]), max(max(above[x], below[x]), max(finer[x], coarser[x])))
-        lowest = min(min(left[x], right[x]), min(min(above[x], below[x]), min(finer[x], coarser[x])))
-        peak = (value[x] > highest) & (value[x] >= threshold)
-        candidates[x] = peak | ((value[x] < lowest) & (value[x] <= -threshold))
 
 
 @njit(cache=True, nogil=True)

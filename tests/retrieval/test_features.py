@@ -9,8 +9,8 @@ from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
 from retrieval.features import Features, Keypoints, detect, detect_views
+from retrieval.gaussian_blur import blur, gaussian_kernel
 from retrieval.gradient_histograms import describe, gradients, orientations
-from retrieval.scale_space import blur, gaussian_kernel
 
 pytestmark = pytest.mark.kernels
 
@@ -45,11 +45,27 @@ def matched(expected: Keypoints, found: Keypoints, inside: NDArray[Any]) -> tupl
     return hits / max(inside.sum(), 1), float(np.median(cosines))
 
 
-def test_blur_agrees_with_scipy() -> None:
-    image = np.random.default_rng(0).uniform(size=(40, 33)).astype(np.float32)
+@pytest.mark.parametrize("shape", [(40, 33), (128, 40), (4, 8), (3, 50), (20, 5), (1, 1)])
+def test_blur_agrees_with_scipy(shape: tuple[int, int]) -> None:
+    image = np.random.default_rng(0).uniform(size=shape).astype(np.float32)
     result = np.empty_like(image)
     blur(image, result, gaussian_kernel(1.7))
     np.testing.assert_allclose(result, gaussian_filter(image, 1.7, mode="nearest", truncate=4.2), atol=2e-6)
+
+
+def test_blur_rounds_every_product_and_sum_in_the_order_of_the_weights() -> None:
+    image = np.random.default_rng(0).uniform(size=(37, 45)).astype(np.float32)
+    kernel, result = gaussian_kernel(1.7), np.empty_like(image)
+    blur(image, result, kernel)
+    expected = image
+    for _ in range(2):
+        padded = np.pad(expected, ((len(kernel) - 1,) * 2, (0, 0)), mode="edge")
+        total = kernel[0] * expected
+        for j in range(1, len(kernel)):
+            above, below = (padded[len(kernel) - 1 + step :][: len(expected)] for step in (-j, j))
+            total += kernel[j] * (above + below)
+        expected = total.T
+    np.testing.assert_array_equal(result, expected)
 
 
 @pytest.mark.parametrize("sigma", [3.0, 5.0, 9.0])

@@ -17,18 +17,34 @@ from tests.speed._document import SPEED, machine, write_document  # noqa: E402
 
 
 def main() -> None:
-    """Run ``measure`` of the modules that are named, without writing anything, or of all that have one."""
+    """Run ``measure`` of the modules that are named, or of all that have one.
+
+    All of them are written. Of those that are named nothing is, unless ``--join`` comes first: then their rows take the
+    place of the older ones, and each row says where it was measured: a long measurement can be made in parts.
+    """
     names = [module.name for module in pkgutil.iter_modules(tests.speed.__path__) if not module.name.startswith("_")]
     rows = []
-    for name in sys.argv[1:] or names:
+    join = "--join" in sys.argv[1:]
+    chosen = [name for name in sys.argv[1:] if name != "--join"]
+    for name in chosen or names:
         module = importlib.import_module(f"tests.speed.{name}")
         for measured in getattr(module, "measure", list)():
             rows.append({"group": name, **measured})
             print(line(rows[-1]), flush=True)
-    if not sys.argv[1:]:
+    if join:
+        rows = joined(rows)
+    if join or not chosen:
         SPEED.parent.mkdir(exist_ok=True)
         SPEED.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n")
         print(f"wrote {SPEED} and {write_document()}")
+
+
+def joined(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of the file, with those of the groups that were measured now in their place; each says on what machine."""
+    kept = json.loads(SPEED.read_text())
+    groups = {row["group"] for row in rows}
+    older = [{"machine": kept["machine"], **row} for row in kept["rows"] if row["group"] not in groups]
+    return sorted([*older, *({**row, "machine": machine()} for row in rows)], key=lambda row: str(row["group"]))
 
 
 def line(measured: dict[str, Any]) -> str:

@@ -35,9 +35,19 @@ def test_a_method_that_takes_too_long_says_where_it_stopped():
         {"name": "slow", "takes_rows": False, "seconds": [4.0, 64.0]},
         {"name": "quick", "takes_rows": True, "seconds": [1.0, 2.0, 4.0]},
     ]
-    lines = growth_table([500, 1000, 2000], rows).splitlines()
+    rows.append({"name": "not asked", "takes_rows": False, "seconds": [1.0, 2.0]})
+    lines = growth_table([500, 1000, 2000], rows, 60.0).splitlines()
     assert lines[2] == "| slow | 4 s | 64 s | stopped | 4.0 |"
     assert lines[3] == "| quick * | 1 s | 2 s | 4 s | 1.0 |"
+    assert lines[4] == "| not asked | 1 s | 2 s |  | 1.0 |"
+
+
+def test_rows_of_two_machines_say_which_is_which():
+    rows = [row(name, 1.0, target="fast", met=True, detail="") for name in ("here", "there")]
+    rows[1]["machine"] = {**MACHINE, "system": "Quipu"}
+    text = speed_table({"machine": MACHINE, "rows": rows})
+    assert "Measured on Abacus, Python 3.11, 2 cores: here." in text
+    assert "Measured on Quipu, Python 3.11, 2 cores: there." in text
 
 
 def test_the_exponent_keeps_silent_where_the_clock_cannot_tell():
