@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import shlex
 import sys
 import traceback
 from contextlib import suppress
@@ -251,19 +252,28 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
 )
 @timeout_option("one form that is not in the store")
 def report(output: Path, timeout: float, **options: Any) -> None:
-    """Write a static HTML page with the tables, and a figure of the canonical forms of each gallery."""
+    """Write a static report: tables, charts, canonical forms to turn, and every query with its nearest shapes.
+
+    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are tables
+    and scores, and the report says which run brings the rest.
+    """
+    from benchmark.methods.registry import methods
     from benchmark.report.content import contents
-    from benchmark.report.files import write
-    from benchmark.report.page import page
-    from benchmark.report.pictures.forms import forms_figures
+    from benchmark.report.html.folder import Folder
+    from benchmark.report.html.site import write_report
+    from benchmark.report.kept import Kept
     from benchmark.storage.store import Store
 
     selection = Selection.of(options)
     store = Store.open(selection.results)
-    jobs = selection.jobs(store)
-    figures = forms_figures(jobs, store, selection, output, timeout)
-    write({"index.html": page(contents(selection.recorded(store), selection.tables), figures)}, output)
-    say(f"wrote {output / 'index.html'} and {len(figures)} figures")
+    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
+    kept = Kept(store, methods(selection.plugins), selection.data_root)
+    command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
+    written = write_report(tables, kept, Folder(output), command, lambda line: say(line, err=True))
+    say(
+        f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, {written.n_forms} forms, "
+        f"distances of {written.n_distances} of {written.n_ranked} jobs"
+    )
 
 
 @cli.command()
