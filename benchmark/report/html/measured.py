@@ -13,6 +13,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 from benchmark.report.kept import Kept
+from benchmark.report.statistics.judgement import CONTROL
 from benchmark.report.statistics.pareto import pareto_front
 from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.rankings import (
@@ -108,29 +109,39 @@ def measured(table: TableContent, kept: Kept, *, most_kinds: int = 400) -> Measu
     return found
 
 
-def _fronts(table: TableContent) -> dict[str, dict[str, list[str]]]:
-    """By input and measure: the methods than which none is both cheaper and better, the cheapest first."""
-    found: dict[str, dict[str, list[str]]] = {}
+def _fronts(table: TableContent) -> dict[str, dict[str, dict[str, list[str]]]]:
+    """By input and measure: than which methods none is both cheaper and better, controls aside, and among all rows."""
+    found: dict[str, dict[str, dict[str, list[str]]]] = {}
     for input_ in table.inputs:
-        cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
-        costs = {name: _cost(cell)["seconds"] for name, cell in cells.items() if cell.scores}
+        rows = [row for row in table.rows if input_ in row.cells and row.cells[input_].scores]
         for measure in PRINTED:
             points = {
-                name: (seconds, (cells[name].scores or {})[measure])
-                for name, seconds in costs.items()
-                if seconds is not None
+                row.method: (seconds, (row.cells[input_].scores or {})[measure])
+                for row in rows
+                if (seconds := _cost(row.cells[input_])["seconds"]) is not None
             }
-            found.setdefault(input_, {})[measure] = pareto_front(points)
+            contest = {row.method: points[row.method] for row in rows if row.family != CONTROL and row.method in points}
+            found.setdefault(input_, {})[measure] = {"methods": pareto_front(contest), "all": pareto_front(points)}
     return found
 
 
+#: Share of all subjects in all poses that a data set must hold for the names of its poses to mean the same pose.
+_SAME_POSES = 0.9
+
+
 def poses_of(record: Record, kept: Kept) -> dict[str, str]:
-    """Pose of each shape, where the data set is here and tells; empty otherwise."""
+    """Pose of each shape, where the data set is here and its subjects take the same poses; empty otherwise.
+
+    Poses that are merely numbered differ from subject to subject, and so does how many there are.
+    """
     try:
-        dataset = kept.dataset(record)
+        entries = kept.dataset(record).entries
     except BenchmarkError:
         return {}
-    return {entry.identifier: entry.pose for entry in dataset.entries}
+    poses, subjects = {entry.pose for entry in entries}, {entry.subject for entry in entries}
+    if len(entries) < _SAME_POSES * len(poses) * len(subjects):
+        return {}
+    return {entry.identifier: entry.pose for entry in entries}
 
 
 def _classes(table: TableContent) -> list[str]:

@@ -136,7 +136,7 @@ def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
     """Scores of one table, and the charts that go with them."""
     table = pages.table
     notes = table.notes()
-    told = f"<ul>{''.join(f'<li>{html_text(note)}</li>' for note in notes)}</ul>" if notes else ""
+    told = f"<ul>{''.join(f'<li>{_with_code(note)}</li>' for note in notes)}</ul>" if notes else ""
     few = pages.n_distances < pages.n_ranked
     missing = (
         f"<p class='missing'>{pages.n_distances} of {pages.n_ranked} jobs have their distances here; "
@@ -205,13 +205,12 @@ def forms_page(pages: TablePages, tables: Sequence[TablePages], gallery: Mapping
         )
     else:
         body = (
-            "<p>Each row is a method, each column a pose of one subject, all forms of a row at one scale. Colours go from "
+            "<p>What each method makes of the same shapes, one scale for all poses. Colours go from "
             "the middle of the body to its tips, measured along the surface, so a part keeps its colour. "
             "Choose a form to turn it.</p>"
             "<div class='controls'><label>Input <select id='forms-input'></select></label>"
             "<label>Subject <select id='forms-subject'></select></label></div>"
-            "<div class='frame' tabindex='0' role='region' aria-label='Canonical forms'><div id='forms'></div></div>"
-            + _VIEWER
+            "<div id='forms'></div>" + _VIEWER
         )
     parts = [_subnavigation(pages, "forms"), f"<section>{body}</section>"]
     data = {"gallery": gallery} if gallery is not None else {}
@@ -307,6 +306,14 @@ def _links(pages: TablePages) -> str:
     links += [(f"{pages.stem}-forms.html", "Forms")] if pages.has_forms else []
     links += [(f"{pages.stem}-queries.html", "Queries")] if pages.n_ranked else []
     return " ".join(f"<a href='{address}'>{name}</a>" for address, name in links)
+
+
+def _with_code(text: object) -> str:
+    """A sentence; commands between single backticks are code."""
+    parts = html_text(text).split("`")
+    if len(parts) % 2 == 0:
+        return "`".join(parts)
+    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
 
 
 def _best(table: TableContent) -> str:

@@ -16,11 +16,16 @@ from benchmark.report.pictures.drawing import LAMP
 
 #: From the trunk to the tips of the limbs; told apart on white and on black, and without seeing colours, by lightness.
 PALETTE = (
-    np.array([[46, 64, 138], [46, 112, 166], [66, 164, 160], [140, 201, 130], [240, 205, 92], [244, 150, 84]]) / 255
+    np.array([[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]]) / 255
 )
 
 _SOURCES = 48
 _SUPERSAMPLING = 2
+
+#: Points that are drawn along an edge.
+_ALONG = 24
+
+_PLAIN = (0.60, 0.68, 0.77)
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
@@ -37,7 +42,9 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     along[~np.isfinite(along)] = np.nan
     far = np.nan_to_num(np.nanmean(along, axis=0))
     low, high = float(far.min()), float(far.max())
-    return np.asarray((far - low) / max(high - low, 1e-12))
+    share = (far - low) / max(high - low, 1e-12)
+    rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
+    return np.asarray((share + rank) / 2)  # most of a body is trunk: by its share alone it would have one colour
 
 
 def colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -75,6 +82,7 @@ def painted(
     depth = depth_buffer(pixels, faces, fine, np.inf).astype(np.float64)
     seen = np.isfinite(depth)
     rgba = np.zeros((fine, fine, 4))
+    _draw_edges(rgba, pixels, faces, values)
     if seen.any():
         rgba[seen, :3] = _colour_of(scaled, depth, seen, values, fine) * _light(depth, seen, 2 / fine)[:, None]
         rgba[seen, 3] = 1.0
@@ -84,11 +92,29 @@ def painted(
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8), "RGBA")
 
 
+def _draw_edges(
+    rgba: NDArray[np.float64], pixels: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None
+) -> None:
+    """Lay the edges below the surface, so that what is thinner than a pixel does not vanish."""
+    edges = edges_of(faces).ends
+    along = np.linspace(0, 1, _ALONG)[None, :, None]
+    first, last = pixels[edges[:, 0], None, :2], pixels[edges[:, 1], None, :2]
+    places = np.floor(first + along * (last - first)).astype(np.int64).reshape(-1, 2)
+    inside = ((places >= 0) & (places < len(rgba))).all(axis=1)
+    column, row = places[inside].T
+    rgba[row, column, 3] = 1.0
+    if values is None:
+        rgba[row, column, :3] = _PLAIN
+        return
+    shades = values[edges[:, 0], None] + along[..., 0] * (values[edges[:, 1]] - values[edges[:, 0]])[:, None]
+    rgba[row, column, :3] = 0.85 * colours(shades.reshape(-1)[inside])
+
+
 def _colour_of(
     scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64] | None, fine: int
 ) -> NDArray[np.float64]:
     if values is None:
-        return np.array([[0.60, 0.68, 0.77]])
+        return np.array([_PLAIN])
     rows, columns = np.nonzero(seen)
     places = np.column_stack([(columns + 0.5) * 2 / fine - 1, 1 - (rows + 0.5) * 2 / fine, -depth[seen]])
     away, nearest = cKDTree(scaled).query(places, k=min(3, len(scaled)))

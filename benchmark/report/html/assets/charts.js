@@ -66,19 +66,23 @@
   function cost(data, input, measure) {
     const rows = rowsOf(data, input).filter((row) => row.seconds > 0);
     if (!rows.length) return null;
-    const front = data.fronts[input]?.[measure] ?? [];
-    const onFront = front.map((name) => rows.find((row) => row.method === name)).filter(Boolean);
+    const fronts = data.fronts[input]?.[measure] ?? { methods: [], all: [] };
+    const front = [...fronts.methods, ...fronts.all];
+    const line = (names, name, dash, shade) => {
+      const own = names.map((each) => rows.find((row) => row.method === each)).filter(Boolean);
+      return { x: own.map((row) => row.seconds), y: own.map((row) => row.scores[measure]), mode: "lines", name,
+        line: { shape: "hv", color: shade, width: 2, dash }, hoverinfo: "skip" };
+    };
     const families = [...new Set(rows.map((row) => row.family))];
     const narrow = innerWidth < 640;
-    const traces = [{
-      x: onFront.map((row) => row.seconds), y: onFront.map((row) => row.scores[measure]), mode: "lines", name: "Pareto front",
-      line: { shape: "hv", color: colour("accent"), width: 2, dash: "dot" }, hoverinfo: "skip",
-    }];
+    const places = labelled(rows, measure, front);
+    const traces = [line(fronts.methods, "Pareto front", "solid", colour("accent"))];
+    if (fronts.all.join() !== fronts.methods.join()) traces.push(line(fronts.all, "with controls", "dot", colour("faint")));
     families.forEach((family, k) => {
       const own = rows.filter((row) => row.family === family);
       traces.push({
         x: own.map((row) => row.seconds), y: own.map((row) => row.scores[measure]), mode: narrow ? "markers" : "markers+text",
-        name: plain(family), text: own.map((row) => plain(short(row.title))), textposition: own.map((_, n) => (n % 2 ? "bottom center" : "top center")),
+        name: plain(family), text: own.map((row) => (places.get(row) ? plain(short(row.title)) : "")), textposition: own.map((row) => places.get(row) ?? "top center"),
         textfont: { size: 11, color: colour("faint") }, cliponaxis: false,
         marker: { size: 11, symbol: MARKS[k], color: COLOURS[k], line: { width: own.map((row) => (front.includes(row.method) ? 2 : 0)), color: colour("ink") } },
         error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: COLOURS[k] + "66",
@@ -94,6 +98,29 @@
       annotations: [{ xref: "paper", x: 1, y: data.chance[measure], text: "chance", showarrow: false, yshift: 9, xanchor: "right", font: { color: colour("faint"), size: 11 } }],
       legend: { orientation: "h", y: 1.1 }, hovermode: "closest",
     } };
+  }
+
+  /* Where each label stands so that none covers another or a point; those for which there is no room are left out. */
+  function labelled(rows, measure, front) {
+    const [wide, high] = [900, 400];
+    const logs = rows.map((row) => Math.log10(row.seconds));
+    const [low, far] = [Math.min(...logs), Math.max(...logs)];
+    const at = rows.map((row, k) => [((logs[k] - low) / (far - low || 1)) * wide, (1 - row.scores[measure]) * high]);
+    const boxes = at.map(([x, y]) => [x - 7, y - 7, x + 7, y + 7]);
+    const overlaps = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+    const places = new Map();
+    const order = rows.map((_, k) => k).sort((a, b) => front.includes(rows[b].method) - front.includes(rows[a].method) || at[a][0] - at[b][0]);
+    for (const k of order) {
+      const [x, y] = at[k];
+      const length = 6.4 * short(rows[k].title).length;
+      const spots = { "top center": [-length / 2, -23], "bottom center": [-length / 2, 9], "middle right": [10, -7], "middle left": [-10 - length, -7],
+        "top right": [5, -23], "bottom right": [5, 9], "top left": [-5 - length, -23], "bottom left": [-5 - length, 9] };
+      for (const [spot, [dx, dy]] of Object.entries(spots)) {
+        const box = [x + dx, y + dy, x + dx + length, y + dy + 14];
+        if (!boxes.some((other, n) => n !== k && overlaps(box, other))) { places.set(rows[k], spot); boxes.push(box); break; }
+      }
+    }
+    return places;
   }
 
   function precision(data, input) {

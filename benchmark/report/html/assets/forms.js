@@ -4,7 +4,8 @@
 (() => {
   const { load, plotly, pageData, make, fill, plain, colour, unpack, onTheme } = canonicalForms;
   const REACH = 1.6;
-  const SCALE = [[0, "#2e408a"], [0.2, "#2e70a6"], [0.4, "#42a4a0"], [0.6, "#8cc982"], [0.8, "#f0cd5c"], [1, "#f49654"]];
+  const NEAR = 1.9;  // of an orthographic camera the scale is that of the scene
+  const SCALE = [[0, "#4a62b0"], [0.2, "#3a82be"], [0.4, "#4aaca8"], [0.6, "#96d088"], [0.8, "#f4d264"], [1, "#f69e5c"]];
   const gallery = pageData().gallery;
   const byId = (id) => document.getElementById(id);
   let shown = { input: "", shape: "", method: "" };
@@ -29,27 +30,25 @@
     if (gallery.inputs[input]?.cells[shape]) open(input, shape, method ?? "");
   });
 
+  /* One figure for each method, one picture for each pose. */
   function grid() {
     const input = byId("forms-input").value;
     const subject = gallery.subjects[byId("forms-subject").value];
     const { methods, cells } = gallery.inputs[input];
-    const place = byId("forms");
-    const parts = [make("span"), ...subject.shapes.map((shape) => make("span", { class: "head", text: shape }))];
-    ["", ...methods].forEach((method, row) => {
-      const title = row ? method.title : "the shape";
+    const figures = ["", ...methods].map((method, row) => {
+      const title = row ? method.title : "The shape itself";
       const states = subject.shapes.map((shape) => (row ? cells[shape][row - 1] : ""));
-      if (row && states.every((state) => state === "it makes no forms")) return;
-      parts.push(make("span", { class: row ? "name" : "name input", text: title }));
-      subject.shapes.forEach((shape, k) => parts.push(tile(input, shape, row, row ? method.name : "", title, states[k], methods.length)));
+      if (row && states.every((state) => state === "it makes no forms")) return null;
+      const tiles = subject.shapes.map((shape, k) => tile(input, shape, row, row ? method.name : "", title, states[k], methods.length));
+      return make("figure", row ? {} : { class: "input" }, make("figcaption", { text: title }), make("div", { class: "poses" }, ...tiles));
     });
-    place.className = "grid";
-    place.style.gridTemplateColumns = `minmax(6rem, 14rem) repeat(${subject.shapes.length}, max-content)`;
-    place.replaceChildren(...parts);
+    byId("forms").replaceChildren(...figures.filter(Boolean));
+    byId("forms").dataset.shown = `${input}|${subject.name}`;
   }
 
   function tile(input, shape, row, method, title, state, count) {
     if (state) return make("span", { class: "none", text: state });
-    const button = make("button", { type: "button", class: row ? "tile" : "tile input", title: `${title}, ${shape}: turn it` });
+    const button = make("button", { type: "button", class: "tile", title: `${title}, ${shape}: turn it` });
     button.setAttribute("aria-label", `${title}, ${shape}`);
     button.style.backgroundImage = `url("parts/pictures/forms-${gallery.stem}-${input}-${gallery.files[shape]}.webp")`;
     button.style.backgroundSize = `100% ${100 * (count + 1)}%`;
@@ -84,7 +83,7 @@
     const traces = ["", shown.method].map((name, k) => surface(data, name, k)).filter(Boolean);
     const axis = { visible: false, range: [-REACH, REACH], autorange: false };
     const scene = (domain) => ({
-      domain, xaxis: axis, yaxis: axis, zaxis: axis, aspectmode: "cube", dragmode: "turntable",
+      domain, xaxis: axis, yaxis: axis, zaxis: axis, aspectmode: "manual", aspectratio: { x: NEAR, y: NEAR, z: NEAR }, dragmode: "turntable",
       camera: { eye: scaled(), up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 }, projection: { type: "orthographic" } },
     });
     const note = (text, x, y) => ({ text, xref: "paper", yref: "paper", x, y, showarrow: false, font: { color: colour("faint"), size: 13 } });
@@ -109,10 +108,10 @@
     const count = steps.length / 3;
     const each = (length, value) => Array.from({ length }, (_, k) => value(k));
     return {
-      type: "mesh3d", scene: number ? "scene2" : "scene", hoverinfo: "skip", showscale: false, colorscale: SCALE, cmin: 0, cmax: 255,
+      type: "mesh3d", scene: number ? "scene2" : "scene", hoverinfo: "skip", showscale: false, facenormalsepsilon: 1e-15, vertexnormalsepsilon: 1e-15, colorscale: SCALE, cmin: 0, cmax: 255,
       x: each(count, (k) => at(k, 0)), y: each(count, (k) => -at(k, 2)), z: each(count, (k) => at(k, 1)), intensity: Array.from(values),
       i: each(faces.length / 3, (k) => faces[3 * k]), j: each(faces.length / 3, (k) => faces[3 * k + 1]), k: each(faces.length / 3, (k) => faces[3 * k + 2]),
-      lighting: { ambient: 0.55, diffuse: 0.65, specular: 0.12, roughness: 0.7, fresnel: 0.1 }, lightposition: { x: -4000, y: -9000, z: 7000 },
+      lighting: { ambient: 0.62, diffuse: 0.75, specular: 0.08, roughness: 0.8, fresnel: 0 }, lightposition: { x: 1e5, y: -1e5, z: -1.2e5 }  /* away from the lamp, in coordinates of the camera */,
     };
   }
 
@@ -153,7 +152,7 @@
     const change = {};
     for (const name of ["scene", "scene2"]) {
       change[`${name}.camera`] = { ...layout[name].camera, eye };
-      const now = layout[name].aspectratio ?? { x: 1, y: 1, z: 1 };
+      const now = layout[name].aspectratio ?? { x: NEAR, y: NEAR, z: NEAR };
       if (near !== 1) {
         change[`${name}.aspectmode`] = "manual";
         change[`${name}.aspectratio`] = { x: now.x * near, y: now.y * near, z: now.z * near };
