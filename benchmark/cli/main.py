@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import shlex
 import sys
 import traceback
 from contextlib import suppress
@@ -35,6 +34,7 @@ from benchmark.cli.options import (
     shard_option,
     timeout_option,
 )
+from benchmark.cli.reporting import FIGURES
 from benchmark.cli.results import compare, merge, prune, why
 from benchmark.cli.train import train
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
@@ -250,30 +250,41 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     show_default=True,
     metavar="DIR",
 )
-@timeout_option("one form that is not in the store")
-def report(output: Path, timeout: float, **options: Any) -> None:
+@click.option(
+    "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
+)
+@click.option(
+    "--of",
+    "what",
+    type=click.Choice(FIGURES),
+    default=FIGURES[0],
+    show_default=True,
+    help="A subject through all methods; subjects before and after the first method; accuracy against cost.",
+)
+@click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Of a figure: whom to show.")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Of a figure: in which shapes.")
+@timeout_option("the forms of a method that a figure lacks")
+def report(
+    output: Path,
+    figure: Path | None,
+    what: str,
+    subjects: tuple[str, ...],
+    shapes: tuple[str, ...],
+    timeout: float,
+    **options: Any,
+) -> None:
     """Write a static report: tables, charts, canonical forms to turn, and every query with its nearest shapes.
 
-    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are tables
-    and scores, and the report says which run brings the rest.
+    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are
+    tables and scores, and the report says which run brings the rest.
     """
-    from benchmark.methods.registry import methods
-    from benchmark.report.content import contents
-    from benchmark.report.html.folder import Folder
-    from benchmark.report.html.site import write_report
-    from benchmark.report.kept import Kept
-    from benchmark.storage.store import Store
+    from benchmark.cli.reporting import write_figure, write_pages
 
     selection = Selection.of(options)
-    store = Store.open(selection.results)
-    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
-    kept = Kept(store, methods(selection.plugins), selection.data_root)
-    command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
-    written = write_report(tables, kept, Folder(output), command, lambda line: say(line, err=True))
-    say(
-        f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, {written.n_forms} forms, "
-        f"distances of {written.n_distances} of {written.n_ranked} jobs"
-    )
+    if figure is not None:
+        write_figure(selection, figure, what, subjects, shapes, timeout)
+    else:
+        write_pages(selection, output)
 
 
 @cli.command()

@@ -20,7 +20,7 @@ from benchmark.report.html.surfaces import Thinned, thinned
 from benchmark.report.kept import Kept
 from benchmark.report.pictures.contact_sheet import select
 from benchmark.report.pictures.painting import painted
-from benchmark.report.pictures.posing import centred, is_itself, reach, turn_like, turn_onto
+from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.records import Record
 from benchmark.system.text import brief
 
@@ -210,18 +210,9 @@ def _turn(columns: Sequence[_Column], kept: Kept, records: Sequence[Record]) -> 
         column.points[INPUT_ROW] = centred(seen)
         column.thin = thinned(column.surface)
         for name, form in column.meshes.items():
-            points = _upright(form, column.surface, seen, models.get(name))
+            points = upright(form, column.surface, seen, models.get(name))
             column.points[name] = centred(points)
             models.setdefault(name, column.points[name])
-
-
-def _upright(form: Mesh, surface: Mesh, seen: Points, model: Points | None) -> Points:
-    points = form.vertices
-    if form.faces.shape != surface.faces.shape or (form.faces != surface.faces).any():
-        return points  # a surface of its own, made as a camera sees it
-    if model is None or is_itself(points, seen):
-        return points @ turn_onto(points, seen)[0]
-    return points @ turn_like(points, model)
 
 
 def _widths(columns: Sequence[_Column]) -> dict[str, float]:

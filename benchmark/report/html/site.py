@@ -89,7 +89,7 @@ def write_report(
     for table in tables:
         say(f"ranking {table.data['name']}")
         found = measured(table, kept)
-        made.append((_pages_of(table, found, galleries.get(_stem(table))), found))
+        made.append((pages_of(table, found, galleries.get(_stem(table))), found))
     all_pages = [pages for pages, _ in made]
     for pages, found in made:
         stem, set_stem = pages.stem, _stem(pages.table)
@@ -103,7 +103,7 @@ def write_report(
         folder.write(f"{stem}-forms.html", html.forms_page(pages, all_pages, shown))
         folder.write(f"{stem}-queries.html", html.queries_page(pages, all_pages, set_stem))
     hero = {pages.stem: path for pages, _ in made if (path := _hero(galleries.get(_stem(pages.table)))) is not None}
-    folder.write("index.html", html.index_page(all_pages, _overview(all_pages, command), hero))
+    folder.write("index.html", html.index_page(all_pages, overview(all_pages, command), hero))
     folder.finish()
     return Written(
         len(folder.sizes),
@@ -152,7 +152,8 @@ def _shapes_per_set(sets: dict[str, list[Record]]) -> int:
     return max(2, min(MOST_SHAPES, MOST_FORMS // max(columns, 1)))
 
 
-def _pages_of(table: TableContent, found: Measured, gallery: Gallery | None) -> html.TablePages:
+def pages_of(table: TableContent, found: Measured, gallery: Gallery | None = None) -> html.TablePages:
+    """What the pages of a table are made of."""
     phases: dict[str, None] = {}
     cells = [(row["title"], input_, cell) for row in found.data["rows"] for input_, cell in row["inputs"].items()]
     for _, _, cell in cells:
@@ -190,7 +191,8 @@ def _hero(gallery: Gallery | None) -> str | None:
     return f"parts/pictures/hero-{gallery.stem}.webp" if gallery is not None and gallery.has_hero else None
 
 
-def _overview(tables: Sequence[html.TablePages], command: str) -> html.Overview:
+def overview(tables: Sequence[html.TablePages], command: str) -> html.Overview:
+    """What the first page tells of all tables together."""
     failures: list[list[object]] = []
     left_out: list[list[object]] = []
     environments: dict[str, int] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from benchmark.contracts import Input
 from benchmark.report.columns import BLANK, Style, cells, groups_of, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_text
@@ -65,6 +66,7 @@ def _classes(first: bool, blank: bool = False) -> str:
     return f" class='{words}'" if words else ""
 
 
-def _interval(table: TableContent, method: str, input_: str | None, column: int) -> str:
-    judged = table.judgements.get((method, input_, PRINTED[column % len(PRINTED)])) if input_ else None  # type: ignore[call-overload]
+def _interval(table: TableContent, method: str, input_: Input | None, column: int) -> str:
+    """The interval of a figure, told where it is pointed at."""
+    judged = table.judgements.get((method, input_, PRINTED[column % len(PRINTED)])) if input_ else None
     return f" title='95 %: {number(judged.low)} to {number(judged.high)}'" if judged else ""

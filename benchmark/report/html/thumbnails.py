@@ -38,7 +38,7 @@ def write_thumbnails(stem: str, records: Sequence[Record], kept: Kept, folder: F
             source.setdefault(shape, record)
     entries = _entries(records, kept)
     wanted = [name for name in source if name in entries]
-    chosen = np.unique(np.linspace(0, len(wanted) - 1, min(MOST_PICTURES, len(wanted))).astype(int)) if wanted else []
+    chosen = np.unique(np.linspace(0, max(len(wanted) - 1, 0), min(MOST_PICTURES, len(wanted))).astype(int)).tolist()
     places: dict[str, int] = {}
     sheet: Image.Image | None = None
     for name in (wanted[k] for k in chosen):
