@@ -22,8 +22,8 @@ PALETTE = (
 _SOURCES = 48
 _SUPERSAMPLING = 2
 
-#: Points that are drawn along an edge.
-_ALONG = 24
+#: Points that are drawn along an edge at most.
+_MOST_ALONG = 256
 
 _PLAIN = (0.60, 0.68, 0.77)
 
@@ -97,8 +97,9 @@ def _draw_edges(
 ) -> None:
     """Lay the edges below the surface, so that what is thinner than a pixel does not vanish."""
     edges = edges_of(faces).ends
-    along = np.linspace(0, 1, _ALONG)[None, :, None]
     first, last = pixels[edges[:, 0], None, :2], pixels[edges[:, 1], None, :2]
+    longest = float(np.abs(last - first).max(initial=0.0))
+    along = np.linspace(0, 1, int(np.clip(np.ceil(longest), 1, _MOST_ALONG)) + 1)[None, :, None]
     places = np.floor(first + along * (last - first)).astype(np.int64).reshape(-1, 2)
     inside = ((places >= 0) & (places < len(rgba))).all(axis=1)
     column, row = places[inside].T
