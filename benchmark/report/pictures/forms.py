@@ -70,7 +70,7 @@ def forms_figure(
     subject: str = "",
     shapes: Sequence[str] = (),
     limit: float | None = None,
-    size: int = 400,
+    size: int = 280,
 ) -> Figure:
     """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
 
@@ -110,7 +110,7 @@ def effect_figure(
     subjects: Sequence[str] = (),
     shapes: Sequence[str] = (),
     limit: float | None = None,
-    size: int = 400,
+    size: int = 280,
 ) -> Figure:
     """Draw some subjects in a few poses on the left, and on the right what the first method makes of them.
 

@@ -85,7 +85,7 @@
         name: plain(family), text: own.map((row) => (places.get(row) ? plain(short(row.title)) : "")), textposition: own.map((row) => places.get(row) ?? "top center"),
         textfont: { size: 11, color: colour("faint") }, cliponaxis: false,
         marker: { size: 11, symbol: MARKS[k], color: COLOURS[k], line: { width: own.map((row) => (front.includes(row.method) ? 2 : 0)), color: colour("ink") } },
-        error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: COLOURS[k] + "66",
+        error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: COLOURS[k] + "99",
           array: own.map((row) => (row.intervals[measure] ? row.intervals[measure][1] - row.scores[measure] : 0)),
           arrayminus: own.map((row) => (row.intervals[measure] ? row.scores[measure] - row.intervals[measure][0] : 0)) },
         hovertext: own.map((row) => `${plain(row.title)}: ${row.scores[measure].toFixed(3)}, ${row.seconds.toPrecision(3)} s, ${row.peak ?? "?"} MiB`),
