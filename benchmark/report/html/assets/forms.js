@@ -4,8 +4,9 @@
 (() => {
   const { load, plotly, pageData, make, fill, plain, colour, unpack, onTheme } = canonicalForms;
   const REACH = 1.6;
-  const NEAR = 1.9;  // of an orthographic camera the scale is that of the scene
-  const SCALE = [[0, "#4a62b0"], [0.2, "#3a82be"], [0.4, "#4aaca8"], [0.6, "#96d088"], [0.8, "#f4d264"], [1, "#f69e5c"]];
+  const NEAR = 2.2;  // of an orthographic camera the scale is that of the scene
+  const COLOURS = [[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]];
+  const LAMP = [-0.4, 0.6, 0.7];
   const gallery = pageData().gallery;
   const byId = (id) => document.getElementById(id);
   let shown = { input: "", shape: "", method: "" };
@@ -104,15 +105,46 @@
     const steps = unpack(own.at, true);
     const faces = unpack(own.faces ?? data.faces, true);
     const values = unpack(own.values ?? data.values, false);
-    const at = (k, offset) => ((steps[3 * k + offset] / 65535) * 2 - 1) * REACH;
-    const count = steps.length / 3;
-    const each = (length, value) => Array.from({ length }, (_, k) => value(k));
+    const points = Float64Array.from(steps, (step) => ((step / 65535) * 2 - 1) * REACH);
+    const every = (array, offset, sign = 1) => Array.from({ length: array.length / 3 }, (_, k) => sign * array[3 * k + offset]);
     return {
-      type: "mesh3d", scene: number ? "scene2" : "scene", hoverinfo: "skip", showscale: false, facenormalsepsilon: 1e-15, vertexnormalsepsilon: 1e-15, colorscale: SCALE, cmin: 0, cmax: 255,
-      x: each(count, (k) => at(k, 0)), y: each(count, (k) => -at(k, 2)), z: each(count, (k) => at(k, 1)), intensity: Array.from(values),
-      i: each(faces.length / 3, (k) => faces[3 * k]), j: each(faces.length / 3, (k) => faces[3 * k + 1]), k: each(faces.length / 3, (k) => faces[3 * k + 2]),
-      lighting: { ambient: 0.62, diffuse: 0.75, specular: 0.08, roughness: 0.8, fresnel: 0 }, lightposition: { x: 1e5, y: -1e5, z: -1.2e5 }  /* away from the lamp, in coordinates of the camera */,
+      type: "mesh3d", scene: number ? "scene2" : "scene", hoverinfo: "skip",
+      x: every(points, 0), y: every(points, 2, -1), z: every(points, 1), i: every(faces, 0), j: every(faces, 1), k: every(faces, 2),
+      vertexcolor: shaded(points, faces, values), lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 },
     };
+  }
+
+  /* The lamp is painted on, above to the left of the first view; light from all sides keeps the back from being black. */
+  function shaded(points, faces, values) {
+    const normals = new Float64Array(points.length);
+    for (let f = 0; f < faces.length; f += 3) {
+      const [a, b, c] = [3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]];
+      const u = [0, 1, 2].map((n) => points[b + n] - points[a + n]);
+      const v = [0, 1, 2].map((n) => points[c + n] - points[a + n]);
+      const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+      for (const corner of [a, b, c]) normal.forEach((part, n) => { normals[corner + n] += part; });
+    }
+    const side = outside(points, normals);
+    return Array.from(values, (value, k) => {
+      const [x, y, z] = [normals[3 * k], normals[3 * k + 1], normals[3 * k + 2]];
+      const length = Math.hypot(x, y, z) || 1;
+      const light = (side * (LAMP[0] * x + LAMP[1] * y + LAMP[2] * z)) / length;
+      const bright = 0.52 + 0.6 * Math.max(0, 0.25 + 0.75 * light);
+      return `rgb(${tint(value / 255).map((part) => Math.min(255, Math.round(part * bright))).join()})`;
+    });
+  }
+
+  /* 1 if the triangles are seen from outside; forms may be mirror images of their shapes. */
+  function outside(points, normals) {
+    let sum = 0;
+    for (let k = 0; k < points.length; k += 1) sum += points[k] * normals[k];
+    return sum < 0 ? -1 : 1;
+  }
+
+  function tint(value) {
+    const k = Math.min(COLOURS.length - 2, Math.floor(value * (COLOURS.length - 1)));
+    const share = value * (COLOURS.length - 1) - k;
+    return COLOURS[k].map((part, n) => part + share * (COLOURS[k + 1][n] - part));
   }
 
   const scaled = () => ({ x: eye.x / zoom, y: eye.y / zoom, z: eye.z / zoom });
