@@ -13,6 +13,10 @@ KERNELS := $(shell grep -rl njit --include='*.py' baselines benchmark learned re
 # Where modules are not kept compiled, each of some hundred processes compiles numpy, scipy and torch for itself.
 unexport PYTHONDONTWRITEBYTECODE
 
+# What the figures show.
+POSES := $(addprefix --shape woman-3_,standing running squatting)
+BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
+
 .PHONY: setup kernels bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability faults
 
 setup: $(READY)
@@ -84,8 +88,13 @@ publish: setup
 	$(BIN)/python -m benchmark merge --published results
 	$(BIN)/python -m benchmark tables -o results/tables
 
+# The report, and the figures of README and docs; those of TOSCA need CANONICAL_FORMS_DATA.
 figures: setup
 	$(BIN)/python -m benchmark report -o results/report
+	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.pdf $(POSES)
+	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.png $(POSES)
+	$(BIN)/python -m benchmark report -d tosca -m 'least-squares-mds[start=classic]' --of effect \
+	    --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
 
 # Leaves the records of finished jobs.
 clean:

@@ -11,8 +11,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,24 +20,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.own import is_own
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import Preparation, treated
-from benchmark.jobs.treatment import Treatment
+from benchmark.jobs.preparation import treated
 from benchmark.methods.inspection import inspect
-from benchmark.methods.registry import methods, variant
+from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
-from benchmark.protocols.models import find_models
-from benchmark.protocols.tables import Gallery
-from benchmark.report.content import own_table
+from benchmark.report.kept import Kept
 from benchmark.report.results import Result, Results
-from benchmark.storage.arrays import load_arrays
 from benchmark.storage.merging import told
 from benchmark.storage.records import place, scorer_name
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.plugins import is_imported
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -65,7 +58,6 @@ class ResultsFolder:
     folder: Path
     data_root: Path | None = None
     plugins: tuple[Path, ...] = ()
-    _treatments: dict[str, Treatment] = field(default_factory=dict, repr=False, compare=False)
 
     def records(self) -> DataFrame:
         """One row for each record, by key.
@@ -139,7 +131,7 @@ class ResultsFolder:
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
         """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
         record = self._scored(key)
-        found = list(self._kept_distances(record))
+        found = list(self._kept.distances(record))
         if not found:
             raise self._not_kept(record, "distances")
         return np.stack(found).astype(np.float64)
@@ -154,7 +146,8 @@ class ResultsFolder:
         StorageError
             If not all of them are kept here, as this code would make them.
         """
-        record, treatment = self._scored(key), self._treatment(key)
+        record = self._scored(key)
+        treatment = self._kept.treatment(record)
         if treatment.describes:
             raise ConfigurationError(f"{record['method']} makes no forms", "ask for its descriptors")
         entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
@@ -171,7 +164,8 @@ class ResultsFolder:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
         from pandas import DataFrame
 
-        record, treatment = self._scored(key), self._treatment(key)
+        record = self._scored(key)
+        treatment = self._kept.treatment(record)
         if not treatment.describes:
             raise ConfigurationError(f"{record['method']} describes no shapes", "ask for its forms")
         entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
@@ -190,6 +184,10 @@ class ResultsFolder:
         return Store(self.folder / "runs")
 
     @cached_property
+    def _kept(self) -> Kept:
+        return Kept(self._store, methods(self.plugins), self.data_root)
+
+    @cached_property
     def _results(self) -> dict[str, Result]:
         known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
         both = [*self._store.published, *self._store.records]
@@ -203,32 +201,6 @@ class ResultsFolder:
         if record["status"] != "ok":
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record
-
-    def _kept_distances(self, record: dict[str, Any]) -> Iterator[NDArray[Any]]:
-        count = len(record["shapes"])
-        for name in record.get("artefacts", ()):
-            path = self._store.artefacts / name[:2] / f"{name}.npz"
-            try:
-                arrays = load_arrays(path, name, lambda array: array == "distances")
-            except Exception:  # noqa: S112
-                continue  # freed or damaged
-            if "distances" in arrays and arrays["distances"].shape == (count, count):
-                yield arrays["distances"]
-
-    def _treatment(self, key: str) -> Treatment:
-        if key not in self._treatments:
-            record = self._scored(key)
-            source = record["data"]["source"]
-            if is_own(source) and not is_imported(source.rpartition(":")[0]):
-                raise ConfigurationError(f"the plugin of data set {record['data']['name']} was not passed", "pass it")
-            dataset, spec = open_dataset(source, self.data_root), variant(record["method"], methods(self.plugins))
-            entries = tuple(entry for entry in dataset.entries if entry.identifier in set(record["shapes"]))
-            gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
-            models = find_models(spec, gallery, self._store.models)
-            preparation = Preparation(dataset, record["input"], self._store)
-            seed = int(record["recipe"].get("seed", 0))
-            self._treatments[key] = Treatment(preparation, self._store, spec, seed, models)
-        return self._treatments[key]
 
     def _not_kept(self, record: dict[str, Any], what: str) -> StorageError:
         changed = self._results[record["key"]].outdated

@@ -34,6 +34,7 @@ from benchmark.cli.options import (
     shard_option,
     timeout_option,
 )
+from benchmark.cli.reporting import FIGURES
 from benchmark.cli.results import compare, merge, prune, why
 from benchmark.cli.train import train
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
@@ -255,21 +256,41 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     show_default=True,
     metavar="DIR",
 )
-@timeout_option("one form that is not in the store")
-def report(output: Path, timeout: float, **options: Any) -> None:
-    """Write a static HTML page with the tables, and a figure of the canonical forms of each gallery."""
-    from benchmark.report.content import contents
-    from benchmark.report.files import write
-    from benchmark.report.page import page
-    from benchmark.report.pictures.forms import forms_figures
-    from benchmark.storage.store import Store
+@click.option(
+    "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
+)
+@click.option(
+    "--of",
+    "what",
+    type=click.Choice(FIGURES),
+    default=FIGURES[0],
+    show_default=True,
+    help="A subject through all methods; subjects before and after the first method; accuracy against cost.",
+)
+@click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Of a figure: whom to show.")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Of a figure: in which shapes.")
+@timeout_option("the forms of a method that a figure lacks")
+def report(
+    output: Path,
+    figure: Path | None,
+    what: str,
+    subjects: tuple[str, ...],
+    shapes: tuple[str, ...],
+    timeout: float,
+    **options: Any,
+) -> None:
+    """Write a static report: tables, charts, canonical forms to turn, and every query with its nearest shapes.
+
+    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are
+    tables and scores, and the report says which run brings the rest.
+    """
+    from benchmark.cli.reporting import write_figure, write_pages
 
     selection = Selection.of(options)
-    store = Store.open(selection.results)
-    jobs = selection.jobs(store)
-    figures = forms_figures(jobs, store, selection, output, timeout)
-    write({"index.html": page(contents(selection.recorded(store), selection.tables), figures)}, output)
-    say(f"wrote {output / 'index.html'} and {len(figures)} figures")
+    if figure is not None:
+        write_figure(selection, figure, what, subjects, shapes, timeout)
+    else:
+        write_pages(selection, output)
 
 
 @cli.command()

@@ -269,7 +269,7 @@ def test_check_fails_the_check_in_which_a_method_ends_its_process_and_goes_on_wi
 
 
 @pytest.mark.parametrize("names", [("crashes",), pytest.param(("hangs", "raises"), marks=pytest.mark.slow)])
-def test_a_report_draws_what_can_be_drawn(call, rods, names, tmp_path):
+def test_a_figure_draws_what_can_be_drawn(call, rods, names, tmp_path):
     """Of methods that break, and have titles that are no formula."""
     plugin = tmp_path / "acts.py"
     methods = "".join(
@@ -280,9 +280,22 @@ def test_a_report_draws_what_can_be_drawn(call, rods, names, tmp_path):
     store = Store.open(tmp_path / "results")
     store.write_record(record(method="surface-area", data={"source": str(rods)}))
     selection = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")
-    code, _, error = call("report", *selection, "--plugin", plugin, "-o", tmp_path / "report", "--timeout", "1s")
+    named = [word for name in names for word in ("-m", name)]
+    figure = tmp_path / "figures" / "forms-rods.png"
+    code, _, error = call("report", *selection, *named, "--plugin", plugin, "--figure", figure, "--timeout", "1s")
     assert (code, error) == (0, "")
-    assert (tmp_path / "report" / "forms-rods.png").read_bytes().startswith(b"\x89PNG")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_report_runs_no_method(call, rods, tmp_path):
+    plugin = write_plugin(tmp_path / "tried.py", at_work="crashes")
+    store = Store.open(tmp_path / "results")
+    store.write_record(record(method="tried", data={"source": str(rods)}))
+    selection = ("-d", rods, "-m", "tried", "--plugin", plugin, "--results", tmp_path / "results")
+    code, output, _ = call("report", *selection, "-o", tmp_path / "report")
+    assert code == 0
+    assert output.rstrip().endswith("0 forms, distances of 0 of 1 jobs")
+    assert "python -m benchmark run -d" in (tmp_path / "report" / "table-rods-forms.html").read_text()
 
 
 def test_a_figure_that_cannot_be_written_is_named(tmp_path):

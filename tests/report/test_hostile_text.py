@@ -3,10 +3,10 @@
 import csv
 import io
 import json
-import os
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 from hypothesis import example, given
@@ -17,8 +17,14 @@ from benchmark.protocols.tables import Table
 from benchmark.report.content import contents, file_stem
 from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
-from benchmark.report.page import page
+from benchmark.report.html.measured import measured
+from benchmark.report.html.pages import forms_page, index_page, queries_page, table_page
+from benchmark.report.html.scripts import data_script
+from benchmark.report.html.site import overview, pages_of
+from benchmark.report.html.table import score_table
+from benchmark.report.kept import Kept
 from benchmark.report.results import Result
+from benchmark.storage.store import Store
 from benchmark.system.text import LONGEST_REASON, clean
 from tests.records import failed, record
 
@@ -31,6 +37,8 @@ TEXT = ANY | MARKS.map("".join)
 HOSTILE = "\n".join(
     ["|<script>alert(1)</script>", "&amp;_%\\$#~^{}\x1b[31m\x00\ud800", "=1+1 \\end{table} **x** [a](b)"]
 )
+
+NOTHING_KEPT = Kept(Store(Path("nowhere")), {})
 
 MARKDOWN = MarkdownIt("commonmark", {"html": True}).enable("table").enable("strikethrough")
 
@@ -186,14 +194,33 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     assert len(rows) == 3
     assert len({len(row) for row in rows}) == 1
     assert [row["title"] for row in json.loads(files["tables.json"])] == [text, text]
+    found = measured(table, NOTHING_KEPT)
+    pages = pages_of(table, found)
+    for name, told in {
+        "table": table_page(pages, [pages]),
+        "index": index_page([pages], overview([pages], text), {}),
+        "forms": forms_page(pages, [pages], {"stem": text, "inputs": {text: text}}),
+        "queries": queries_page(pages, [pages], text),
+    }.items():
+        told.encode("utf-8")
+        reader = Reader()
+        reader.feed(told)
+        reader.close()
+        scripts = [where for tag, where in reader.tags if tag == "script"]
+        assert all(
+            re.fullmatch(r"parts/assets/[a-z]+\.js", w.get("src", "")) or w.get("id") == "page-data" for w in scripts
+        )
+        assert "img" not in [tag for tag, _ in reader.tags], name
     reader = Reader()
-    picture = os.fsdecode(f"forms-{text}.png".encode("utf-8", "surrogatepass"))  # as the system tells a file name
-    reader.feed(page([table], {table.file_stem: picture}))
+    reader.feed(score_table(table))
     tags = [tag for tag, _ in reader.tags]
-    assert "script" not in tags
-    assert (tags.count("table"), tags.count("img"), tags.count("td")) == (1, 1, 15)
-    (source,) = (found["src"] for tag, found in reader.tags if tag == "img")
-    assert re.fullmatch(r"[\w.%~/-]+", source)
+    assert (tags.count("table"), tags.count("script"), tags.count("td"), tags.count("tr")) == (1, 0, 3 * 4 + 1, 5)
+    script = data_script(text, found.data)
+    assert script.isascii()
+    assert not set("<>&\r") & set(script)
+    assert json.loads(f"[{script.removeprefix('canonicalForms.receive(').removesuffix(');' + chr(10))}]")[0] == clean(
+        text
+    )
 
 
 def braces(latex):

@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,11 +13,16 @@ from benchmark.jobs.plan import difference
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.files import render
-from benchmark.report.page import page
+from benchmark.report.html.measured import measured
+from benchmark.report.html.pages import index_page, table_page
+from benchmark.report.html.scripts import data_script
+from benchmark.report.html.site import overview, pages_of
+from benchmark.report.kept import Kept
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Records, as_text, by_place, outcome, portable
 from benchmark.storage.soundness import fault_of
+from benchmark.storage.store import Store
 from tests.records import MEASURES, failed, record
 
 
@@ -203,7 +209,11 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
         return
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
-    page([table], {})
+    found = measured(table, Kept(Store(Path("nowhere")), {}))
+    pages = pages_of(table, found)
+    data_script("table", found.data)
+    table_page(pages, [pages])
+    index_page([pages], overview([pages], "report"), {})
     compare_folders([changed], [GOOD])
     as_text(portable(changed))
     _explain_record(changed)

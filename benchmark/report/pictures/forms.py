@@ -1,26 +1,27 @@
-"""Figures made from stored stages: what the methods make of one subject in a few poses."""
+"""Figures of forms for papers and pages: what methods make of a subject in a few poses."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
-from benchmark.errors import BenchmarkError, ShapeError
-from benchmark.geometry.camera import Camera
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
+from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.runner import make_forms
 from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.tables import Gallery
-from benchmark.report.content import file_stem
-from benchmark.report.pictures.drawing import Image, depth_picture, principal_frame, shaded
+from benchmark.report.pictures.painting import outwardness, painted
+from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.store import Store
 from benchmark.system.calls import call_apart
 from benchmark.system.text import clean
@@ -28,46 +29,38 @@ from benchmark.system.text import clean
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: A picture, or the reason why there is none.
-Picture = Image | str
-
-#: Poses of the subject that a figure shows.
+#: Poses of a subject that a figure shows.
 POSES = 3
 
-#: Forms that are the input itself, turned at most: they stand as the camera sees the input.
-_UPRIGHT = ("identity",)
+#: Width of a figure in inches: the text of a two-column paper.
+WIDTH = 7.16
 
-#: The surface behind a depth image looks complete from the front, so it is drawn from aside.
-_ASLANT = Camera((0.7, 1.0, -0.2))
+#: Height of the titles in inches.
+_TITLES = 0.28
+
+#: Width of a picture beyond what the largest form of its row takes.
+_MARGIN = 1.03
 
 
-def forms_figures(
-    jobs: Sequence[Job], store: Store, selection: Scope, folder: Path, limit: float | None = None
-) -> dict[str, str]:
-    """Draw :func:`forms_figure` for each gallery of a plan, and write them into a folder.
+@dataclass
+class Forms:
+    """What one method makes of some shapes, turned for the eye.
 
-    Tables that go with others show the forms of those, and have no figure of their own.
-
-    Returns
-    -------
-    dict
-        File name by the file stem of the gallery's table.
-
-    Raises
-    ------
-    BenchmarkError
-        If a file cannot be written.
+    Parameters
+    ----------
+    title
+        The method.
+    meshes
+        Surfaces as they are drawn, or why there is none.
     """
-    names: dict[str, str] = {}
-    for job in jobs:
-        gallery = job.gallery
-        stem = file_stem(gallery.table.identifier, gallery.dataset.name, quick=gallery.quick)
-        if stem in names or gallery.table.part_of or gallery.table.ablation:
-            continue
-        names[stem] = f"forms-{gallery.dataset.name}.png"
-        own = [other for other in jobs if other.gallery.name == gallery.name]
-        save(forms_figure(own, store, selection, limit=limit), folder / names[stem])
-    return names
+
+    title: str
+    meshes: list[Mesh | str] = field(default_factory=list)
+
+    @property
+    def half(self) -> float:
+        """Half the width of a picture that holds each of them."""
+        return max((_MARGIN * reach(mesh.vertices) for mesh in self.meshes if isinstance(mesh, Mesh)), default=1.0)
 
 
 def forms_figure(
@@ -75,99 +68,203 @@ def forms_figure(
     store: Store,
     selection: Scope,
     subject: str = "",
-    size: int = 220,
+    shapes: Sequence[str] = (),
     limit: float | None = None,
+    size: int = 280,
 ) -> Figure:
-    """Draw the input, the depth view, and the canonical forms of all methods, for one subject of one gallery.
+    """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
 
     Where there is no form, its place tells why.
 
     Parameters
     ----------
     jobs
-        Jobs of one gallery; their stages are taken from the store. Missing forms are made in a process of their own,
-        but not those of a job that has failed.
+        Jobs of one gallery under one input. Forms are taken from the store, and missing ones are made in a process of
+        their own, but not those of a job that has failed.
     store
-        Where the stages are.
+        Where the forms are.
     selection
         What the jobs were planned for.
     subject
         Which subject to show; the first one by default.
+    shapes
+        Which shapes to show, in place of some poses of a subject.
+    limit
+        Seconds that making the missing forms of one method may take; None for no limit.
     size
         Pixels per picture.
-    limit
-        Seconds that making one form may take; None for no limit.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such subject or shape.
+    """
+    rows = _of_methods(jobs, store, selection, _chosen(jobs[0].gallery, subject, shapes), limit)
+    return _drawn([[each.meshes[k] for each in rows] for k in range(len(rows[0].meshes))], rows, size)
+
+
+def effect_figure(
+    jobs: Sequence[Job],
+    store: Store,
+    selection: Scope,
+    subjects: Sequence[str] = (),
+    shapes: Sequence[str] = (),
+    limit: float | None = None,
+    size: int = 280,
+) -> Figure:
+    """Draw some subjects in a few poses on the left, and on the right what the first method makes of them.
+
+    Parameters
+    ----------
+    jobs, store, selection, limit, size
+        As of :func:`forms_figure`.
+    subjects
+        Which subjects to show, one in each row; the first two by default.
+    shapes
+        Which shapes to show of them, in place of some poses of each.
     """
     from matplotlib.figure import Figure
 
     gallery = jobs[0].gallery
-    by_place = {(job.method.name, job.input): job for job in jobs}
-    available = {job.method.name: job for job in jobs if job.state not in ("unavailable", "unsupported")}
-    shown = [name for name, job in available.items() if isinstance(job.method.create(), Method)]
-    entries = _poses(gallery, subject)
-    columns: list[tuple[str, list[Picture]]] = []
-    for input_ in dict.fromkeys(job.input for job in jobs):
-        preparation = Preparation(gallery.dataset, input_, store)
-        inputs = [_input_picture(preparation, entry, size) for entry in entries]
-        rows = [_form_pictures(by_place[name, input_], preparation, selection, entries, size, limit) for name in shown]
-        for number, entry in enumerate(entries):
-            columns.append((clean(f"{input_}: {entry.identifier}"), [inputs[number], *(row[number] for row in rows)]))
-    titles = ["input", *(clean(available[name].method.title) for name in shown)]
-    figure = Figure(figsize=(1.7 * len(columns) + 1.2, 1.7 * len(titles) + 0.3), dpi=100)
-    axes = figure.subplots(len(titles), len(columns), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
-    for j, (heading, pictures) in enumerate(columns):
-        axes[0, j].set_title(heading, fontsize=7, parse_math=False)
-        for i, picture in enumerate(pictures):
-            _fill(axes[i, j], picture, size)
-    for i, title in enumerate(titles):
-        place = axes[i, 0]
-        place.text(-0.05, 0.5, title, transform=place.transAxes, ha="right", va="center", fontsize=8, parse_math=False)
+    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in gallery.entries))[:2]
+    rows = []
+    for subject in named:
+        own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in gallery.entries)]
+        rows.append(_of_methods(jobs[:1], store, selection, _chosen(gallery, subject, own), limit))
+    n_poses = max(len(row[0].meshes) for row in rows)
+    side = 1.5
+    figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=size / 2)
+    widths = [1] * n_poses + [0.7] + [1] * n_poses
+    axes = figure.subplots(
+        len(rows), len(widths), squeeze=False,
+        gridspec_kw={"width_ratios": widths, "wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 0.9},
+    )  # fmt: skip
+    for line, row in zip(axes, rows, strict=True):
+        for place in line:
+            place.set_axis_off()
+        for start, forms in ((0, row[0]), (n_poses + 1, row[1])):
+            for k, mesh in enumerate(forms.meshes):
+                _fill(line[start + k], mesh, forms.half, size)
+        line[n_poses].annotate(
+            "", (0.85, 0.5), (0.15, 0.5), xycoords="axes fraction", textcoords="axes fraction",
+            arrowprops={"arrowstyle": "-|>", "lw": 2.2, "color": "0.45", "mutation_scale": 18},
+        )  # fmt: skip
+    figure.text(n_poses / sum(widths) / 2, 0.955, "The same bodies in different poses", **_HEAD)
+    figure.text(
+        1 - n_poses / sum(widths) / 2, 0.955, f"Their canonical forms, by {clean(jobs[0].method.info.title)}", **_HEAD
+    )
     return figure
 
 
+_HEAD: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 12, "color": "0.25", "parse_math": False}
+
+
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG without dates, so that the same picture is the same file."""
+    """Write a figure without dates, so that the same picture is the same file; the end of its name chooses the kind."""
+    nothing = {"Software": None} if path.suffix.lower() == ".png" else {"CreationDate": None, "Producer": None}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, bbox_inches="tight", pad_inches=0.05, metadata={"Software": None})
+        figure.savefig(path, bbox_inches="tight", pad_inches=0.03, metadata=nothing)
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 
 
-def _fill(place: Any, picture: Picture, size: int) -> None:
+def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms], size: int) -> Figure:
+    from matplotlib.figure import Figure
+
+    side = WIDTH / len(columns)
+    height = side * len(rows) + _TITLES
+    figure = Figure(figsize=(WIDTH, height), dpi=max(300, size / side))
+    axes = figure.subplots(
+        len(rows), len(columns), squeeze=False,
+        gridspec_kw={"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 1 - _TITLES / height},
+    )  # fmt: skip
+    for line, row in zip(axes, rows, strict=True):
+        for place, forms, mesh in zip(line, columns, row, strict=True):
+            place.set_axis_off()
+            _fill(place, mesh, forms.half, size)
+    for place, forms in zip(axes[0], columns, strict=True):
+        title = textwrap.fill(clean(forms.title), 14, max_lines=2, placeholder=" ...")
+        place.text(
+            0.5, 1.03, title, transform=place.transAxes, ha="center", va="bottom", fontsize=6.5, parse_math=False
+        )
+    return figure
+
+
+def _fill(place: Any, mesh: Mesh | str, half: float, size: int) -> None:
     """Put a picture into its place, or the reason why there is none."""
-    place.set_axis_off()
-    if not isinstance(picture, str):
-        place.imshow(picture, interpolation="antialiased")
+    if isinstance(mesh, Mesh):
+        picture = painted(mesh.vertices, mesh.faces, outwardness(mesh), size, half)
+        place.imshow(np.asarray(picture), interpolation="antialiased")
         return
-    place.imshow(np.ones((size, size, 3)), interpolation="antialiased")
-    said = "\n".join(textwrap.wrap(clean(picture), 28, max_lines=8, placeholder=" ..."))
+    place.set_aspect("equal")
+    said = "\n".join(textwrap.wrap(clean(mesh), 22, max_lines=7, placeholder=" ..."))
     place.text(
-        0.5, 0.5, said, transform=place.transAxes, ha="center", va="center", fontsize=5, color="0.4", parse_math=False
+        0.5, 0.5, said, transform=place.transAxes, ha="center", va="center", fontsize=4, color="0.4", parse_math=False
     )
 
 
-def _poses(gallery: Gallery, subject: str) -> list[Entry]:
-    """Poses of one subject, spread over those that it has."""
+def _chosen(gallery: Gallery, subject: str, shapes: Sequence[str]) -> list[Entry]:
+    """The named shapes, else poses of one subject, spread over those that it has."""
+    if shapes:
+        known = {entry.identifier: entry for entry in gallery.entries}
+        unknown = next((name for name in shapes if name not in known), None)
+        if unknown is not None:
+            raise did_you_mean(f"shape of {gallery.name}", unknown, known)
+        return [known[name] for name in shapes]
     name = subject or gallery.entries[0].subject
     members = [entry for entry in gallery.entries if entry.subject == name]
+    if not members:
+        raise did_you_mean(f"subject of {gallery.name}", name, {entry.subject for entry in gallery.entries})
     return [members[i] for i in np.unique(np.linspace(0, len(members) - 1, POSES).astype(int))]
 
 
-def _input_picture(preparation: Preparation, entry: Entry, size: int) -> Picture:
-    """The complete surface as the camera sees it, or the depth image; the reason if it cannot be prepared."""
+def _of_methods(
+    jobs: Sequence[Job], store: Store, selection: Scope, entries: Sequence[Entry], limit: float | None
+) -> list[Forms]:
+    """The shapes themselves, then the forms of each method, all poses turned alike."""
+    gallery, input_ = jobs[0].gallery, jobs[0].input
+    preparation = Preparation(gallery.dataset, input_, store)
+    surfaces = [_surface(preparation, entry) for entry in entries]
+    seen: list[Points | None] = []
+    for entry, surface in zip(entries, surfaces, strict=True):
+        turned = None if isinstance(surface, str) else surface.vertices
+        if turned is not None and input_ == "mesh":
+            turned = turned @ gallery.dataset.camera(entry).rotation.T
+        seen.append(turned)
+    own = [
+        m if isinstance(m, str) else m.with_vertices(centred(cast(Points, s)))
+        for m, s in zip(surfaces, seen, strict=True)
+    ]
+    found = [Forms("input", own)]
+    for job in (job for job in jobs if isinstance(job.method.create(), Method)):
+        forms = Forms(job.method.title)
+        model: Points | None = None
+        for form, surface, points in zip(
+            _made(job, preparation, selection, entries, limit), surfaces, seen, strict=True
+        ):
+            if isinstance(form, str) or isinstance(surface, str) or points is None:
+                forms.meshes.append(form if isinstance(form, str) else str(surface))
+                continue
+            turned = centred(upright(form, surface, points, model))
+            model = turned if model is None else model
+            forms.meshes.append(form.with_vertices(turned))
+        found.append(forms)
+    if len(found) == 1:
+        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
+    return found
+
+
+def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:
     try:
-        shape = preparation.shape(entry)
+        return preparation.shape(entry).mesh
     except ShapeError as error:
         return str(error)
-    if shape.depth is not None:
-        return depth_picture(shape.depth, size)
-    return shaded(shape.mesh, preparation.dataset.camera(entry), size)
 
 
-def _form_pictures(
-    job: Job, preparation: Preparation, selection: Scope, entries: Sequence[Entry], size: int, limit: float | None
-) -> list[Picture]:
+def _made(
+    job: Job, preparation: Preparation, selection: Scope, entries: Sequence[Entry], limit: float | None
+) -> list[Mesh | str]:
     """The form of each shape, or the reason why there is none."""
     if job.state in ("unavailable", "unsupported", "failed") or preparation.store is None:
         return [job.reason] * len(entries)
@@ -183,8 +280,7 @@ def _form_pictures(
             )
         except BenchmarkError as error:
             reason = str(error)
-    found = [_form_picture(treatment, entry, size) for entry in entries]
-    return [reason if picture is None else picture for picture in found]
+    return [_found(treatment, entry) or reason for entry in entries]
 
 
 def _nothing(_: str) -> bool:
@@ -192,17 +288,9 @@ def _nothing(_: str) -> bool:
     return False
 
 
-def _form_picture(treatment: Treatment, entry: Entry, size: int) -> Picture | None:
+def _found(treatment: Treatment, entry: Entry) -> Mesh | str | None:
     """The form of a shape, or why the shape cannot be treated; None if there is no answer."""
     try:
-        form = treatment.found_form(entry)
+        return treatment.found_form(entry)
     except ShapeError as error:
         return str(error)
-    if form is None:
-        return None
-    if treatment.spec.name not in _UPRIGHT:
-        return shaded(principal_frame(form), size=size)
-    if treatment.preparation.input == "mesh":
-        return shaded(form, treatment.preparation.dataset.camera(entry), size)
-    upright = form.with_vertices(form.vertices[:, [0, 2, 1]] * [1, -1, 1])  # from camera coordinates to z up
-    return shaded(upright, _ASLANT, size)

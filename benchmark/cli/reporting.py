@@ -1,0 +1,77 @@
+"""What ``report`` writes: pages, or one figure."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmark.cli.options import Selection
+from benchmark.errors import ConfigurationError
+from benchmark.system.text import say
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Kinds of figures.
+FIGURES = ("forms", "effect", "cost")
+
+_ENDINGS = (".pdf", ".png", ".svg")
+
+
+def write_pages(selection: Selection, output: Path) -> None:
+    """Write the static report of a selection."""
+    from benchmark.methods.registry import methods
+    from benchmark.report.content import contents
+    from benchmark.report.html.folder import Folder
+    from benchmark.report.html.site import write_report
+    from benchmark.report.kept import Kept
+    from benchmark.storage.store import Store
+
+    store = Store.open(selection.results)
+    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
+    kept = Kept(store, methods(selection.plugins), selection.data_root)
+    command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
+    written = write_report(tables, kept, Folder(output), command, lambda line: say(line, err=True))
+    say(
+        f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
+        f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"
+    )
+
+
+def write_figure(
+    selection: Selection, path: Path, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
+) -> None:
+    """Draw one figure of a selection; the forms that it lacks are made in a process of their own."""
+    from benchmark.report.pictures.forms import effect_figure, forms_figure, save
+
+    if path.suffix.lower() not in _ENDINGS:
+        raise ConfigurationError(f"{path} is no name of a figure", f"let it end in {', '.join(_ENDINGS)}")
+    if what == "cost":
+        save(_cost_figure(selection), path)
+    else:
+        from benchmark.storage.store import Store
+
+        store = Store.open(selection.results)
+        planned = selection.jobs(store)
+        first = planned[0]
+        jobs = [job for job in planned if (job.gallery.name, job.input) == (first.gallery.name, first.input)]
+        if not selection.methods:  # those of the paper; the others would not fit
+            jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
+            jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
+        if what == "forms":
+            figure = forms_figure(jobs, store, selection, subjects[0] if subjects else "", shapes, timeout)
+        else:
+            figure = effect_figure(jobs, store, selection, subjects, shapes, timeout)
+        save(figure, path)
+    say(f"wrote {path}")
+
+
+def _cost_figure(selection: Selection) -> Figure:
+    from benchmark.report.content import contents
+    from benchmark.report.pictures.cost import cost_figure
+    from benchmark.storage.store import Store
+
+    store = Store.open(selection.results)
+    return cost_figure(contents(selection.recorded(store), selection.tables)[0])

@@ -1,0 +1,107 @@
+"""What the browser of queries reads: every shape, its scores, and its nearest shapes under each method, in parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmark.report.html.folder import Folder
+from benchmark.report.html.measured import Ranked, poses_of
+from benchmark.report.html.scripts import data_script
+from benchmark.report.kept import Kept
+from retrieval.measures import PRINTED
+
+#: Queries in one script.
+PART = 100
+
+#: Bytes that one query of one method takes, about, and that those of one table may take together.
+_EACH, MOST_BYTES = 90, 6_000_000
+
+
+def write_queries(
+    stem: str,
+    ranked: Sequence[Ranked],
+    titles: Mapping[str, str],
+    pictures: Mapping[str, int],
+    kept: Kept,
+    folder: Folder,
+    most_bytes: int = MOST_BYTES,
+) -> dict[str, Any]:
+    """Write the scripts of the browser of one table.
+
+    Parameters
+    ----------
+    stem
+        Name of the files.
+    ranked
+        Methods with their rankings.
+    titles
+        Of the methods, in the order in which they are shown.
+    pictures
+        Place of the picture of a shape, by name.
+    kept
+        Where poses are.
+    folder
+        Where files go.
+    most_bytes
+        Of large galleries only so many queries are written, evenly spread, that they fit.
+
+    Returns
+    -------
+    dict
+        What the page reads first: galleries with their shapes and parts.
+    """
+    galleries: list[dict[str, Any]] = []
+    places = list(dict.fromkeys((each.record["gallery"], each.input) for each in ranked))
+    room = max(PART, int(most_bytes / max(len(places), 1) / max(len(titles), 1) / _EACH))
+    for number, (gallery, input_) in enumerate(places):
+        here = [each for each in ranked if (each.record["gallery"], each.input) == (gallery, input_)]
+        labels: dict[str, str] = {}
+        for each in here:
+            labels |= zip(each.record["shapes"], each.record["labels"], strict=True)
+        names = list(labels)
+        pose_of = poses_of(here[0].record, kept)
+        chosen = np.unique(np.linspace(0, len(names) - 1, min(room, len(names))).astype(int)).tolist()
+        for part in range(0, len(chosen), PART):
+            queries = [names[k] for k in chosen[part : part + PART]]
+            name = f"queries-{stem}-{number}-{part // PART}"
+            folder.write(f"parts/data/{name}.js", data_script(name, _part(here, names, queries)))
+        galleries.append(
+            {
+                "gallery": gallery,
+                "input": input_,
+                "number": number,
+                "names": names,
+                "subjects": list(labels.values()),
+                "poses": [pose_of.get(name, "") for name in names],
+                "pictures": [pictures.get(name, -1) for name in names],
+                "queries": chosen if len(chosen) < len(names) else None,
+                "methods": [{"name": m, "title": titles[m]} for m in titles if any(each.method == m for each in here)],
+            }
+        )
+    return {"stem": stem, "part": PART, "measures": list(PRINTED), "galleries": galleries}
+
+
+def _part(ranked: Sequence[Ranked], names: Sequence[str], queries: Sequence[str]) -> dict[str, Any]:
+    """By method, for each query: its nearest shapes by their place in the gallery, and its scores; None if left out."""
+    place = {name: k for k, name in enumerate(names)}
+    found: dict[str, Any] = {}
+    for each in ranked:
+        record = each.record
+        own = {name: k for k, name in enumerate(record["shapes"])}
+        to_gallery = [place[name] for name in record["shapes"]]
+        nearest: list[list[int] | None] = []
+        scores: list[list[float | None] | None] = []
+        for query in queries:
+            k = own.get(query)
+            is_ranked = k is not None and each.ranking is not None
+            nearest.append([to_gallery[match] for match in each.ranking.nearest[k]] if is_ranked else None)  # type: ignore[union-attr]
+            scores.append(None if k is None else [_short(record["per_query"][name][k]) for name in PRINTED])
+        found[each.method] = {"nearest": nearest if each.ranking is not None else None, "scores": scores}
+    return found
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else round(float(value), 3)

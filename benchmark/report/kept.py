@@ -1,0 +1,125 @@
+"""What a results folder still holds of a record: distances, prepared shapes, canonical forms; nothing is made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from benchmark.contracts import Input
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.own import is_own
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.preparation import Preparation, treated
+from benchmark.jobs.stages.form import form_mesh
+from benchmark.jobs.treatment import Treatment
+from benchmark.methods.registry import MethodSpec, variant
+from benchmark.protocols.models import find_models
+from benchmark.protocols.tables import Gallery
+from benchmark.report.content import own_table
+from benchmark.storage.arrays import load_arrays
+from benchmark.storage.records import Record
+from benchmark.storage.store import Store
+from benchmark.system.plugins import is_imported
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The arrays behind the records of a results folder.
+
+    Parameters
+    ----------
+    store
+        The folder.
+    known
+        Methods by name.
+    data_root
+        Folder of the official data sets.
+    """
+
+    store: Store
+    known: Mapping[str, MethodSpec]
+    data_root: Path | None = None
+    _datasets: dict[str, Dataset | BenchmarkError] = field(default_factory=dict, repr=False, compare=False)
+    _preparations: dict[tuple[str, Input], Preparation] = field(default_factory=dict, repr=False, compare=False)
+    _treatments: dict[str, Treatment] = field(default_factory=dict, repr=False, compare=False)
+
+    def distances(self, record: Record) -> Iterator[NDArray[Any]]:
+        """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
+        count = len(record["shapes"])
+        for name in record.get("artefacts", ()):
+            path = self.store.artefacts / name[:2] / f"{name}.npz"
+            try:
+                arrays = load_arrays(path, name, lambda array: array == "distances")
+            except Exception:  # noqa: S112
+                continue  # freed or damaged
+            if "distances" in arrays and arrays["distances"].shape == (count, count):
+                yield arrays["distances"]
+
+    def dataset(self, record: Record) -> Dataset:
+        """The data set of a record; raises ``BenchmarkError`` if it is not here."""
+        source = record["data"]["source"]
+        if source not in self._datasets:
+            try:
+                if is_own(source) and not is_imported(source.rpartition(":")[0]):
+                    name = record["data"]["name"]
+                    raise ConfigurationError(f"the plugin of data set {name} was not passed", "pass it")
+                self._datasets[source] = open_dataset(source, self.data_root)
+            except BenchmarkError as error:
+                self._datasets[source] = error
+        found = self._datasets[source]
+        if isinstance(found, BenchmarkError):
+            raise found
+        return found
+
+    def preparation(self, record: Record) -> Preparation:
+        """The prepared shapes that a record was made from; raises ``BenchmarkError`` if its data set is not here."""
+        place = (record["data"]["source"], record["input"])
+        if place not in self._preparations:
+            self._preparations[place] = Preparation(self.dataset(record), record["input"], self.store)
+        return self._preparations[place]
+
+    def treatment(self, record: Record) -> Treatment:
+        """The method of a record at its shapes; raises ``BenchmarkError`` if data, method or models are not here."""
+        key = record["key"]
+        if key not in self._treatments:
+            preparation, spec = self.preparation(record), variant(record["method"], self.known)
+            dataset, source = preparation.dataset, record["data"]["source"]
+            shapes = set(record["shapes"])
+            entries = tuple(entry for entry in dataset.entries if entry.identifier in shapes)
+            gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
+            models = find_models(spec, gallery, self.store.models)
+            seed = int(record["recipe"].get("seed", 0))
+            self._treatments[key] = Treatment(preparation, self.store, spec, seed, models)
+        return self._treatments[key]
+
+    def surface(self, record: Record, entry: Entry) -> Mesh | None:
+        """A prepared shape; None where it was not kept, or could not be prepared."""
+        try:
+            preparation = self.preparation(record)
+            found = self.store.find(preparation.recipe(entry))
+            arrays = None if found is None else treated(found)
+        except BenchmarkError:
+            return None
+        return None if arrays is None else Mesh(arrays["vertices"], arrays["faces"])
+
+    def form(self, record: Record, entry: Entry) -> Mesh | str:
+        """The canonical form of a shape, or why there is none."""
+        try:
+            treatment = self.treatment(record)
+            if treatment.describes:
+                return "it makes no forms"
+            found = self.store.find(treatment.recipe(entry))
+            surface = self.surface(record, entry)
+            if found is None or surface is None:
+                return "not kept here"
+            return form_mesh(treated(found), surface)
+        except ShapeError as error:
+            return str(error)
+        except BenchmarkError as error:
+            return error.problem

@@ -1,0 +1,134 @@
+"""Coloured pictures of surfaces on nothing: the colour of a place tells how far out on the body it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from benchmark.geometry.edges import edges_of
+from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.rasterise import depth_buffer
+from benchmark.report.pictures.drawing import LAMP
+
+#: From the trunk to the tips of the limbs; told apart on white and on black, and without seeing colours, by lightness.
+PALETTE = (
+    np.array([[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]]) / 255
+)
+
+_SOURCES = 48
+_SUPERSAMPLING = 2
+
+#: Points that are drawn along an edge at most.
+_MOST_ALONG = 256
+
+_PLAIN = (0.60, 0.68, 0.77)
+
+
+def outwardness(mesh: Mesh) -> NDArray[np.float64]:
+    """How far out on its surface each vertex lies, shape (n,): 0 in the middle, 1 at the farthest tip.
+
+    That is the mean distance along the surface to places all over it, which hardly changes when a limb is bent: the
+    same part of a body has the same colour in every pose.
+    """
+    edges = edges_of(mesh.faces).ends
+    lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
+    graph = coo_matrix((lengths + 1e-12, (edges[:, 0], edges[:, 1])), shape=(mesh.n_vertices,) * 2).tocsr()
+    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, _SOURCES).astype(int))
+    along = dijkstra(graph, directed=False, indices=sources)
+    along[~np.isfinite(along)] = np.nan
+    far = np.nan_to_num(np.nanmean(along, axis=0))
+    low, high = float(far.min()), float(far.max())
+    share = (far - low) / max(high - low, 1e-12)
+    rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
+    return np.asarray((share + rank) / 2)  # most of a body is trunk: by its share alone it would have one colour
+
+
+def colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Colours of values from 0 to 1, shape (..., 3), in [0, 1]."""
+    steps = np.linspace(0, 1, len(PALETTE))
+    return np.stack([np.interp(values, steps, PALETTE[:, channel]) for channel in range(3)], axis=-1)
+
+
+def painted(
+    points: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None, size: int, half: float
+) -> Image.Image:
+    """Picture of a surface as seen along its third axis.
+
+    Parameters
+    ----------
+    points
+        Vertices: to the right, up, towards the viewer; the origin is in the middle of the picture.
+    faces
+        Triangles.
+    values
+        Of the vertices, from 0 to 1, shown as :func:`colours`; None for one plain colour.
+    size
+        Pixels per side.
+    half
+        Half the width of the picture, in units of the points.
+
+    Returns
+    -------
+    PIL.Image.Image
+        With an alpha channel: transparent where there is nothing.
+    """
+    fine = size * _SUPERSAMPLING
+    scaled = points / half
+    pixels = np.column_stack([(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]])
+    depth = depth_buffer(pixels, faces, fine, np.inf).astype(np.float64)
+    seen = np.isfinite(depth)
+    rgba = np.zeros((fine, fine, 4))
+    _draw_edges(rgba, pixels, faces, values)
+    if seen.any():
+        rgba[seen, :3] = _colour_of(scaled, depth, seen, values, fine) * _light(depth, seen, 2 / fine)[:, None]
+        rgba[seen, 3] = 1.0
+    blocks = rgba.reshape(size, _SUPERSAMPLING, size, _SUPERSAMPLING, 4).mean(axis=(1, 3))
+    covered = np.maximum(blocks[..., 3:], 1e-9)
+    blocks[..., :3] = np.clip(blocks[..., :3] / covered, 0, 1)
+    return Image.fromarray(np.round(255 * blocks).astype(np.uint8), "RGBA")
+
+
+def _draw_edges(
+    rgba: NDArray[np.float64], pixels: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None
+) -> None:
+    """Lay the edges below the surface, so that what is thinner than a pixel does not vanish."""
+    edges = edges_of(faces).ends
+    first, last = pixels[edges[:, 0], None, :2], pixels[edges[:, 1], None, :2]
+    longest = float(np.abs(last - first).max(initial=0.0))
+    along = np.linspace(0, 1, int(np.clip(np.ceil(longest), 1, _MOST_ALONG)) + 1)[None, :, None]
+    places = np.floor(first + along * (last - first)).astype(np.int64).reshape(-1, 2)
+    inside = ((places >= 0) & (places < len(rgba))).all(axis=1)
+    column, row = places[inside].T
+    rgba[row, column, 3] = 1.0
+    if values is None:
+        rgba[row, column, :3] = _PLAIN
+        return
+    shades = values[edges[:, 0], None] + along[..., 0] * (values[edges[:, 1]] - values[edges[:, 0]])[:, None]
+    rgba[row, column, :3] = 0.85 * colours(shades.reshape(-1)[inside])
+
+
+def _colour_of(
+    scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64] | None, fine: int
+) -> NDArray[np.float64]:
+    if values is None:
+        return np.array([_PLAIN])
+    rows, columns = np.nonzero(seen)
+    places = np.column_stack([(columns + 0.5) * 2 / fine - 1, 1 - (rows + 0.5) * 2 / fine, -depth[seen]])
+    away, nearest = cKDTree(scaled).query(places, k=min(3, len(scaled)))
+    if away.ndim == 1:
+        away, nearest = away[:, None], nearest[:, None]
+    weights = 1 / np.maximum(away, 1e-6)
+    return colours((weights * values[nearest]).sum(axis=1) / weights.sum(axis=1))
+
+
+def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_], pixel: float) -> NDArray[np.float64]:
+    """How bright each pixel of the surface is: a lamp, some light from everywhere, and a dark rim."""
+    filled = np.where(seen, depth, np.max(depth, where=seen, initial=-np.inf))
+    down, right = np.gradient(filled, pixel)
+    normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.asarray(0.52 + 0.62 * np.clip(normal @ LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))

@@ -1,0 +1,143 @@
+"""What the distances of a record say beyond its scores: nearest shapes, precision over recall, and what is confused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retrieval.metrics import ROWS, check_distances
+
+#: Matches of each query that the report shows.
+NEAREST = 10
+
+#: Levels of recall at which precision is interpolated.
+RECALLS = tuple(round(0.05 * k, 2) for k in range(1, 21))
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """How a method ranks a gallery.
+
+    Parameters
+    ----------
+    nearest
+        The nearest shapes of each query, itself left out, shape (N, min(NEAREST, N - 1)); of equals the first.
+    distances
+        Their distances, of the same shape, in units of the mean distance of the gallery.
+    precision
+        Interpolated precision of each query at :data:`RECALLS`, shape (N, 20): the highest precision at this recall or
+        any higher one; NaN for the only shape of its class.
+    """
+
+    nearest: NDArray[np.intp]
+    distances: NDArray[np.float64]
+    precision: NDArray[np.float64]
+
+
+def mean_distances(matrices: Iterable[ArrayLike]) -> NDArray[np.float64] | None:
+    """Mean of the matrices of several codebooks, shape (N, N); None if there are none."""
+    total, count = None, 0
+    for matrix in matrices:
+        values = np.asarray(matrix, dtype=np.float64)
+        total = values.copy() if total is None else total + values
+        count += 1
+    return None if total is None else total / count
+
+
+def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEAREST) -> Ranking:
+    """Rank the gallery for each of its shapes.
+
+    Parameters
+    ----------
+    distances
+        Shape (N, N), symmetric and finite.
+    labels
+        Class of each shape.
+    n_nearest
+        Matches to keep.
+
+    Raises
+    ------
+    ConfigurationError
+        If the matrix is not square, finite and symmetric, or does not fit the labels.
+    """
+    matrix, classes = check_distances(distances, labels)
+    count = len(matrix)
+    kept = min(n_nearest, count - 1)
+    nearest = np.empty((count, kept), dtype=np.intp)
+    precision = np.full((count, len(RECALLS)), np.nan)
+    for start in range(0, count, ROWS):
+        rows = matrix[start : start + ROWS].copy()
+        queries = np.arange(start, start + len(rows))
+        rows[np.arange(len(rows)), queries] = np.inf  # a query is no match of itself: last
+        order = np.argsort(rows, axis=1, kind="stable")[:, :-1]
+        nearest[queries] = order[:, :kept]
+        precision[queries] = _precision(classes[order] == classes[queries, None])
+    unit = matrix.sum() / max(count * (count - 1), 1) or 1.0
+    return Ranking(nearest, np.take_along_axis(matrix, nearest, axis=1) / unit, precision)
+
+
+def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Interpolated precision of some queries whose matches are relevant or not, in the order of their ranks."""
+    hits = np.cumsum(relevant, axis=1)
+    best = np.maximum.accumulate((hits / np.arange(1, relevant.shape[1] + 1))[:, ::-1], axis=1)[:, ::-1]
+    found = np.full((len(relevant), len(RECALLS)), np.nan)
+    for row, (of_query, at_best) in enumerate(zip(hits, best, strict=True)):
+        if of_query.size and of_query[-1]:
+            wanted = [-(-round(100 * recall) * int(of_query[-1]) // 100) for recall in RECALLS]  # hits, rounded up
+            found[row] = at_best[np.searchsorted(of_query, wanted)]
+    return found
+
+
+def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str, str], int]:
+    """How often a query of one kind has a nearest match of another, or of its own: counts by both kinds."""
+    counts: dict[tuple[str, str], int] = {}
+    for query, match in enumerate(nearest[:, 0].tolist() if nearest.size else ()):
+        pair = (kinds[query], kinds[match])
+        counts[pair] = counts.get(pair, 0) + 1
+    return counts
+
+
+@dataclass(frozen=True)
+class Attraction:
+    """What the nearest match has in common with its query: shares of all queries.
+
+    Parameters
+    ----------
+    subject, pose, neither, both
+        The subject alone, the pose alone, nothing, and both, as a second scan of a shape has.
+    """
+
+    subject: float
+    pose: float
+    neither: float
+    both: float
+
+
+def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
+    """Whether a method retrieves the subject or the pose; None where no pose is shown by two shapes."""
+    if len(set(poses)) == len(poses) or not nearest.size:
+        return None
+    who, how = (np.unique(list(kinds), return_inverse=True)[1] for kinds in (subjects, poses))
+    match = nearest[:, 0]
+    same, alike = who[match] == who, how[match] == how
+    counts = (same & ~alike, ~same & alike, ~same & ~alike, same & alike)
+    return Attraction(*(float(np.mean(each)) for each in counts))
+
+
+def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
+    """The same for a match that is drawn at random."""
+    count = len(subjects)
+    if len(set(poses)) == len(poses) or count < 2:
+        return None
+    who, how = (np.unique(list(kinds), return_inverse=True)[1] for kinds in (subjects, poses))
+    pairs = count * (count - 1)
+    same = float((np.bincount(who).astype(np.int64) ** 2).sum() - count)
+    alike = float((np.bincount(how).astype(np.int64) ** 2).sum() - count)
+    both = float((np.unique(np.column_stack([who, how]), axis=0, return_counts=True)[1] ** 2).sum() - count)
+    return Attraction(
+        (same - both) / pairs, (alike - both) / pairs, (pairs - same - alike + both) / pairs, both / pairs
+    )

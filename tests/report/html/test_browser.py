@@ -1,0 +1,233 @@
+"""The report in a browser: Debian's chromium without a screen, the report opened from its folder."""
+
+import io
+import shutil
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmark.methods.registry import methods
+from benchmark.report.content import contents
+from benchmark.report.html.folder import Folder
+from benchmark.report.html.site import write_report
+from benchmark.report.kept import Kept
+from benchmark.report.results import Results
+from benchmark.storage.store import Store
+from tests.records import failed
+from tests.toy import write_rods
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs Debian's packages chromium and chromium-driver"),
+]
+
+PATIENCE = 60
+PHONE, DESK = (390, 844), (1400, 1000)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The report of a small run: two methods that make forms, a descriptor, and a failure with a name from outside."""
+    from click.testing import CliRunner
+
+    from benchmark.cli.main import cli
+
+    base = tmp_path_factory.mktemp("site")
+    write_rods(base / "rods")
+    results = base / "results"
+    chosen = ["-m", "identity", "-m", "pca", "-m", "surface-area"]
+    run = ["run", "-d", str(base / "rods"), "--executor", "serial", "--results", str(results), *chosen]
+    assert CliRunner().invoke(cli, run).exit_code == 0
+    store = Store.open(results)
+    example = next(iter(store.records))
+    name = "<img src=x onerror=alert(1)>"
+    store.write_record(
+        failed("crashed", name, method="fell", title=name, gallery=example["gallery"], data=example["data"])
+    )
+    known = methods()
+    kept = Kept(store, known)
+    written = write_report(contents(Results(store, known).all()), kept, Folder(base / "report"), "report")
+    assert (written.n_forms, written.n_distances, written.n_ranked) == (24, 6, 6)
+    return base / "report"
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    webdriver = pytest.importorskip("selenium.webdriver", reason="needs the Python package selenium")
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    profile = tmp_path_factory.mktemp("profile")
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", f"--user-data-dir={profile}",
+        "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def browser(chromium, site):
+    """Opens a page of the report; at the end nothing may have been complained about."""
+
+    class Browser:
+        def __init__(self):
+            self.run = chromium.execute_script
+
+        def open(self, name, size=DESK, dark=False, fresh=True):
+            given = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+            chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
+            scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+            chromium.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+            chromium.get("about:blank")  # the address behind # alone would load nothing anew
+            chromium.get(f"file://{site}/{name}")
+            if fresh:
+                self.run("localStorage.clear(); delete document.documentElement.dataset.theme")
+
+        def wait(self, script, *arguments):
+            end = time.monotonic() + PATIENCE
+            while time.monotonic() < end:
+                if found := self.run(f"return {script}", *arguments):
+                    return found
+                time.sleep(0.1)
+            raise AssertionError(f"never true: {script}; {self.complaints()}")
+
+        def click(self, selector):
+            self.wait("document.querySelector(arguments[0]) !== null", selector)
+            self.run("document.querySelector(arguments[0]).click()", selector)
+
+        def press(self, keys):
+            from selenium.webdriver import ActionChains
+
+            ActionChains(chromium).send_keys(keys).perform()
+
+        def column(self, number):
+            rows = "[...document.querySelectorAll('#scores tbody tr')].filter((row) => !row.hidden)"
+            return self.run(f"return {rows}.map((row) => row.cells[{number}].textContent)")
+
+        def picture(self, selector):
+            from selenium.webdriver.common.by import By
+
+            png = chromium.find_element(By.CSS_SELECTOR, selector).screenshot_as_png
+            return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+        def complaints(self):
+            told = chromium.get_log("browser")
+            return [line["message"] for line in told if line["level"] in ("SEVERE", "ERROR")]
+
+    found = Browser()
+    found.complaints()  # of other pages
+    yield found
+    assert found.complaints() == []
+
+
+PAGES = ("index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html")
+
+
+def test_a_table_is_sorted_by_a_click_or_a_key_and_filtered(browser):
+    browser.open("table-rods.html")
+    given = browser.column(0)
+    assert len(given) == 4
+    head = "#scores thead tr:last-child th:nth-child(2) button"
+    browser.click(head)
+    numbers = [float(value) for value in browser.column(1) if value != "--"]
+    assert numbers == sorted(numbers, reverse=True)
+    assert browser.column(1)[-1] == "--"
+    browser.run("document.querySelector(arguments[0]).focus()", head)
+    browser.press("\ue007")  # Enter
+    numbers = [float(value) for value in browser.column(1) if value != "--"]
+    assert numbers == sorted(numbers)
+    assert browser.column(1)[-1] == "--"
+    browser.click(head)
+    assert browser.column(0) == given
+    browser.run("let box = document.querySelector('.filter'); box.value = 'pca'; box.dispatchEvent(new Event('input'))")
+    assert browser.column(0) == ["PCA"]
+
+
+def test_charts_are_drawn_and_names_are_text_in_them(browser):
+    browser.open("table-rods.html")
+    for chart in ("cost", "precision", "classes", "confusion"):
+        browser.run("document.querySelector(`[data-chart=${arguments[0]}]`).scrollIntoView()", chart)
+        browser.wait("document.querySelector(`[data-chart=${arguments[0]}] .plot[data-drawn]`) !== null", chart)
+    assert browser.run("return document.querySelectorAll('img').length") == 0
+    assert "<img src=x" in browser.run("return document.querySelector('#scores tbody').textContent")
+
+
+def test_the_viewer_draws_and_turns_a_form_with_mouse_and_keys(browser):
+    browser.open("table-rods-forms.html")
+    browser.click("figure:not(.input) .tile")
+    browser.wait("document.getElementById('scene').dataset.drawn")
+    time.sleep(1)
+    before = browser.picture("#scene")
+    drawn = (np.ptp(before, axis=2) > 40).mean()
+    assert 0.005 < drawn < 0.9
+    browser.press("\ue014\ue014\ue014")  # arrow to the right
+    time.sleep(1)
+    turned = browser.picture("#scene")
+    assert (np.abs(turned - before).sum(axis=2) > 60).mean() > 0.005
+    browser.click("[data-turn=in]")
+    time.sleep(1)
+    assert (np.ptp(browser.picture("#scene"), axis=2) > 40).mean() > 1.1 * (np.ptp(turned, axis=2) > 40).mean()
+    first = browser.run("return document.getElementById('scene').dataset.drawn")
+    browser.press("n")
+    browser.wait("document.getElementById('scene').dataset.drawn !== arguments[0]", first)
+    browser.press("\ue00c")  # Escape
+    assert not browser.run("return document.getElementById('viewer').open")
+
+
+def test_the_forms_of_the_gallery_are_pictures(browser):
+    browser.open("table-rods-forms.html")
+    browser.wait("document.querySelectorAll('.tile').length >= 9")
+    time.sleep(0.5)
+    assert (np.ptp(browser.picture("figure:not(.input) .poses"), axis=2) > 30).mean() > 0.01
+
+
+def test_a_query_shows_its_matches_and_a_match_becomes_the_query(browser):
+    browser.open("table-rods-queries.html")
+    browser.wait("document.querySelectorAll('.match').length")
+    hits, misses = (
+        browser.run(f"return document.querySelectorAll('.match.{kind}').length") for kind in ("hit", "miss")
+    )
+    assert (hits, misses) == (3 * 2, 3 * 3)
+    marks = browser.run("return [...document.querySelectorAll('.match.miss .mark')].map((mark) => mark.textContent)")
+    assert set(marks) == {"✗"}
+    browser.press("n")
+    browser.wait("document.getElementById('matches').dataset.query === 'thick1'")
+    browser.click(".match.miss")
+    browser.wait("document.getElementById('matches').dataset.query.startsWith('thin')")
+    address = browser.run("return location.hash")
+    browser.open(f"table-rods-queries.html{address}")
+    browser.wait("document.getElementById('matches').dataset.query?.startsWith('thin')")
+    assert (np.ptp(browser.picture(".query .thumb"), axis=2) > 30).mean() > 0.01
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_phone_needs_no_sideways_scroll_of_the_page(browser, name):
+    browser.open(name, PHONE)
+    time.sleep(0.5)
+    assert browser.run("return document.documentElement.scrollWidth") <= PHONE[0]
+    wide = "(frame) => frame.getBoundingClientRect().right <= innerWidth + 1"
+    assert browser.run(f"return [...document.querySelectorAll('.frame')].every({wide})")
+
+
+def test_light_and_dark_follow_the_system_until_they_are_chosen(browser):
+    def brightness():
+        return browser.picture("header").mean()
+
+    browser.open("index.html")
+    light = brightness()
+    browser.open("index.html", dark=True)
+    dark = brightness()
+    assert light > 200 > 80 > dark
+    browser.click("#theme")
+    assert brightness() > 200
+    browser.open("table-rods.html", dark=True, fresh=False)
+    assert brightness() > 200

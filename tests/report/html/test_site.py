@@ -1,0 +1,216 @@
+"""The report as files: complete from records alone, lazily loaded, escaped, and small."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from benchmark.report.content import contents
+from benchmark.report.html import queries as browser
+from benchmark.report.html.folder import CONTENTS, Folder
+from benchmark.report.html.measured import Ranked, measured, poses_of
+from benchmark.report.html.queries import write_queries
+from benchmark.report.html.scripts import data_script, packed, quantised, script_json
+from benchmark.report.html.site import write_report
+from benchmark.report.html.surfaces import REACH, thinned
+from benchmark.report.kept import Kept
+from benchmark.report.results import Result
+from benchmark.report.statistics.rankings import ranking
+from benchmark.storage.store import Store
+from benchmark.system.files import write_text
+from retrieval.measures import PRINTED
+from tests.records import SHAPES, failed, record
+from tests.toy import rod
+
+HOSTILE = "</script><script>alert(1)</script>\u2028\u2029\\\"'&<b>\ud800\x00"
+
+
+def received(script):
+    """Name and value of a script with data."""
+    return json.loads(f"[{script.removeprefix('canonicalForms.receive(').rstrip().removesuffix(');')}]")
+
+
+@pytest.fixture
+def kept(tmp_path):
+    return Kept(Store.open(tmp_path / "results"), {})
+
+
+def report(folder, kept, *records):
+    tables = contents([Result(each) for each in records])
+    return write_report(tables, kept, Folder(folder), "python -m benchmark report")
+
+
+# Scripts with data ---------------------------------------------------------------------------------------------------
+
+
+def test_no_string_ends_its_script_and_every_one_is_read_back_as_it_is_shown():
+    script = data_script(HOSTILE, {HOSTILE: [HOSTILE, 1, None, float("nan"), np.float64(0.5), np.arange(2)]})
+    assert script.isascii()
+    assert not set("<>&") & set(script)
+    name, value = received(script)
+    assert name == script_json_text(HOSTILE)
+    assert value == {name: [name, 1, None, None, 0.5, [0, 1]]}
+
+
+def script_json_text(text):
+    return json.loads(script_json(text))
+
+
+def test_coordinates_and_faces_are_packed_for_the_page():
+    points = np.array([[-REACH, 0.0, REACH], [2 * REACH, -9.0, 0.1]])
+    steps = quantised(points, REACH)
+    assert steps.tolist() == [[0, 32768, 65535], [65535, 0, 34815]]
+    assert packed(np.array([1, 258], dtype=">u2")) == "AQACAQ=="  # little-endian whatever the machine
+
+
+def test_a_surface_is_thinned_to_vertices_that_it_has():
+    mesh = rod(0.1, 1.0, rings=80, sides=20)
+    found = thinned(mesh, 400)
+    assert 350 < len(found.chosen) < 450
+    assert len(set(found.chosen.tolist())) == len(found.chosen)
+    assert found.faces.max() < len(found.chosen)
+    assert (found.values == found.all_values[found.chosen]).all()
+    assert len(thinned(mesh, 5000).chosen) == mesh.n_vertices
+
+
+# A whole report ------------------------------------------------------------------------------------------------------
+
+
+def test_records_alone_make_a_report_that_says_what_brings_the_rest(kept, tmp_path):
+    written = report(
+        tmp_path / "out", kept, record("gps"), record("pca", nn=0.5), failed("crashed", "it <b>fell</b>", method="fell")
+    )
+    assert (written.n_forms, written.n_distances, written.n_ranked) == (0, 0, 2)
+    names = {path.name for path in (tmp_path / "out").glob("*.html")}
+    assert names == {"index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html"}
+    command = "python -m benchmark run -d rods -m gps -m pca"
+    for name in names - {"index.html"}:
+        assert command in (tmp_path / "out" / name).read_text()
+    index = (tmp_path / "out" / "index.html").read_text()
+    assert "it &lt;b&gt;fell&lt;/b&gt;" in index
+    assert "python -m benchmark report" in index
+    (queries,) = (tmp_path / "out" / "parts" / "data").glob("queries-*.js")
+    _, value = received(queries.read_text())
+    assert value["gps"]["nearest"] is None
+    assert value["gps"]["scores"][0] == [1.0] * 4
+
+
+def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(kept, tmp_path):
+    report(tmp_path, kept, record("gps"))
+    for page in tmp_path.glob("*.html"):
+        text = page.read_text()
+        assert not re.search(r"(src|href)=.?(https?:|//)", text)
+        assert "width=device-width" in text
+        for name in re.findall(r"(?:src|href)='([^'#]+)'", text):
+            assert name.startswith("data:") or (tmp_path / name).is_file(), name
+    style = (tmp_path / "parts" / "assets" / "report.css").read_text()
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_only_failures_are_a_report_too(kept, tmp_path):
+    written = report(
+        tmp_path, kept, failed("memory", "too much", method="gps"), failed("timeout", "slow", method="pca")
+    )
+    assert (written.n_ranked, written.n_forms) == (0, 0)
+    assert "too much" in (tmp_path / "index.html").read_text()
+    assert "No job of this table has scores" in (tmp_path / "table-rods-queries.html").read_text()
+
+
+def test_real_and_generated_data_stand_in_tables_of_their_own(kept, tmp_path):
+    real = record("gps", gallery="tosca")
+    generated = record("gps", gallery="animals", data={"name": "animals", "stand_in_for": "tosca"})
+    report(tmp_path, kept, real, generated)
+    index = (tmp_path / "index.html").read_text()
+    assert "table-III-tosca.html" in index
+    assert "table-III-animals.html" in index
+    assert "generated stand-in &#x27;animals&#x27;, not TOSCA" in index
+
+
+def test_names_that_are_no_names_of_files_are_none_here_either(kept, tmp_path):
+    data = {"name": HOSTILE, "title": HOSTILE, "source": HOSTILE}
+    report(
+        tmp_path,
+        kept,
+        record(HOSTILE, gallery=HOSTILE, title=HOSTILE, family=HOSTILE, data=data, labels=[HOSTILE] * 2 + ["b"] * 2),
+    )
+    for path in tmp_path.rglob("*"):
+        assert re.fullmatch(r"[\w.-]+", path.name)
+        if path.suffix == ".html":
+            assert "<script>alert" not in path.read_text()
+
+
+def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(kept, tmp_path):
+    report(tmp_path, kept, record("gps"), record("gps", gallery="other"))
+    (tmp_path / "mine.html").write_text("mine")
+    outside = tmp_path.parent / "outside.txt"
+    outside.write_text("kept")
+    listed = json.loads((tmp_path / CONTENTS).read_text())
+    write_text(tmp_path / CONTENTS, json.dumps([*listed, "../outside.txt", 7]))
+    report(tmp_path, kept, record("gps"))
+    assert {path.name for path in tmp_path.glob("*.html")} == {
+        "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
+    }  # fmt: skip
+    assert outside.read_text() == "kept"
+
+
+# Large and damaged ----------------------------------------------------------------------------------------------------
+
+
+def test_many_queries_are_split_and_too_many_are_thinned(kept, tmp_path):
+    names = [f"s{k}" for k in range(350)]
+    labels = [f"c{k % 7}" for k in range(350)]
+    points = np.random.default_rng(0).random((350, 3))
+    matrix = np.linalg.norm(points[:, None] - points[None], axis=2)
+    large = record("gps", shapes=names, labels=labels, per_query={name: [0.5] * 350 for name in PRINTED})
+    ranked = [Ranked("mesh", "gps", large, ranking(matrix, labels))]
+    folder = Folder(tmp_path)
+    told = write_queries("t", ranked, {"gps": "GPS"}, {}, kept, folder)
+    assert len(folder.sizes) == 4
+    assert told["galleries"][0]["queries"] is None
+    _, last = received((tmp_path / "parts" / "data" / "queries-t-0-3.js").read_text())
+    assert len(last["gps"]["nearest"]) == 50
+    assert last["gps"]["nearest"][-1] == ranking(matrix, labels).nearest[349].tolist()
+    fewer = write_queries(
+        "few", ranked, {"gps": "GPS"}, {}, kept, Folder(tmp_path / "few"), most_bytes=120 * browser._EACH
+    )
+    chosen = fewer["galleries"][0]["queries"]
+    assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
+
+
+def test_damaged_distances_cost_their_job_alone(kept):
+    folder = kept.store.artefacts / "ab"
+    folder.mkdir(parents=True)
+    (folder / "ab.npz").write_bytes(b"no archive")
+    found = measured(contents([Result(record("gps"))])[0], kept)
+    assert found.n_distances == 0
+    assert found.data["rows"][0]["inputs"]["mesh"]["precision"] is None
+
+
+def test_classes_and_the_front_are_those_of_the_records(kept):
+    rows = [
+        record("gps", per_query={name: [1, 1, 0, 1] for name in PRINTED}, cost={"seconds_per_shape": {"a": 1, "b": 1}}),
+        record("pca", nn=0.5, family="control", cost={"seconds_per_shape": {"a": 0.5}}),
+        record("slow", nn=0.25, cost={"seconds_per_shape": {"a": 9.0}}),
+    ]  # fmt: skip
+    data = measured(contents([Result(each) for each in rows])[0], kept).data
+    told = {row["method"]: row["inputs"]["mesh"] for row in data["rows"]}
+    assert data["classes"] == ["cat", "dog"]
+    assert told["gps"]["classes"]["NN"] == [1.0, 0.5]
+    assert told["gps"]["seconds"] == 2.0
+    assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["pca", "gps"]}
+
+
+def test_numbers_are_no_poses_unless_every_subject_takes_them(kept):
+    class Data:
+        def __init__(self, shapes):
+            self.entries = [type("Entry", (), {"identifier": a + b, "subject": a, "pose": b})() for a, b in shapes]
+
+    def told(shapes):
+        kept._datasets["rods"] = Data(shapes)
+        return poses_of(record("gps"), kept)
+
+    assert told([("a", "1"), ("a", "2"), ("a", "3"), ("b", "1")]) == {}
+    assert told([(a, b) for a in "ab" for b in "123"])["a2"] == "2"
+    assert len(SHAPES) == 4
