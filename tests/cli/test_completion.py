@@ -34,7 +34,7 @@ def words(monkeypatch, capsys):
         (("run", "--scorer", "cm"), [("plain", "cm-bof")]),
         (("run", "-t", "III"), [("plain", "III"), ("plain", "III-held-out")]),
         (("run", "-d", "tos"), [("plain", "tosca"), ("dir", "tos")]),
-        (("data", "sheet", "ani"), [("plain", "animals"), ("dir", "ani")]),
+        (("data", "sheet", "humans-s"), [("plain", "humans-scanlike"), ("dir", "humans-s")]),
         (("run", "-m", "classic-mds[metric=gps,sol"), [("plain", "classic-mds[metric=gps,solver=")]),
         (("check", "mine"), [("file", "mine")]),
         (("desc",), [("plain", "describe")]),

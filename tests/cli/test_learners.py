@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
-from benchmark.cli.train import train_one
+from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.run_plan import run_plan
 from benchmark.learning import card_digest

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.cli.results import _explain_record
+from benchmark.cli.verbs.results import _explain_record
 from benchmark.jobs.plan import difference
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents

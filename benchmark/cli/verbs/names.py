@@ -1,0 +1,54 @@
+"""``list`` and ``describe``: what can be named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from benchmark.cli import completion
+from benchmark.cli.options import data_root_option, name_unusable, plugin_option, results_option
+from benchmark.cli.verbs.data import COLUMNS, print_rows
+from benchmark.system.text import say
+
+
+@click.command("list")
+@click.argument("what", type=click.Choice(["methods", "scorers", "datasets", "tables", "models"]))
+@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@plugin_option
+@results_option
+@data_root_option
+def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, data_root: Path | None) -> None:
+    """List what can be named on the command line."""
+    from benchmark.cli import listing
+
+    rows = {
+        "methods": lambda: listing.methods(plugins),
+        "scorers": lambda: listing.scorers(plugins),
+        "datasets": lambda: listing.datasets(data_root, plugins),
+        "tables": lambda: listing.tables(data_root),
+        "models": lambda: listing.models(results),
+    }[what]()
+    print_rows(rows, as_json, COLUMNS if what == "datasets" else ())
+    if what == "methods":
+        name_unusable()
+
+
+@click.command()
+@click.argument("method", metavar="METHOD", shell_complete=completion.methods)
+@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@plugin_option
+def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
+    """Tell what a method takes and where it comes from: parameters, source, inputs."""
+    import json
+    import shutil
+
+    from benchmark.cli.description import facts_of, lines_of
+    from benchmark.methods.registry import methods, variant
+
+    facts = facts_of(variant(method, methods(plugins)))
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+        return
+    for line in lines_of(facts, shutil.get_terminal_size((100, 24)).columns):
+        say(line)

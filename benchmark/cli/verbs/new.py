@@ -1,0 +1,36 @@
+"""``new``: plugin files to start from."""
+
+from __future__ import annotations
+
+import click
+
+from benchmark.system.text import say
+
+
+@click.group()
+def new() -> None:
+    """Write files to start from."""
+
+
+def _add_new(kind: str, what: str) -> None:
+    """Add the command that writes a plugin of one kind."""
+
+    @new.command(kind, help=f"Write a working plugin file with {what} called NAME, and its test, into this folder.")
+    @click.argument("name")
+    def write(name: str) -> None:
+        from benchmark.methods.scaffold import new_plugin
+
+        plugin, *others = new_plugin(kind, name)
+        for path in (plugin, *others):
+            say(path)
+        say(f"next: edit it, then 'python -m benchmark check {plugin}'", err=True)
+
+
+for _kind, _what in {
+    "method": "a method that makes canonical forms",
+    "descriptor": "a descriptor that compares shapes without a form",
+    "learner": "a method that is trained",
+    "scorer": "a scorer that compares forms",
+    "dataset": "a data set",
+}.items():
+    _add_new(_kind, _what)

@@ -1,0 +1,114 @@
+"""``tables`` and ``report``: what finished jobs say."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from benchmark.cli.options import NOT_OK, OK, PathOption, Selection, selection_options, timeout_option
+from benchmark.cli.reporting import FIGURES
+from benchmark.errors import ConfigurationError
+from benchmark.system.text import say, say_lines
+
+FORMATS = ("latex", "markdown", "csv", "json")
+
+
+@click.command()
+@selection_options
+@click.option("--format", "formats", multiple=True, type=click.Choice(FORMATS), help="Default: markdown; all with -o.")
+@click.option(
+    "-o",
+    "--output",
+    type=PathOption(),
+    metavar="DIR",
+    help="Write files instead of printing.",
+)
+@click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
+def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bool, **options: Any) -> None:
+    """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
+    from benchmark.report.content import contents
+    from benchmark.report.files import render, stale, write
+    from benchmark.report.robustness.curves import robustness
+    from benchmark.report.robustness.formats import rendered
+    from benchmark.storage.store import Store
+
+    if check and output is None:
+        raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
+    selection = Selection.of(options)
+    store = Store.open(selection.results)
+    recorded = selection.recorded(store, fresh=fresh)
+    content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
+    disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
+    if output is None and not formats and sys.stdout.isatty():
+        from benchmark.cli.terminal import draw
+
+        draw(content)
+        for text in rendered(disturbed, ("markdown",)).values():
+            say_lines(text)
+        return
+    if output is None:
+        for text in (render(content, chosen := formats or ("markdown",)) | rendered(disturbed, chosen)).values():
+            say_lines(text)
+        return
+    files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
+    if not check:
+        from benchmark.report.pictures.curves import draw_curves
+
+        write(files, output)
+        draw_curves(disturbed, output)
+        say(f"wrote {', '.join(files)} to {output}")
+        return
+    different = stale(files, output)
+    say(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
+    sys.exit(NOT_OK if different else OK)
+
+
+@click.command()
+@selection_options
+@click.option(
+    "-o",
+    "--output",
+    type=PathOption(),
+    default=Path("results/report"),
+    show_default=True,
+    metavar="DIR",
+)
+@click.option(
+    "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
+)
+@click.option(
+    "--of",
+    "what",
+    type=click.Choice(FIGURES),
+    default=FIGURES[0],
+    show_default=True,
+    help="A subject through all methods; subjects before and after the first method; accuracy against cost.",
+)
+@click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Of a figure: whom to show.")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Of a figure: in which shapes.")
+@timeout_option("the forms of a method that a figure lacks")
+def report(
+    output: Path,
+    figure: Path | None,
+    what: str,
+    subjects: tuple[str, ...],
+    shapes: tuple[str, ...],
+    timeout: float,
+    **options: Any,
+) -> None:
+    """Write a static report: tables, charts, canonical forms to turn, and every query with its nearest shapes.
+
+    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are
+    tables and scores, and the report says which run brings the rest.
+    """
+    from benchmark.cli.reporting import write_figure, write_pages
+
+    selection = Selection.of(options)
+    if figure is not None:
+        write_figure(selection, figure, what, subjects, shapes, timeout)
+    else:
+        write_pages(selection, output)
