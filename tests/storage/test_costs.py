@@ -1,11 +1,12 @@
 """What a stage costs is booked once, to the stage and to whoever used it."""
 
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmark.jobs.preparation import _Shared
+from benchmark.storage import costs as costs_module
 from benchmark.storage.costs import _RESET, _STATUS, Cost, Meter
 
 MIB = 2**20
@@ -17,21 +18,41 @@ def meter():
     return Meter()
 
 
+class Clock:
+    """Shows what it is told, however busy the machine is."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def perf_counter(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+
+@pytest.fixture
+def time(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(costs_module, "time", SimpleNamespace(perf_counter=clock.perf_counter))
+    return clock
+
+
 def eat(mib):
     """Take memory and give it back; returns nothing that would keep it."""
     np.ones(mib * MIB // 8).sum()
 
 
-def test_the_time_of_an_inner_stage_is_not_booked_twice(meter):
+def test_the_time_of_an_inner_stage_is_not_booked_twice(meter, time):
     with meter.measured("outer") as outer:
         time.sleep(0.05)
         with meter.measured("inner") as inner:
             time.sleep(0.15)
             with meter.measured("innermost") as innermost:
                 time.sleep(0.1)
-    assert 0.1 <= innermost().seconds < 0.14
-    assert 0.15 <= inner().seconds < 0.2
-    assert 0.05 <= outer().seconds < 0.1
+    assert innermost().seconds == pytest.approx(0.1)
+    assert inner().seconds == pytest.approx(0.15)
+    assert outer().seconds == pytest.approx(0.05)
 
 
 @measures_memory
@@ -76,12 +97,12 @@ def test_the_first_use_in_a_process_is_marked(meter):
     assert costs == [True, True, False]
 
 
-def test_a_stage_that_raises_is_closed(meter):
+def test_a_stage_that_raises_is_closed(meter, time):
     with pytest.raises(ZeroDivisionError), meter.measured("outer"), meter.measured("inner"):
         raise ZeroDivisionError
     with meter.measured("after") as after:
         time.sleep(0.02)
-    assert after().seconds >= 0.02
+    assert after().seconds == pytest.approx(0.02)
 
 
 def test_a_cost_survives_as_text():
@@ -92,7 +113,7 @@ def test_a_cost_survives_as_text():
             Cost.from_json(wrong)
 
 
-def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter):
+def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter, time):
     shared = _Shared(meter)
     calls = []
 
@@ -109,9 +130,9 @@ def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter):
         costs.append(cost())
     first, second, alone = costs
     assert len(calls) == 1
-    assert first.shared["geodesics"].seconds == second.shared["geodesics"].seconds >= 0.05
+    assert first.shared["geodesics"].seconds == second.shared["geodesics"].seconds == pytest.approx(0.05)
     assert alone.shared == {}
-    assert max(first.seconds, second.seconds) < 0.05
+    assert max(first.seconds, second.seconds) == pytest.approx(0)
     if first.peak_mib is not None:
         assert min(first.peak_mib, second.peak_mib) >= 7.9
         assert alone.peak_mib < 4
@@ -120,20 +141,24 @@ def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter):
 @measures_memory
 def test_memory_does_not_depend_on_which_method_came_first(meter):
     """What it takes to compute the shared matrix is charged to the second method as well, which finds it there."""
-    shared = _Shared(meter)
 
     def compute():
         eat(150)
         return {"distances": np.ones(20 * MIB // 8)}
 
-    peaks = []
-    for method in ("first", "second"):
-        with meter.measured(method) as cost:
-            shared.get_or_compute("geodesics", {}, compute)
-            eat(30)
-        peaks.append(cost().peak_mib)
-    assert 145 <= peaks[0] <= 180
-    assert peaks[1] == pytest.approx(peaks[0], abs=15)
+    def peaks():
+        shared, found = _Shared(meter), []
+        for method in ("first", "second"):
+            with meter.measured(method) as cost:
+                shared.get_or_compute("geodesics", {}, compute)
+                eat(30)
+            found.append(cost().peak_mib)
+        return found
+
+    # Pages of files that the system drops in between are taken for memory of the work: the least is the truth.
+    first, second = np.min([peaks() for _ in range(3)], axis=0)
+    assert 145 <= first <= 180
+    assert second == pytest.approx(first, abs=15)
 
 
 def test_other_parameters_are_shared_apart(meter):
