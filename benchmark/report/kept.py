@@ -13,7 +13,7 @@ from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.own import is_own
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, one_line
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation, treated
 from benchmark.jobs.stages.form import form_mesh
@@ -123,3 +123,5 @@ class Kept:
             return str(error)
         except BenchmarkError as error:
             return error.problem
+        except Exception as error:  # of a plugin, which may raise anything when it is made
+            return one_line(error)
