@@ -154,7 +154,7 @@ def _chosen(records: Sequence[Record], kept: Kept, most_shapes: int, poses: int)
     entries = tuple(entry for entry in dataset.entries if entry.identifier in ranked)
     if not entries:
         return []
-    n_poses = max(1, min(poses, most_shapes))
+    n_poses = max(1, min(poses, max(poses - 1, most_shapes // poses), most_shapes))
     n_subjects = max(1, min(MOST_SUBJECTS, most_shapes // n_poses))
     part = replace(dataset, entries=entries) if isinstance(dataset, FolderDataset) else _Part(dataset, entries)
     return select(cast(Dataset, part), n_subjects, n_poses)

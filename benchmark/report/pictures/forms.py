@@ -119,14 +119,15 @@ def effect_figure(
     jobs, store, selection, limit, size
         As of :func:`forms_figure`.
     subjects
-        Which subjects to show, one in each row; the first two by default.
+        Which subjects to show, one in each row; those of the shapes, or the first two, by default.
     shapes
         Which shapes to show of them, in place of some poses of each.
     """
     from matplotlib.figure import Figure
 
     gallery = jobs[0].gallery
-    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in gallery.entries))[:2]
+    shown = _chosen(gallery, "", shapes) if shapes else gallery.entries
+    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in shown))[: None if shapes else 2]
     rows = []
     for subject in named:
         own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in gallery.entries)]

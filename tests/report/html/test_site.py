@@ -8,6 +8,7 @@ import pytest
 
 from benchmark.report.content import contents
 from benchmark.report.html import queries as browser
+from benchmark.report.html import site
 from benchmark.report.html.folder import CONTENTS, Folder
 from benchmark.report.html.measured import Ranked, measured, poses_of
 from benchmark.report.html.queries import write_queries
@@ -177,6 +178,16 @@ def test_many_queries_are_split_and_too_many_are_thinned(kept, tmp_path):
     )
     chosen = fewer["galleries"][0]["queries"]
     assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
+
+
+@pytest.mark.parametrize("n_methods", [1, 30, 300])
+def test_the_more_methods_the_fewer_shapes_are_drawn(n_methods):
+    sets = {
+        f"set-{k}": [record(f"m{n}", input_) for n in range(n_methods) for input_ in ("mesh", "view")] for k in range(4)
+    }
+    shapes = site._shapes_per_set(sets)
+    assert 2 <= shapes <= site.MOST_SHAPES
+    assert shapes == 2 or shapes * n_methods * 2 * 4 <= site.MOST_FORMS
 
 
 def test_damaged_distances_cost_their_job_alone(kept):

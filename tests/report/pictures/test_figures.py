@@ -58,7 +58,11 @@ def test_figures_of_forms_make_what_they_lack_and_name_what_is_not_there(tmp_pat
         done = CliRunner().invoke(cli, [*asked, *more])
         assert done.exit_code == 0, done.output
         assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
-    for more, said in ((["--subject", "thinn"], "subject of"), (["--shape", "thin9"], "shape of")):
+    for more, said in (
+        (["--subject", "thinn"], "subject of"),
+        (["--shape", "thin9"], "shape of"),
+        (["--of", "effect", "--shape", "thin9"], "shape of"),
+    ):
         done = CliRunner().invoke(cli, [*asked, *more])
         assert isinstance(done.exception, ConfigurationError)
         assert said in str(done.exception)
