@@ -204,9 +204,7 @@ def _turn(columns: Sequence[_Column], kept: Kept, records: Sequence[Record]) -> 
     for column in columns:
         if column.surface is None:
             continue
-        seen = column.surface.vertices
-        if records[0]["input"] == "mesh":
-            seen = seen @ kept.dataset(records[0]).camera(column.entry).rotation.T
+        seen = kept.seen(records[0], column.entry, column.surface)
         column.points[INPUT_ROW] = centred(seen)
         column.thin = thinned(column.surface)
         for name, form in column.meshes.items():
