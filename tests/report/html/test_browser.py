@@ -223,6 +223,8 @@ def test_a_query_shows_its_matches_and_a_match_becomes_the_query(browser):
     address = browser.run("return location.hash")
     browser.open(f"table-rods-queries.html{address}")
     browser.wait("document.getElementById('matches').dataset.query?.startsWith('thin')")
+    browser.open("table-rods-queries.html#%/100%")  # no address of ours
+    browser.wait("document.getElementById('matches').dataset.query === 'thick0'")
     assert (np.ptp(browser.picture(".query .thumb"), axis=2) > 30).mean() > 0.01
 
 
