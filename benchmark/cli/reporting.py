@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 #: Kinds of figures.
 FIGURES = ("forms", "effect", "cost")
 
-_ENDINGS = (".pdf", ".png", ".svg")
-
 
 def write_pages(selection: Selection, output: Path) -> None:
     """Write the static report of a selection."""
@@ -44,10 +42,10 @@ def write_figure(
     selection: Selection, path: Path, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
 ) -> None:
     """Draw one figure of a selection; the forms that it lacks are made in a process of their own."""
-    from benchmark.report.pictures.forms import effect_figure, forms_figure, save
+    from benchmark.report.pictures.forms import ENDINGS, effect_figure, forms_figure, save
 
-    if path.suffix.lower() not in _ENDINGS:
-        raise ConfigurationError(f"{path} is no name of a figure", f"let it end in {', '.join(_ENDINGS)}")
+    if path.suffix.lower() not in ENDINGS:
+        raise ConfigurationError(f"{path} is no name of a figure", f"let it end in {', '.join(ENDINGS)}")
     if what == "cost":
         save(_cost_figure(selection), path)
     else:

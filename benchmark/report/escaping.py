@@ -56,6 +56,14 @@ def html_text(text: object) -> str:
     return escape(clean(text), quote=True)
 
 
+def html_line(text: object) -> str:
+    """A sentence in HTML; commands between single backticks are code."""
+    parts = html_text(text).split("`")
+    if len(parts) % 2 == 0:
+        return "`".join(parts)
+    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
+
+
 def csv_cell(value: object) -> object:
     """A cell that no spreadsheet takes for a formula; numbers stay numbers."""
     if not isinstance(value, str):

@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.own import is_own
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
-from benchmark.geometry.mesh import Mesh
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.preparation import Preparation, treated
 from benchmark.jobs.stages.form import form_mesh
 from benchmark.jobs.treatment import Treatment
@@ -72,6 +74,8 @@ class Kept:
                 self._datasets[source] = open_dataset(source, self.data_root)
             except BenchmarkError as error:
                 self._datasets[source] = error
+            except Exception as error:  # of a plugin, which may raise anything
+                self._datasets[source] = DatasetError(f"{record['data']['name']} raises {one_line(error)}", "mend it")
         found = self._datasets[source]
         if isinstance(found, BenchmarkError):
             raise found
@@ -104,9 +108,19 @@ class Kept:
             preparation = self.preparation(record)
             found = self.store.find(preparation.recipe(entry))
             arrays = None if found is None else treated(found)
-        except BenchmarkError:
+        except Exception:  # the data set is not here, or a plugin
             return None
         return None if arrays is None else Mesh(arrays["vertices"], arrays["faces"])
+
+    def seen(self, record: Record, entry: Entry, surface: Mesh) -> Points:
+        """Vertices of a prepared shape as its camera sees them: to the right, up, towards the viewer; shape (n, 3)."""
+        if record["input"] != "mesh":
+            return surface.vertices
+        try:
+            camera = self.dataset(record).camera(entry)
+        except Exception:  # of a plugin
+            camera = FRONT
+        return np.asarray(surface.vertices @ camera.rotation.T)
 
     def form(self, record: Record, entry: Entry) -> Mesh | str:
         """The canonical form of a shape, or why there is none."""
@@ -123,3 +137,5 @@ class Kept:
             return str(error)
         except BenchmarkError as error:
             return error.problem
+        except Exception as error:  # of a plugin, which may raise anything when it is made
+            return one_line(error)

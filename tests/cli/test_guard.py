@@ -79,6 +79,8 @@ LONG = "x" * 5000
         (("new", "method", "x" * 300), "is too long for the name of a method; use 60 characters at most"),
         (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
         (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
+        (("report", "--figure", "forms.doc"), "forms.doc is no name of a figure; let it end in .png, .pdf, .svg"),
+        (("report", "--figure", "a.png", "--of", "all"), "see 'python -m benchmark report --help'"),
         (("check", "all"), "unknown method 'all'"),
         (("canonicalise", "-m", "all", "a.off"), "unknown method 'all'"),
     ],

@@ -1,6 +1,7 @@
 """Hostile file names and messages through the verbs, from the folder to the terminal and the files."""
 
 import os
+from html.parser import HTMLParser
 
 import pytest
 from click.testing import CliRunner
@@ -87,6 +88,36 @@ def test_tables_of_hostile_names_are_files_that_can_be_read(hostile, tmp_path):
         fit_to_be_shown(call("tables", *selection[-2:], "--format", kind).stdout)
     assert call("merge", os.fspath(base / "results"), "--results", os.fspath(tmp_path / "all")).exit_code == 0
     fit_to_be_shown(call("compare", "surface-area", "shape-dna", *selection[-2:]).stdout)
+
+
+def test_a_report_of_hostile_names_has_no_element_from_outside(hostile, tmp_path):
+    base, _, methods, _ = hostile
+    fit_to_be_shown(call("report", "--results", os.fspath(base / "results"), "-o", str(tmp_path), *methods[-2:]).stdout)
+    pages = list(tmp_path.glob("*.html"))
+    assert len(pages) == 4
+    for page in pages:
+        reader = Elements()
+        reader.feed(fit_to_be_shown(page.read_text(encoding="utf-8")))
+        assert all(text.replace(".", "").isdecimal() for text in reader.bold)  # marks of scores, and nothing else
+    for script in (tmp_path / "parts" / "data").iterdir():
+        assert not set("<>&") & set(script.read_text(encoding="ascii"))
+
+
+class Elements(HTMLParser):
+    """What stands in bold on a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.bold, self.inside = [], False
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = tag == "b"
+
+    def handle_endtag(self, tag):
+        self.inside = False
+
+    def handle_data(self, data):
+        self.bold += [data] if self.inside else []
 
 
 def test_a_shape_whose_name_is_no_text_has_random_numbers_of_its_own():

@@ -15,7 +15,7 @@ from markdown_it import MarkdownIt
 
 from benchmark.protocols.tables import Table
 from benchmark.report.content import contents, file_stem
-from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
+from benchmark.report.escaping import csv_cell, html_line, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import forms_page, index_page, queries_page, table_page
@@ -138,6 +138,17 @@ def test_a_name_is_text_in_html(text):
     assert [tag for tag, _ in reader.tags] == ["p"]
     assert reader.tags[0][1] == {"title": clean(text)}
     assert "".join(reader.text) == clean(text)
+
+
+@given(TEXT)
+@example(HOSTILE)
+@example("run `a <b>`; `` ` c")
+def test_a_sentence_is_text_in_html_and_a_command_in_it_code(text):
+    reader = Reader()
+    reader.feed(f"<p>{html_line(text)}</p>")
+    reader.close()
+    assert {tag for tag, _ in reader.tags} <= {"p", "code"}
+    assert "".join(reader.text).replace("`", "") == clean(text).replace("`", "")
 
 
 @given(TEXT)

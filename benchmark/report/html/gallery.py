@@ -154,7 +154,7 @@ def _chosen(records: Sequence[Record], kept: Kept, most_shapes: int, poses: int)
     entries = tuple(entry for entry in dataset.entries if entry.identifier in ranked)
     if not entries:
         return []
-    n_poses = max(1, min(poses, most_shapes))
+    n_poses = max(1, min(poses, max(poses - 1, most_shapes // poses), most_shapes))
     n_subjects = max(1, min(MOST_SUBJECTS, most_shapes // n_poses))
     part = replace(dataset, entries=entries) if isinstance(dataset, FolderDataset) else _Part(dataset, entries)
     return select(cast(Dataset, part), n_subjects, n_poses)
@@ -204,9 +204,7 @@ def _turn(columns: Sequence[_Column], kept: Kept, records: Sequence[Record]) -> 
     for column in columns:
         if column.surface is None:
             continue
-        seen = column.surface.vertices
-        if records[0]["input"] == "mesh":
-            seen = seen @ kept.dataset(records[0]).camera(column.entry).rotation.T
+        seen = kept.seen(records[0], column.entry, column.surface)
         column.points[INPUT_ROW] = centred(seen)
         column.thin = thinned(column.surface)
         for name, form in column.meshes.items():

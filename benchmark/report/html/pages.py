@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmark.report.columns import number
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import html_text
+from benchmark.report.escaping import html_line, html_text
 from benchmark.report.html.scripts import script_json
 from benchmark.report.html.table import plain_table, score_table
 from retrieval.measures import MEASURES, PRINTED
@@ -137,7 +137,7 @@ def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
     """Scores of one table, and the charts that go with them."""
     table = pages.table
     notes = table.notes()
-    told = f"<ul>{''.join(f'<li>{_with_code(note)}</li>' for note in notes)}</ul>" if notes else ""
+    told = f"<ul>{''.join(f'<li>{html_line(note)}</li>' for note in notes)}</ul>" if notes else ""
     missing = (
         f"<p class='missing'>{pages.n_distances} of {pages.n_ranked} jobs have their distances here; "
         f"<code>{html_text(pages.run)}</code> makes the others, then write this report again.</p>"
@@ -306,14 +306,6 @@ def _links(pages: TablePages) -> str:
     links += [(f"{pages.stem}-forms.html", "Forms")] if pages.has_forms else []
     links += [(f"{pages.stem}-queries.html", "Queries")] if pages.n_ranked else []
     return " ".join(f"<a href='{address}'>{name}</a>" for address, name in links)
-
-
-def _with_code(text: object) -> str:
-    """A sentence; commands between single backticks are code."""
-    parts = html_text(text).split("`")
-    if len(parts) % 2 == 0:
-        return "`".join(parts)
-    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
 
 
 def _best(table: TableContent) -> str:

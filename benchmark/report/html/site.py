@@ -23,8 +23,8 @@ from benchmark.storage.keys import digest
 from benchmark.storage.records import Record
 from benchmark.system.text import brief
 
-#: Forms in the whole report, at about ten kilobytes each: with plotly and the queries it stays below thirty megabytes.
-MOST_FORMS = 1500
+#: Forms in the whole report, at 13 kilobytes each: with plotly and the queries it stays below thirty megabytes.
+MOST_FORMS = 1200
 
 #: Shapes of a data set whose forms are shown at most.
 MOST_SHAPES = 24

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from benchmark.contracts import Input
 from benchmark.report.columns import BLANK, Style, cells, groups_of, number
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import html_text
+from benchmark.report.escaping import html_line, html_text
 from retrieval.measures import MEASURES, PRINTED
 
 _TITLES = {measure.name: measure.title for measure in MEASURES}
@@ -45,7 +45,7 @@ def plain_table(headings: Iterable[str], rows: Iterable[Iterable[object]], n_tex
     for row in rows:
         first, *others = row
         body = "".join(
-            f"<td{' class=text' if k < n_text else ''}>{html_text(value)}</td>" for k, value in enumerate(others, 1)
+            f"<td{' class=text' if k < n_text else ''}>{html_line(value)}</td>" for k, value in enumerate(others, 1)
         )
         lines.append(f"<tr><th scope='row'>{html_text(first)}</th>{body}</tr>")
     return "".join([*lines, "</tbody></table>"])

@@ -71,8 +71,5 @@ def _picture(entry: Entry, record: Record, kept: Kept) -> Image.Image | None:
     surface = kept.surface(record, entry)
     if surface is None:
         return None
-    points = surface.vertices
-    if record["input"] == "mesh":
-        points = points @ kept.dataset(record).camera(entry).rotation.T
-    points = centred(points)
+    points = centred(kept.seen(record, entry, surface))
     return painted(points, surface.faces, outwardness(surface), SIDE, _MARGIN * reach(points))

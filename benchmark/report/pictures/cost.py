@@ -22,6 +22,9 @@ MEASURE = "DCG"
 #: Inches of one panel: a column of a paper.
 _SIZE = (3.5, 2.9)
 
+#: Characters of a title.
+_LONGEST = 22
+
 _COLOURS = {"paper": "#2f6fb7", "extended": "#2a9d8f", CONTROL: "#b0772e"}
 _MARKS = {"paper": "o", "extended": "D", CONTROL: "s"}
 
@@ -72,8 +75,8 @@ def _panel(place: Axes, table: TableContent, input_: str, measure: str) -> None:
         if name in judged:
             place.plot([seconds] * 2, [judged[name].low, judged[name].high], color=_COLOURS[family], lw=0.7, alpha=0.35)
         edge = "black" if name in front else "none"
-        place.plot(seconds, score, _MARKS[family], color=_COLOURS[family], markersize=5, mec=edge, mew=0.8, zorder=3)
-    _label(place, points, {name: clean(rows[name].title) for name in points}, front)
+        place.plot(seconds, score, _MARKS[family], color=_COLOURS[family], markersize=8, mec=edge, mew=0.9, zorder=3)
+    _label(place, points, {name: clean(rows[name].title) for name in points})
     place.axhline(table.chance[measure], color="0.6", lw=0.7, ls=(0, (4, 3)), zorder=0)
     place.set_xscale("log")
     place.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -82,32 +85,26 @@ def _panel(place: Axes, table: TableContent, input_: str, measure: str) -> None:
     place.set_xlabel("seconds a shape", fontsize=8)
     place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, parse_math=False)
     place.tick_params(labelsize=7, which="both")
-    place.set_ylim(0, 1.02)
+    lowest = min([table.chance[measure], *(judged[name].low for name in points if name in judged)])
+    place.set_ylim(max(0.0, lowest - 0.06), 1.02)
     place.grid(alpha=0.25, lw=0.5)
     for side in ("top", "right"):
         place.spines[side].set_visible(False)
 
 
-def _label(
-    place: Axes, points: dict[str, tuple[float, float]], titles: dict[str, str], front: list[str]
-) -> None:  # fmt: skip
+def _label(place: Axes, points: dict[str, tuple[float, float]], titles: dict[str, str]) -> None:
     """Number the points, and name the numbers below: names beside the points would cover each other."""
     ordered = sorted(points, key=lambda name: (points[name], name))
     for number, name in enumerate(ordered, 1):
-        weight = "bold" if name in front else "normal"
-        place.annotate(
-            str(number),
-            points[name],
-            (3, 3 if number % 2 else -7),
-            textcoords="offset points",
-            fontsize=5.5,
-            color="0.25",
-            weight=weight,
-        )
-    named = [f"{number} {titles[name][:24]}" for number, name in enumerate(ordered, 1)]
+        place.annotate(str(number), points[name], fontsize=4.8, color="white", ha="center", va="center", zorder=4)
+    named = [f"{number} {_short(titles[name])}" for number, name in enumerate(ordered, 1)]
     third = -(-len(named) // 3)
     for column in range(3):
         text = "\n".join(named[column * third : (column + 1) * third])
         place.text(
             column / 3, -0.24, text, transform=place.transAxes, fontsize=5.5, va="top", color="0.25", parse_math=False
         )
+
+
+def _short(title: str) -> str:
+    return title if len(title) <= _LONGEST else f"{title[: _LONGEST - 1]}…"

@@ -119,14 +119,15 @@ def effect_figure(
     jobs, store, selection, limit, size
         As of :func:`forms_figure`.
     subjects
-        Which subjects to show, one in each row; the first two by default.
+        Which subjects to show, one in each row; those of the shapes, or the first two, by default.
     shapes
         Which shapes to show of them, in place of some poses of each.
     """
     from matplotlib.figure import Figure
 
     gallery = jobs[0].gallery
-    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in gallery.entries))[:2]
+    shown = _chosen(gallery, "", shapes) if shapes else gallery.entries
+    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in shown))[: None if shapes else 2]
     rows = []
     for subject in named:
         own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in gallery.entries)]
@@ -159,12 +160,26 @@ def effect_figure(
 _HEAD: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 12, "color": "0.25", "parse_math": False}
 
 
+#: What else would tell when a file was made, and by which version, by the end of its name.
+_UNDATED: dict[str, dict[str, None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+
+#: Kinds of files that a figure can be.
+ENDINGS = tuple(_UNDATED)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure without dates, so that the same picture is the same file; the end of its name chooses the kind."""
-    nothing = {"Software": None} if path.suffix.lower() == ".png" else {"CreationDate": None, "Producer": None}
+    import matplotlib as mpl
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, bbox_inches="tight", pad_inches=0.03, metadata=nothing)
+        with mpl.rc_context({"svg.hashsalt": "figure"}):
+            metadata = _UNDATED[path.suffix.lower()]
+            figure.savefig(path, bbox_inches="tight", pad_inches=0.03, metadata=metadata)
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 

@@ -19,11 +19,13 @@ PALETTE = (
     np.array([[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]]) / 255
 )
 
+_SHADES = np.stack(
+    [np.interp(np.linspace(0, 1, 256), np.linspace(0, 1, len(PALETTE)), PALETTE[:, channel]) for channel in range(3)],
+    axis=-1,
+)
+
 _SOURCES = 48
 _SUPERSAMPLING = 2
-
-#: Points that are drawn along an edge at most.
-_MOST_ALONG = 256
 
 _PLAIN = (0.60, 0.68, 0.77)
 
@@ -49,8 +51,7 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
 
 def colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Colours of values from 0 to 1, shape (..., 3), in [0, 1]."""
-    steps = np.linspace(0, 1, len(PALETTE))
-    return np.stack([np.interp(values, steps, PALETTE[:, channel]) for channel in range(3)], axis=-1)
+    return np.asarray(_SHADES[np.rint(np.clip(values, 0, 1) * (len(_SHADES) - 1)).astype(np.intp)])
 
 
 def painted(
@@ -86,7 +87,8 @@ def painted(
     if seen.any():
         rgba[seen, :3] = _colour_of(scaled, depth, seen, values, fine) * _light(depth, seen, 2 / fine)[:, None]
         rgba[seen, 3] = 1.0
-    blocks = rgba.reshape(size, _SUPERSAMPLING, size, _SUPERSAMPLING, 4).mean(axis=(1, 3))
+    rows = np.asarray(sum(rgba[k::_SUPERSAMPLING] for k in range(_SUPERSAMPLING)))
+    blocks = np.asarray(sum(rows[:, k::_SUPERSAMPLING] for k in range(_SUPERSAMPLING))) / _SUPERSAMPLING**2
     covered = np.maximum(blocks[..., 3:], 1e-9)
     blocks[..., :3] = np.clip(blocks[..., :3] / covered, 0, 1)
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8), "RGBA")
@@ -97,18 +99,19 @@ def _draw_edges(
 ) -> None:
     """Lay the edges below the surface, so that what is thinner than a pixel does not vanish."""
     edges = edges_of(faces).ends
-    first, last = pixels[edges[:, 0], None, :2], pixels[edges[:, 1], None, :2]
-    longest = float(np.abs(last - first).max(initial=0.0))
-    along = np.linspace(0, 1, int(np.clip(np.ceil(longest), 1, _MOST_ALONG)) + 1)[None, :, None]
-    places = np.floor(first + along * (last - first)).astype(np.int64).reshape(-1, 2)
+    first, last = np.clip(pixels[edges, :2], -len(rgba), 2 * len(rgba)).swapaxes(0, 1)
+    counts = np.ceil(np.abs(last - first).max(axis=1)).astype(np.int64) + 1  # a point for each pixel
+    edge = np.repeat(np.arange(len(edges)), counts)
+    along = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.maximum(counts - 1, 1)[edge]
+    places = np.floor(first[edge] + along[:, None] * (last - first)[edge]).astype(np.int64)
     inside = ((places >= 0) & (places < len(rgba))).all(axis=1)
     column, row = places[inside].T
     rgba[row, column, 3] = 1.0
     if values is None:
         rgba[row, column, :3] = _PLAIN
         return
-    shades = values[edges[:, 0], None] + along[..., 0] * (values[edges[:, 1]] - values[edges[:, 0]])[:, None]
-    rgba[row, column, :3] = 0.85 * colours(shades.reshape(-1)[inside])
+    start, end = values[edges[edge]].T
+    rgba[row, column, :3] = 0.85 * colours((start + along * (end - start))[inside])
 
 
 def _colour_of(

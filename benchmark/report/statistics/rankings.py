@@ -42,7 +42,7 @@ def mean_distances(matrices: Iterable[ArrayLike]) -> NDArray[np.float64] | None:
     total, count = None, 0
     for matrix in matrices:
         values = np.asarray(matrix, dtype=np.float64)
-        total = values.copy() if total is None else total + values
+        total = values if total is None else total + values
         count += 1
     return None if total is None else total / count
 

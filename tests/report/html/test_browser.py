@@ -26,6 +26,7 @@ pytestmark = [
 ]
 
 PATIENCE = 60
+SCENES = ("scene", "scene2")
 PHONE, DESK = (390, 844), (1400, 1000)
 
 
@@ -109,6 +110,14 @@ def browser(chromium, site):
 
             ActionChains(chromium).send_keys(keys).perform()
 
+        def drag(self, selector, start, by):
+            from selenium.webdriver import ActionChains
+            from selenium.webdriver.common.by import By
+
+            place = chromium.find_element(By.CSS_SELECTOR, selector)
+            moved = ActionChains(chromium).move_to_element_with_offset(place, *start).click_and_hold()
+            moved.move_by_offset(by[0] // 2, by[1] // 2).move_by_offset(by[0] // 2, by[1] // 2).release().perform()
+
         def column(self, number):
             rows = "[...document.querySelectorAll('#scores tbody tr')].filter((row) => !row.hidden)"
             return self.run(f"return {rows}.map((row) => row.cells[{number}].textContent)")
@@ -176,6 +185,14 @@ def test_the_viewer_draws_and_turns_a_form_with_mouse_and_keys(browser):
     browser.click("[data-turn=in]")
     time.sleep(1)
     assert (np.ptp(browser.picture("#scene"), axis=2) > 40).mean() > 1.1 * (np.ptp(turned, axis=2) > 40).mean()
+    before = browser.picture("#scene")
+    eye = browser.run("return document.getElementById('scene').layout.scene.camera.eye")
+    browser.drag("#scene", (-250, 30), (60, 0))
+    time.sleep(2)
+    assert (np.abs(browser.picture("#scene") - before).sum(axis=2) > 60).mean() > 0.005
+    eyes = [browser.run(f"return document.getElementById('scene').layout.{name}.camera.eye") for name in SCENES]
+    assert eyes[0] == pytest.approx(eyes[1])
+    assert max(abs(eyes[0][axis] - eye[axis]) for axis in "xyz") > 0.1
     first = browser.run("return document.getElementById('scene').dataset.drawn")
     browser.press("n")
     browser.wait("document.getElementById('scene').dataset.drawn !== arguments[0]", first)
@@ -206,6 +223,8 @@ def test_a_query_shows_its_matches_and_a_match_becomes_the_query(browser):
     address = browser.run("return location.hash")
     browser.open(f"table-rods-queries.html{address}")
     browser.wait("document.getElementById('matches').dataset.query?.startsWith('thin')")
+    browser.open("table-rods-queries.html#%/100%")  # no address of ours
+    browser.wait("document.getElementById('matches').dataset.query === 'thick0'")
     assert (np.ptp(browser.picture(".query .thumb"), axis=2) > 30).mean() > 0.01
 
 

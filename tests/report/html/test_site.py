@@ -6,8 +6,10 @@ import re
 import numpy as np
 import pytest
 
+from benchmark.datasets.base import Entry
 from benchmark.report.content import contents
 from benchmark.report.html import queries as browser
+from benchmark.report.html import site
 from benchmark.report.html.folder import CONTENTS, Folder
 from benchmark.report.html.measured import Ranked, measured, poses_of
 from benchmark.report.html.queries import write_queries
@@ -179,6 +181,16 @@ def test_many_queries_are_split_and_too_many_are_thinned(kept, tmp_path):
     assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
 
 
+@pytest.mark.parametrize("n_methods", [1, 30, 300])
+def test_the_more_methods_the_fewer_shapes_are_drawn(n_methods):
+    sets = {
+        f"set-{k}": [record(f"m{n}", input_) for n in range(n_methods) for input_ in ("mesh", "view")] for k in range(4)
+    }
+    shapes = site._shapes_per_set(sets)
+    assert 2 <= shapes <= site.MOST_SHAPES
+    assert shapes == 2 or shapes * n_methods * 2 * 4 <= site.MOST_FORMS
+
+
 def test_damaged_distances_cost_their_job_alone(kept):
     folder = kept.store.artefacts / "ab"
     folder.mkdir(parents=True)
@@ -186,6 +198,25 @@ def test_damaged_distances_cost_their_job_alone(kept):
     found = measured(contents([Result(record("gps"))])[0], kept)
     assert found.n_distances == 0
     assert found.data["rows"][0]["inputs"]["mesh"]["precision"] is None
+
+
+def test_a_data_set_that_raises_costs_its_pictures_alone(kept, tmp_path):
+    class Bad:
+        name = "rods"
+        half_width = None
+        entries = tuple(Entry(name, name[:3], name[3:]) for name in SHAPES)
+
+        def recipe(self, entry):
+            raise ZeroDivisionError
+
+        camera = recipe
+
+    kept._datasets["rods"] = Bad()
+    mesh, shape = record("identity"), Entry("cat0", "cat", "0")
+    assert kept.surface(mesh, shape) is None
+    assert isinstance(kept.form(mesh, shape), str)
+    assert kept.seen(mesh, shape, rod(0.1, 1.0)).shape == rod(0.1, 1.0).vertices.shape
+    assert report(tmp_path, kept, mesh).n_forms == 0
 
 
 def test_classes_and_the_front_are_those_of_the_records(kept):

@@ -4,8 +4,17 @@
 (() => {
   const { load, plotly, pageData, fill, plain, colour, make, onTheme } = canonicalForms;
   const COLOURS = ["#2f6fb7", "#d9822b", "#2a9d8f", "#c0504d", "#8064a2", "#7a8b2a", "#d16ba5", "#5f7d95", "#a6761d", "#17a2c6"];
+  const FAMILIES = { paper: "#2f6fb7", extended: "#2a9d8f", control: "#c98a3a" };
   const MARKS = ["circle", "square", "diamond", "triangle-up", "cross", "star", "hexagon", "x"];
   const SCALE = [[0, "#12306b"], [0.25, "#2a6fa8"], [0.5, "#49a79a"], [0.75, "#b9cf72"], [1, "#fbe26b"]];
+
+  const EMPTY = {
+    cost: "No row has both scores and a cost under this input.",
+    precision: "It takes the distances of a job, and none are kept here.",
+    classes: "There are no scores, or more classes than one could read.",
+    attraction: "It takes distances, and a data set whose subjects take the same poses.",
+    confusion: "It takes distances, and not more classes than one could read.",
+  };
 
   document.addEventListener("DOMContentLoaded", async () => {
     const data = await load(pageData().table);
@@ -35,7 +44,7 @@
       const Plotly = await plotly();
       if (!made) {
         Plotly.purge(plot);
-        plot.replaceChildren(make("p", { class: "faint", text: "Nothing to show here." }));
+        plot.replaceChildren(make("p", { class: "faint", text: EMPTY[chart.dataset.chart] }));
         return;
       }
       if (!plot.querySelector(".plotly")) plot.replaceChildren();
@@ -76,16 +85,18 @@
     const families = [...new Set(rows.map((row) => row.family))];
     const narrow = innerWidth < 640;
     const places = labelled(rows, measure, front);
+    const ticks = logTicks(rows.map((row) => row.seconds));
     const traces = [line(fronts.methods, "Pareto front", "solid", colour("accent"))];
     if (fronts.all.join() !== fronts.methods.join()) traces.push(line(fronts.all, "with controls", "dot", colour("faint")));
     families.forEach((family, k) => {
+      const shade = FAMILIES[family] ?? COLOURS[3];
       const own = rows.filter((row) => row.family === family);
       traces.push({
         x: own.map((row) => row.seconds), y: own.map((row) => row.scores[measure]), mode: narrow ? "markers" : "markers+text",
         name: plain(family), text: own.map((row) => (places.get(row) ? plain(short(row.title)) : "")), textposition: own.map((row) => places.get(row) ?? "top center"),
         textfont: { size: 11, color: colour("faint") }, cliponaxis: false,
-        marker: { size: 11, symbol: MARKS[k], color: COLOURS[k], line: { width: own.map((row) => (front.includes(row.method) ? 2 : 0)), color: colour("ink") } },
-        error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: COLOURS[k] + "99",
+        marker: { size: 11, symbol: MARKS[k], color: shade, line: { width: own.map((row) => (front.includes(row.method) ? 2 : 0)), color: colour("ink") } },
+        error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: shade + "99",
           array: own.map((row) => (row.intervals[measure] ? row.intervals[measure][1] - row.scores[measure] : 0)),
           arrayminus: own.map((row) => (row.intervals[measure] ? row.scores[measure] - row.intervals[measure][0] : 0)) },
         hovertext: own.map((row) => `${plain(row.title)}: ${row.scores[measure].toFixed(3)}, ${row.seconds.toPrecision(3)} s, ${row.peak ?? "?"} MiB`),
@@ -93,11 +104,22 @@
       });
     });
     return { traces, layout: {
-      height: 500, xaxis: { type: "log", title: { text: "seconds a shape" } }, yaxis: { title: { text: measure } },
+      height: 500, xaxis: { type: "log", title: { text: "seconds a shape" }, tickvals: ticks, ticktext: ticks.map(String) }, yaxis: { title: { text: measure } },
       shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: data.chance[measure], y1: data.chance[measure], line: { dash: "dash", width: 1, color: colour("faint") } }],
       annotations: [{ xref: "paper", x: 1, y: data.chance[measure], text: "chance", showarrow: false, yshift: 9, xanchor: "right", font: { color: colour("faint"), size: 11 } }],
       legend: { orientation: "h", y: 1.1 }, hovermode: "closest",
     } };
+  }
+
+  /* Plotly writes ticks between powers of ten as single digits. */
+  function logTicks(values) {
+    const [low, high] = [Math.min(...values), Math.max(...values)];
+    const steps = high < 5 * low ? [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8] : [1, 2, 5];
+    const ticks = [];
+    for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) {
+      ticks.push(...steps.map((step) => Number((step * 10 ** power).toPrecision(3))));
+    }
+    return ticks.filter((tick) => tick > low / 1.6 && tick < high * 1.6);
   }
 
   /* Where each label stands so that none covers another or a point; those for which there is no room are left out. */

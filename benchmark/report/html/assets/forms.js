@@ -2,7 +2,7 @@
 /* The gallery of canonical forms, and the viewer that turns them. */
 
 (() => {
-  const { load, plotly, pageData, make, fill, plain, colour, unpack, onTheme } = canonicalForms;
+  const { load, plotly, pageData, address, make, fill, plain, colour, unpack, onTheme } = canonicalForms;
   const REACH = 1.6;
   const NEAR = 2.2;  // of an orthographic camera the scale is that of the scene
   const COLOURS = [[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]];
@@ -11,7 +11,7 @@
   const byId = (id) => document.getElementById(id);
   let shown = { input: "", shape: "", method: "" };
   let eye = { x: 0, y: -1.7, z: 0.05 };
-  let zoom = 1;
+  let near = NEAR;
 
   if (!gallery) return;
 
@@ -27,7 +27,7 @@
     byId("viewer").addEventListener("keydown", key);
     onTheme.push(() => { if (byId("viewer").open) view({}); });
     grid();
-    const [input, shape, method] = decodeURIComponent(location.hash.slice(1)).split("|");
+    const [input, shape, method] = address();
     if (gallery.inputs[input]?.cells[shape]) open(input, shape, method ?? "");
   });
 
@@ -84,8 +84,8 @@
     const traces = ["", shown.method].map((name, k) => surface(data, name, k)).filter(Boolean);
     const axis = { visible: false, range: [-REACH, REACH], autorange: false };
     const scene = (domain) => ({
-      domain, xaxis: axis, yaxis: axis, zaxis: axis, aspectmode: "manual", aspectratio: { x: NEAR, y: NEAR, z: NEAR }, dragmode: "turntable",
-      camera: { eye: scaled(), up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 }, projection: { type: "orthographic" } },
+      domain, xaxis: axis, yaxis: axis, zaxis: axis, aspectmode: "manual", aspectratio: { x: near, y: near, z: near }, dragmode: "turntable",
+      camera: { eye, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 }, projection: { type: "orthographic" } },
     });
     const note = (text, x, y) => ({ text, xref: "paper", yref: "paper", x, y, showarrow: false, font: { color: colour("faint"), size: 13 } });
     await Plotly.react(byId("scene"), traces, {
@@ -147,24 +147,29 @@
     return COLOURS[k].map((part, n) => part + share * (COLOURS[k + 1][n] - part));
   }
 
-  const scaled = () => ({ x: eye.x / zoom, y: eye.y / zoom, z: eye.z / zoom });
-
   /* Both surfaces are turned together. */
   function follow(scene, Plotly) {
     if (scene.dataset.follows) return;
     scene.dataset.follows = "yes";
     let busy = false;
     scene.on("plotly_relayout", (change) => {
-      const camera = change["scene.camera"] ?? change["scene2.camera"];
-      if (!camera || busy) return;
-      eye = camera.eye;
-      zoom = 1;
+      const turned = ["scene", "scene2"].find((name) => change[`${name}.camera`]);
+      if (!turned || busy) return;
+      eye = change[`${turned}.camera`].eye;
+      near = change[`${turned}.aspectratio`]?.x ?? near;
       busy = true;
-      const other = change["scene.camera"] ? "scene2.camera" : "scene.camera";
-      const ratio = (change["scene.camera"] ? change["scene.aspectratio"] : change["scene2.aspectratio"]);
-      const more = ratio ? { [other.replace("camera", "aspectratio")]: ratio } : {};
-      Plotly.relayout(scene, { [other]: camera, ...more }).finally(() => { busy = false; });
+      Plotly.relayout(scene, cameras(scene)).finally(() => { busy = false; });
     });
+  }
+
+  /* What brings both cameras to where we look from, and how near. */
+  function cameras(scene) {
+    const change = {};
+    for (const name of ["scene", "scene2"]) {
+      change[`${name}.camera`] = { ...scene.layout[name].camera, eye };
+      change[`${name}.aspectratio`] = { x: near, y: near, z: near };
+    }
+    return change;
   }
 
   async function turn(how) {
@@ -179,18 +184,8 @@
       const k = (length * Math.cos(angle)) / (flat || 1);
       eye = { x: eye.x * k, y: eye.y * k, z: length * Math.sin(angle) };
     }
-    const layout = byId("scene").layout;
-    const near = how === "in" ? 1.2 : how === "out" ? 1 / 1.2 : 1;
-    const change = {};
-    for (const name of ["scene", "scene2"]) {
-      change[`${name}.camera`] = { ...layout[name].camera, eye };
-      const now = layout[name].aspectratio ?? { x: NEAR, y: NEAR, z: NEAR };
-      if (near !== 1) {
-        change[`${name}.aspectmode`] = "manual";
-        change[`${name}.aspectratio`] = { x: now.x * near, y: now.y * near, z: now.z * near };
-      }
-    }
-    await Plotly.relayout(byId("scene"), change);
+    near *= { in: 1.2, out: 1 / 1.2 }[how] ?? 1;
+    await Plotly.relayout(byId("scene"), cameras(byId("scene")));
   }
 
   function key(event) {

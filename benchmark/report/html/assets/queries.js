@@ -2,7 +2,7 @@
 /* The browser of queries: a shape, and its nearest shapes under each method. */
 
 (() => {
-  const { load, pageData, make, fill } = canonicalForms;
+  const { load, pageData, address, addressOf, make, fill } = canonicalForms;
   const { queries: stem, sheets } = pageData();
   const SIDE = 96, ACROSS = 10, ON_SHEET = 100;
   const MOST_NAMES = 400;
@@ -31,7 +31,7 @@
   const name = () => (gallery ? gallery.names[queries()[place]] : undefined);
 
   function fromHash() {
-    const [number, wanted] = decodeURIComponent(location.hash.slice(1)).split("|");
+    const [number, wanted] = address();
     const k = Number(number);
     choose(all.galleries[k] ? k : 0, wanted);
   }
@@ -60,7 +60,7 @@
 
   function go(to) {
     place = to;
-    history.replaceState(null, "", `#${encodeURIComponent(`${all.galleries.indexOf(gallery)}|${name()}`)}`);
+    history.replaceState(null, "", addressOf(String(all.galleries.indexOf(gallery)), name()));
     show();
   }
 

@@ -43,6 +43,17 @@ const canonicalForms = (() => {
     return place ? JSON.parse(place.textContent) : {};
   }
 
+  /* What stands behind # in the address: names with slashes between them. */
+  function address() {
+    try {
+      return location.hash.slice(1).split("/").map(decodeURIComponent);
+    } catch {
+      return [];  // not one of ours
+    }
+  }
+
+  const addressOf = (...names) => `#${names.map(encodeURIComponent).join("/")}`;
+
   /* An element with text; names are never read as HTML. */
   function make(tag, options = {}, ...children) {
     const element = document.createElement(tag);
@@ -155,5 +166,5 @@ const canonicalForms = (() => {
     document.querySelector("header nav a[aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
   });
 
-  return { load, receive, plotly, pageData, make, fill, plain, colour, unpack, onTheme, isDark };
+  return { load, receive, plotly, pageData, address, addressOf, make, fill, plain, colour, unpack, onTheme, isDark };
 })();
