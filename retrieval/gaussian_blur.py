@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ SingleArray = NDArray[np.float32]
 
 #: Gaussians are cut at four standard deviations.
 SUPPORT = 4.0
+#: As plain Python, for a debugger or a tracer, kernels have no vectors and take the loops of small images.
+HAS_VECTORS = not config.DISABLE_JIT
 #: Rows and columns of a block.
 ROWS, LANES = 4, 8
 _INDEX = ir.IntType(32)
@@ -65,7 +67,7 @@ def _blur_columns(source: SingleArray, height: int, kernel: SingleArray, target:
     # Blocks at the end overlap those before them; what is written twice is the same both times.
     for block in range(0, height, ROWS):
         row = min(block, height - ROWS)
-        if row < 0 or width < LANES:
+        if not HAS_VECTORS or row < 0 or width < LANES:
             _blur_few(source, height, kernel, target, block)
             continue
         for begin in range(0, width, LANES):
@@ -77,11 +79,10 @@ def _blur_columns(source: SingleArray, height: int, kernel: SingleArray, target:
 def _blur_few(source: SingleArray, height: int, kernel: SingleArray, target: SingleArray, first: int) -> None:
     """The same sums one by one, for the rows from ``first`` on of an image that is smaller than a block."""
     for row in range(first, min(first + ROWS, height)):
-        for x in range(source.shape[1]):
-            total = kernel[0] * source[row, x]
-            for j in range(1, len(kernel)):
-                total += kernel[j] * (source[max(row - j, 0), x] + source[min(row + j, height - 1), x])
-            target[x, row] = total
+        total = kernel[0] * source[row]
+        for j in range(1, len(kernel)):
+            total += kernel[j] * (source[max(row - j, 0)] + source[min(row + j, height - 1)])
+        target[: source.shape[1], row] = total
 
 
 @intrinsic

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from retrieval.candidates import LANES, mark_candidates
-from retrieval.gaussian_blur import blur, gaussian_kernel
+from retrieval.gaussian_blur import HAS_VECTORS, blur, gaussian_kernel
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -86,7 +86,7 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
             for block in range(1, width - 1, LANES):
                 # Inside the array with their neighbours; those that the block before has seen are shifted out.
                 begin = min(block, width - 1 - LANES)
-                if begin > 0:
+                if HAS_VECTORS and begin > 0:
                     marks = mark_candidates(differences, level, row, begin, candidate_threshold) >> (block - begin)
                 else:
                     marks = (1 << min(LANES, width - 1 - block)) - 1

@@ -125,7 +125,7 @@ def test_the_scorer_runs_what_its_recipe_names(rods):
     assert_named(
         found,
         features="retrieval.cmbof retrieval.pose retrieval.views retrieval.features retrieval.scale_space "
-        "retrieval.gradient_histograms",
+        "retrieval.gaussian_blur retrieval.gradient_histograms",
         distances="retrieval.cmbof retrieval.codebook retrieval.clock",
         measures="retrieval.metrics retrieval.splits",
     )
