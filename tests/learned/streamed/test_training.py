@@ -27,7 +27,15 @@ from learned.streamed.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
 from tests.learned.toy import files, quiet, toy_data
 
-OPTIONS: dict[str, Any] = {"steps": 60, "bodies": 4, "warm_up": 2, "learning_rate": 1e-2, "precision": "float32", "threads": 1, "workers": 0}
+OPTIONS: dict[str, Any] = {
+    "steps": 60,
+    "bodies": 4,
+    "warm_up": 2,
+    "learning_rate": 1e-2,
+    "precision": "float32",
+    "threads": 1,
+    "workers": 0,
+}
 
 
 @pytest.fixture(autouse=True)
