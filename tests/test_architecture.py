@@ -15,6 +15,7 @@ FLOORS = (
     ("benchmark.geometry",),
     ("benchmark.contracts",),
     ("benchmark.learning", "benchmark.scoring"),
+    ("benchmark.streaming",),
     ("baselines", "learned", "retrieval"),
     ("benchmark.datasets", "benchmark.reference", "benchmark.storage"),
     ("benchmark.methods",),

@@ -23,8 +23,9 @@ from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import dataset_module, preparation_code, source_code
+from benchmark.jobs.varied_pairs import varied_data
 from benchmark.learning import TrainingData, TrainingPair
-from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, SAMPLED_POSES, Training
+from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, SAMPLED_POSES, VARIED, Training
 from benchmark.storage import keys
 from benchmark.storage.store import Store
 
@@ -68,6 +69,8 @@ def training_data(
     tested = training.tested.of(dataset)
     if training.name == SAMPLED:
         return _sampled(training, preparation, tested, say, n_sampled)
+    if training.name == VARIED:
+        return _streamed(training, preparation, tested, say)
     pairs = _renderable(training.trained.of(dataset), preparation, say)
     shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
     data = TrainingData(
@@ -136,6 +139,13 @@ def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
             f"training '{data.name}' would show what its models are tested on: {', '.join(both[:5])}",
             "keep the subjects of the data set apart",
         )
+
+
+def _streamed(training: Training, preparation: Preparation, tested: Iterable[Entry], say: Say) -> TrainingData:
+    """Bodies beyond the data set without end."""
+    data = varied_data(training, lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation))
+    _check_apart(data, tested)
+    return data
 
 
 def _sampled(

@@ -41,6 +41,7 @@ BUILT_IN: dict[str, str] = {
     "learned-strict": "learned.methods:Strict",
     "learned-wide": "learned.methods:Wide",
     "learned-wide-extra": "learned.methods:WideExtra",
+    "learned-streamed": "learned.streamed.methods:StreamedLearner",
     "identity": "baselines.identity:Identity",
     "pca": "baselines.pca:PCA",
     "random": "baselines.random_form:RandomForm",

@@ -21,6 +21,7 @@ __all__ = [
     "SAMPLED_POSES",
     "SUBJECT_FOLDS",
     "TRAININGS",
+    "VARIED",
     "NoFolds",
     "Training",
     "find_training",
@@ -103,6 +104,9 @@ TABLE_III = "III"
 SAMPLED = "humans-sampled"
 SAMPLED_BODIES, SAMPLED_POSES = 1500, 6
 
+#: Name of the training on a stream of fresh bodies in free poses.
+VARIED = "humans-varied"
+
 
 def fold_name(dataset: str, subjects: int) -> str:
     """Name of the training that leaves out one fold of subjects."""
@@ -172,6 +176,13 @@ TRAININGS: Mapping[str, Training] = {
         Training(
             name=SAMPLED,
             words="sampled bodies that are none of the data set's",
+            dataset="humans",
+            trained=Part(),
+            tested=Part(),
+        ),
+        Training(
+            name=VARIED,
+            words="fresh bodies in free poses that are none of the data set's",
             dataset="humans",
             trained=Part(),
             tested=Part(),

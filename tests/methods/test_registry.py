@@ -256,6 +256,7 @@ UNFIT = {
     "wks-mean": {"eigenpairs": ["1"], "energies": ["1"], "width": ["0", "nan"]},
     **{name: {} for name in ("gps", "identity", "pca", "random", "surface-area")},
     **{name: LEARNED for name in registry.BUILT_IN if name.startswith("learned")},
+    "learned-streamed": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
 }
 
 

@@ -1,0 +1,157 @@
+"""How a depth camera sees a body that moves in front of it: from above or below, with holes, noise and steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.geometry.mesh import Faces, Points
+from benchmark.geometry.rasterise import NOT_BEHIND, DepthImage, draw_triangles
+
+LARGEST_ELEVATION, LARGEST_ROLL = 25.0, 6.0
+"""Degrees by which a camera looks up or down, and is held askew, at most."""
+
+_LEAST_DEPTH = 1e-3
+"""Smallest depth that is not background."""
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """What is wrong with one image.
+
+    Parameters
+    ----------
+    elevation, roll
+        Of the camera, in degrees.
+    missing
+        Whether the left and the right hand are not seen.
+    noise
+        Standard deviation of a pixel's depth, as a share of the frame.
+    step
+        Distance of two depths that can be told apart, as a share of the frame; 0 for all.
+    dropped
+        Share of the pixels that see nothing.
+    holes
+        Discs that see nothing.
+    """
+
+    elevation: float = 0.0
+    roll: float = 0.0
+    missing: tuple[bool, bool] = (False, False)
+    noise: float = 0.0
+    step: float = 0.0
+    dropped: float = 0.0
+    holes: int = 0
+
+
+def drawn_nuisances(random: np.random.Generator) -> Nuisances:
+    """Draw them; about one image in eight has none, so that clean views stay familiar.
+
+    Parameters
+    ----------
+    random
+        Source of the choice.
+    """
+    elevated, seen_badly, torn = random.random(3) < (0.5, 0.5, 0.3)
+    return Nuisances(
+        elevation=float(np.clip(random.normal(0, 10), -LARGEST_ELEVATION, LARGEST_ELEVATION)) if elevated else 0.0,
+        roll=float(np.clip(random.normal(0, 2), -LARGEST_ROLL, LARGEST_ROLL)) if elevated else 0.0,
+        missing=(bool(random.random() < 0.06), bool(random.random() < 0.06)),
+        noise=float(random.uniform(0, 0.005)) if seen_badly else 0.0,
+        step=float(random.choice([0.0, 0.002, 0.005, 0.01])) if seen_badly else 0.0,
+        dropped=float(random.uniform(0, 0.05)) if torn else 0.0,
+        holes=int(random.integers(0, 5)) if torn else 0,
+    )
+
+
+def turned(vertices: Points, nuisances: Nuisances) -> Points:
+    """Vertices in coordinates of the camera: right, up, towards it, centred on the bounding box.
+
+    Parameters
+    ----------
+    vertices
+        Shape (n, 3), z up, facing -y.
+    nuisances
+        Where the camera stands.
+    """
+    up, askew = np.radians([nuisances.elevation, nuisances.roll])
+    seen = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
+    look = np.array([[1, 0, 0], [0, np.cos(up), -np.sin(up)], [0, np.sin(up), np.cos(up)]])
+    hold = np.array([[np.cos(askew), -np.sin(askew), 0], [np.sin(askew), np.cos(askew), 0], [0, 0, 1]])
+    points = seen @ (hold @ look).T
+    return np.asarray(points - (points.min(axis=0) + points.max(axis=0)) / 2)
+
+
+def rendered(points: Points, faces: Faces, half_width: float, size: int) -> DepthImage:
+    """Depth image of points in coordinates of the camera, as :func:`benchmark.geometry.depth.render_depth` has it."""
+    return _drawn(points, faces, half_width, size, NOT_BEHIND)
+
+
+def both_sides(points: Points, faces: Faces, half_width: float, size: int) -> tuple[DepthImage, DepthImage]:
+    """What is nearest and what is farthest at each pixel, both as depths from the same eye; one mask.
+
+    Parameters
+    ----------
+    points, faces
+        A closed surface in coordinates of the camera.
+    half_width
+        Half the side of the frame.
+    size
+        Pixels per side.
+    """
+    behind = np.full((size, size), np.inf, dtype=np.float32)
+    front = _drawn(points, faces, half_width, size, behind)
+    # The opposite camera sees the columns mirrored and counts from its own eye: its distance is our depth.
+    back = behind[:, ::-1]
+    return front, np.where(front > 0, back, 0).astype(np.float32)
+
+
+def _drawn(points: Points, faces: Faces, half_width: float, size: int, behind: DepthImage) -> DepthImage:
+    shares = points / half_width
+    pixels = np.empty_like(shares)
+    pixels[:, 0] = (1 + shares[:, 0]) * (size / 2)
+    pixels[:, 1] = (1 - shares[:, 1]) * (size / 2)
+    pixels[:, 2] = (1 - shares[:, 2]) / 2
+    distance = np.full((size, size), np.inf, dtype=np.float32)
+    draw_triangles(pixels, faces, distance, behind)
+    return np.where(np.isfinite(distance), 1 - distance, 0).astype(np.float32)
+
+
+def disturbed(image: DepthImage, nuisances: Nuisances, random: np.random.Generator) -> DepthImage:
+    """The image with noise, steps, holes and pixels that see nothing; at least half of the surface stays.
+
+    Parameters
+    ----------
+    image
+        Depth image, shape (size, size).
+    nuisances
+        What is wrong with it.
+    random
+        Source of the noise, and of the places of holes.
+    """
+    seen = image > 0
+    result = image.astype(np.float64)
+    if nuisances.noise:
+        result = result + nuisances.noise * random.standard_normal(image.shape)
+    if nuisances.step:
+        result = np.round(result / nuisances.step) * nuisances.step
+    kept = seen & ~_lost(seen, nuisances, random)
+    if np.count_nonzero(kept) < np.count_nonzero(seen) / 2:
+        kept = seen
+    return np.where(kept, np.clip(result, _LEAST_DEPTH, 1), 0).astype(np.float32)
+
+
+def _lost(seen: NDArray[np.bool_], nuisances: Nuisances, random: np.random.Generator) -> NDArray[np.bool_]:
+    lost = np.zeros(seen.shape, dtype=bool)
+    if nuisances.dropped:
+        lost |= random.random(seen.shape) < nuisances.dropped
+    rows, columns = np.nonzero(seen)
+    if nuisances.holes and len(rows):
+        grid = np.arange(len(seen))
+        for _ in range(nuisances.holes):
+            place = random.integers(len(rows))
+            radius = random.uniform(0.01, 0.04) * len(seen)
+            lost |= (grid[:, None] - rows[place]) ** 2 + (grid - columns[place]) ** 2 < radius**2
+    return lost

@@ -1,0 +1,141 @@
+"""Meshes of bodies with local changes, many at a time: each body is shaped once and then posed as often as wanted."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
+from benchmark.datasets.humans import CANONICAL_POSE
+from benchmark.datasets.skinning import linear_blend_skinning
+from benchmark.datasets.varied.bodies import LABELS, Body
+from benchmark.errors import DatasetError
+from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.mesh import Faces, Mesh
+
+CANONICAL: Pose = POSES[CANONICAL_POSE]
+"""The pose that is predicted."""
+
+_DECIMALS = 6
+"""Coordinates are rounded to micrometres, far above the rounding errors by which a batch differs."""
+
+_HANDS = ("wrist", "metacarpal", "finger")
+"""What the names of the bones of a hand begin with."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """The parametric body model, without eyes and tongue.
+
+    Parameters
+    ----------
+    faces
+        Triangles of every body, shape (m, 3).
+    hands
+        Which of them belong to the left and to the right hand, each of shape (m,).
+    """
+
+    faces: Faces
+    hands: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    _model: Any
+    _rows: NDArray[np.int64]
+    _bones: NDArray[np.int64]
+    _weights: NDArray[np.float64]
+
+    def vertices(self, bodies: Sequence[Body], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
+        """Vertices of each body in its poses, one array of shape (poses, n, 3) for each; metres, z up, facing -y.
+
+        Parameters
+        ----------
+        bodies
+            The bodies.
+        poses
+            The poses of each; all bodies have as many.
+        """
+        import torch
+
+        count = len(poses[0])
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            with torch.inference_mode():
+                rest = self._model.get_rest_model(self._coefficients(bodies))
+                bones = rest["rest_bone_poses"].repeat_interleave(count, dim=0)
+                transforms, _ = self._model.get_bone_transforms(_rotations(poses), bones)
+                shapes = rest["rest_vertices"].numpy()[:, self._rows]
+                moved = transforms.numpy()
+        finally:
+            torch.set_num_threads(threads)
+        posed = []
+        for number, shape in enumerate(shapes):
+            of_body = moved[number * count : (number + 1) * count]
+            repeated = np.broadcast_to(shape, (count, *shape.shape)).astype(np.float64, order="C")
+            made = linear_blend_skinning(repeated, self._bones, self._weights, np.ascontiguousarray(of_body))
+            posed.append(np.round(made, _DECIMALS))
+        return posed
+
+    def _coefficients(self, bodies: Sequence[Body]) -> Any:
+        import torch
+
+        phenotypes = torch.tensor([astuple(body.subject) for body in bodies], dtype=torch.float64)
+        named = {name: phenotypes[:, place] for place, name in enumerate(asdict(bodies[0].subject))}
+        values = torch.tensor([body.local for body in bodies], dtype=torch.float64)
+        local = {name: values[:, place] for place, name in enumerate(LABELS)}
+        parsed = self._model.get_tensor_inputs(None, named, local, None)
+        return self._model._get_phenotype_blendshape_coefficients(*parsed[1:])
+
+
+def varied_mesh(body: Body, pose: Pose) -> Mesh:
+    """Mesh of one body in one pose: 13 348 vertices, closed, of genus 0."""
+    model = body_model()
+    return Mesh(model.vertices([body], [[pose]])[0][0], model.faces)
+
+
+@functools.cache
+def body_model() -> BodyModel:
+    """The model, loaded once.
+
+    Raises
+    ------
+    DatasetError
+        If the packages that make bodies are missing.
+    """
+    try:
+        import anny
+    except ImportError as error:
+        package = (error.name or "anny").partition(".")[0]
+        raise DatasetError(f"generated humans need the package '{package}'", f"run `pip install {package}`") from error
+    model = anny.Anny(local_changes=list(LABELS), skinning_method="lbs", pose_parameterization="local-ref")
+    faces = model.get_triangular_faces().numpy().astype(np.int32)
+    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
+    # Eyes and tongue are components of their own, inside the head.
+    keep = labels == np.bincount(labels).argmax()
+    renumbered = np.cumsum(keep, dtype=np.int32) - 1
+    kept_faces = renumbered[faces[keep[faces[:, 0]]]]
+    rows = np.flatnonzero(keep)
+    bones = np.ascontiguousarray(model.vertex_bone_indices.numpy()[rows].astype(np.int64))
+    weights = np.ascontiguousarray(model.vertex_bone_weights.numpy()[rows].astype(np.float64))
+    strongest = bones[np.arange(len(rows)), weights.argmax(axis=1)]
+    names = [model.bone_labels[bone] for bone in strongest]
+    left, right = (
+        np.array([name.startswith(_HANDS) and name.endswith(side) for name in names])[kept_faces].all(axis=1)
+        for side in (".L", ".R")
+    )
+    return BodyModel(kept_faces, (left, right), model, rows.astype(np.int64), bones, weights)
+
+
+def _rotations(poses: Sequence[Sequence[Pose]]) -> dict[str, Any]:
+    """Transforms of the bones of all poses in a row, each of shape (bodies * poses, 4, 4)."""
+    import torch
+
+    found = [bone_rotations(pose) for of_body in poses for pose in of_body]
+    transforms = {bone: np.tile(np.eye(4), (len(found), 1, 1)) for bone in found[0]}
+    for row, rotations in enumerate(found):
+        for bone, rotation in rotations.items():
+            transforms[bone][row, :3, :3] = rotation
+    return {bone: torch.from_numpy(matrices) for bone, matrices in transforms.items()}

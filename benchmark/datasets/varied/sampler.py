@@ -1,0 +1,137 @@
+"""Fresh bodies in fresh poses as depth images, a batch at a time; a batch is a function of its number alone."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmark.datasets.human_poses import Pose
+from benchmark.datasets.varied.bodies import Body, varied_body
+from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, drawn_nuisances, rendered, turned
+from benchmark.datasets.varied.model import CANONICAL, BodyModel, body_model
+from benchmark.datasets.varied.overlap import doubled_share
+from benchmark.datasets.varied.poses import varied_pose
+from benchmark.errors import DatasetError
+from benchmark.geometry.mesh import Points
+from benchmark.streaming import Fresh
+
+LARGEST_DOUBLED = 0.004
+"""Share of a body that may lie inside of it twice: the creases of a squatting body, and no more."""
+
+SHORTEST, TALLEST = 0.6, 2.4
+"""Heights in metres between which a standing body is one."""
+
+MOST_DRAWS = 60
+"""Draws of a body, or of one of its poses, after which the batch fails; one in 10^8 needs more."""
+
+SHARES = (0.6, 0.95)
+"""Share of the frame that the larger of a body's two images fills: a folder's frame is that of its largest shape."""
+
+BODIES_LEAVE, POSES_OVERLAP = "bodies of no human height", "poses through the body itself"
+"""Reasons for drawing again."""
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """Makes batches; see :class:`benchmark.streaming.MakesFresh`.
+
+    Parameters
+    ----------
+    seed
+        Seed of the stream; streams of different seeds share no body.
+    poses
+        Poses of each body.
+    nuisances
+        Whether the images have the faults of a camera.
+    """
+
+    seed: int
+    poses: int = 2
+    nuisances: bool = True
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        """Make one batch."""
+        model, again = body_model(), Counter[str]()
+        names = [f"varied-{self.seed}-{number}-{place}" for place in range(bodies)]
+        randoms = [np.random.default_rng([self.seed, number, place]) for place in range(bodies)]
+        drawn, shapes = self._bodies(model, names, randoms, again)
+        posed = self._posed(model, names, drawn, shapes, randoms, again)
+        images = np.zeros((bodies, self.poses, size, size), dtype=np.float32)
+        fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
+        for place, random in enumerate(randoms):
+            wrong = [drawn_nuisances(random) if self.nuisances else Nuisances() for _ in range(self.poses)]
+            target = turned(shapes[place], Nuisances())
+            inputs = [turned(vertices, each) for vertices, each in zip(posed[place], wrong, strict=True)]
+            extent = max(float(np.abs(points).max()) for points in (target, *inputs))
+            half_width = extent / random.uniform(*SHARES)
+            fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
+            for row, (points, each) in enumerate(zip(inputs, wrong, strict=True)):
+                unseen = sum(
+                    (hand for hand, gone in zip(model.hands, each.missing, strict=True) if gone), 0 * model.hands[0]
+                )
+                faces = model.faces[~unseen] if any(each.missing) else model.faces
+                images[place, row] = disturbed(rendered(points, faces, half_width, size), each, random)
+        return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
+
+    def _bodies(
+        self, model: BodyModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
+    ) -> tuple[list[Body], list[Points]]:
+        """Bodies, and their vertices in the canonical pose."""
+        drawn: list[Body | None] = [None] * len(names)
+        shapes: list[Points] = [np.empty((0, 3))] * len(names)
+        missing = list(range(len(names)))
+        for _ in range(MOST_DRAWS):
+            candidates = [varied_body(randoms[place]) for place in missing]
+            made = model.vertices(candidates, [[CANONICAL]] * len(candidates))
+            for place, body, (vertices,) in zip(missing, candidates, made, strict=True):
+                height = _height(vertices)
+                if not SHORTEST < height < TALLEST:
+                    again[BODIES_LEAVE] += 1
+                elif doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
+                    again[POSES_OVERLAP] += 1
+                else:
+                    drawn[place], shapes[place] = body, vertices
+            missing = [place for place in missing if drawn[place] is None]
+            if not missing:
+                return [body for body in drawn if body is not None], shapes
+        raise _hopeless(names[missing[0]])
+
+    def _posed(
+        self,
+        model: BodyModel,
+        names: list[str],
+        bodies: list[Body],
+        shapes: list[Points],
+        randoms: list[np.random.Generator],
+        again: Counter[str],
+    ) -> list[list[Points]]:
+        """Vertices of each body in its poses, none of which pushes it through itself."""
+        found: list[list[Points]] = [[] for _ in names]
+        for _ in range(MOST_DRAWS):
+            missing = [place for place, made in enumerate(found) if len(made) < self.poses]
+            if not missing:
+                return found
+            poses: list[list[Pose]] = [[varied_pose(randoms[place]) for _ in range(self.poses)] for place in missing]
+            made = model.vertices([bodies[place] for place in missing], poses)
+            for place, candidates in zip(missing, made, strict=True):
+                height = _height(shapes[place])
+                for vertices in candidates:
+                    if len(found[place]) == self.poses:
+                        break
+                    if doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
+                        again[POSES_OVERLAP] += 1
+                    else:
+                        found[place].append(vertices)
+        raise _hopeless(next(name for name, made in zip(names, found, strict=True) if len(made) < self.poses))
+
+
+def _height(vertices: Points) -> float:
+    return float(np.ptp(vertices[:, 2]))
+
+
+def _hopeless(name: str) -> DatasetError:
+    return DatasetError(
+        f"{name} has no pose that does not push it through itself in {MOST_DRAWS} draws", "take another seed"
+    )

@@ -1,0 +1,62 @@
+"""The stream of fresh bodies as training data: two streams that share no body, one to train on and one to choose by."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+from benchmark.datasets.varied.sampler import Sampler
+from benchmark.geometry.depth import SIZE
+from benchmark.jobs.recipes import source_code
+from benchmark.learning import MakesPairs, TrainingPair
+from benchmark.protocols.trainings import Training
+from benchmark.storage import keys
+from benchmark.streaming import StreamedData
+
+TRAINED, VALIDATED = 0, 1
+"""Seeds of the streams."""
+
+SAMPLE = 1024
+"""Pairs for a learner that keeps all of its pairs in memory."""
+
+
+def varied_data(training: Training, unseen: MakesPairs) -> StreamedData:
+    """The streams of one protocol.
+
+    Parameters
+    ----------
+    training
+        The protocol.
+    unseen
+        Makes pairs of the subjects that are tested.
+    """
+    fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
+    code = source_code("benchmark.datasets.varied.sampler").digest
+    return StreamedData(
+        name=training.name,
+        title="fresh bodies in free poses, none of them a subject of a generated set of people",
+        digest=keys.digest([repr(fresh), repr(validation), SAMPLE, code]),
+        subjects=(f"varied-{TRAINED}-0-0 and all that follow",),
+        identifiers=(f"varied-{TRAINED}-0-0 and all that follow",),
+        n_pairs=SAMPLE,
+        pairs=lambda start=0: _pairs(fresh, start),
+        unseen=unseen,
+        fresh=fresh,
+        validation=validation,
+    )
+
+
+def _pairs(sampler: Sampler, start: int) -> Iterator[TrainingPair]:
+    first, skipped = divmod(start, sampler.poses)
+    for number in range(first, SAMPLE // sampler.poses):
+        fresh = sampler(number, 1, SIZE)
+        (name,) = fresh.identifiers
+        for place, image in itertools.islice(enumerate(fresh.images[0]), skipped, None):
+            yield TrainingPair(
+                identifier=f"{name}_{place}",
+                subject=name,
+                target_identifier=name,
+                image=image,
+                target=fresh.fronts[0],
+            )
+        skipped = 0

@@ -1,0 +1,77 @@
+"""What a learner gets that is trained on fresh shapes without end: a maker of batches, each known by its number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.learning import TrainingData
+
+__all__ = ["Fresh", "MakesFresh", "StreamedData"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fresh:
+    """Some bodies that no other batch shows.
+
+    Parameters
+    ----------
+    identifiers
+        Names of the bodies, n of them.
+    images
+        Depth images of each body in its poses, shape (n, poses, size, size), float32 in [0, 1], 0 as background.
+    fronts, backs
+        Depth of the canonical pose as the camera sees it, and of the surface that lies behind everything else at the
+        same pixel, counted from the same eye; shape (n, size, size). Both have one mask.
+    drawn_again
+        How often something was drawn again, by reason.
+    """
+
+    identifiers: tuple[str, ...]
+    images: NDArray[np.float32]
+    fronts: NDArray[np.float32]
+    backs: NDArray[np.float32]
+    drawn_again: Mapping[str, int]
+
+
+class MakesFresh(Protocol):
+    """Makes the batch of a number, always the same one; can be sent to another process."""
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        """Make one batch.
+
+        Parameters
+        ----------
+        number
+            Which one, from 0; batches share no body.
+        bodies
+            How many bodies.
+        size
+            Pixels per side.
+
+        Raises
+        ------
+        DatasetError
+            If a body cannot be made; the message names it.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamedData(TrainingData):
+    """Training data that never ends; the pairs are a sample of it, for learners that keep all pairs in memory.
+
+    Parameters
+    ----------
+    fresh
+        Makes batches to train on.
+    validation
+        Makes batches of other bodies, which no choice of a subject to be tested enters.
+    """
+
+    fresh: MakesFresh
+    validation: MakesFresh

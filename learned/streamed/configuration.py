@@ -1,0 +1,117 @@
+"""Named configurations of the streamed networks: each differs from the plain one in one respect, but for the last."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Annotated, Any, Literal
+
+from benchmark.contracts import Interval
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.parameters.values import checked
+
+
+@dataclass(frozen=True, kw_only=True)
+class Streamed:
+    """One network, and what it is taught.
+
+    Parameters
+    ----------
+    name
+        Name on the command line.
+    resolution
+        Pixels per side of what it sees and predicts; a multiple of 32.
+    width
+        Channels of the outermost block.
+    code_size
+        Numbers that a body is reduced to.
+    decoder
+        ``"plain"``: a transposed convolution in each block. ``"residual"``: enlarging by interpolation, then two
+        convolutions around which the block's input is led.
+    sides
+        1: depth of the front of the canonical pose. 2: of its back as well, and the form is a closed surface.
+    crop
+        Whether the network sees the foreground alone, centred and scaled, so that the frame is of no account.
+    one_code
+        Weight of the distance between the codes of two poses of one body, relative to that between bodies.
+    gradient
+        Weight of the error of the depth's differences between neighbouring pixels.
+    """
+
+    name: str
+    resolution: Annotated[int, Interval(32, 512)] = 128
+    width: Annotated[int, Interval(8, 64)] = 16
+    code_size: Annotated[int, Interval(8, 4096)] = 256
+    decoder: Literal["plain", "residual"] = "plain"
+    sides: Annotated[int, Interval(1, 2)] = 1
+    crop: bool = True
+    one_code: Annotated[float, Interval(0)] = 0.0
+    gradient: Annotated[float, Interval(0)] = 0.0
+
+    @property
+    def channels(self) -> int:
+        """Predicted images: a depth for each side, and the mask."""
+        return self.sides + 1
+
+    def described(self) -> dict[str, Any]:
+        """All fields, for a card."""
+        return asdict(self)
+
+
+PLAIN = Streamed(name="plain")
+
+STREAMED: dict[str, Streamed] = {
+    each.name: each
+    for each in (
+        PLAIN,
+        replace(PLAIN, name="framed", crop=False),
+        replace(PLAIN, name="residual", resolution=192, code_size=512, decoder="residual"),
+        replace(PLAIN, name="two-sided", sides=2),
+        replace(PLAIN, name="one-code", one_code=0.01),
+        replace(PLAIN, name="gradient", gradient=1.0),
+        replace(
+            PLAIN,
+            name="whole",
+            resolution=192,
+            code_size=512,
+            decoder="residual",
+            sides=2,
+            one_code=0.01,
+            gradient=1.0,
+        ),
+    )
+}
+"""All configurations by name. The weights are those that make each term as large as the others early in a training;
+which of them earn their place is what ``python -m tests.architectures`` measures on validation bodies."""
+
+
+def streamed(name: str) -> Streamed:
+    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    if name not in STREAMED:
+        raise did_you_mean("configuration", name, STREAMED)
+    return STREAMED[name]
+
+
+def from_card(described: Mapping[str, Any]) -> Streamed:
+    """Configuration that a card describes.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not one.
+    """
+    known = {entry.name for entry in fields(Streamed)}
+    if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
+        raise ConfigurationError("the card describes another kind of network", "train the model again")
+    values = {name: value for name, value in described.items() if name != "name"}
+    found = replace(PLAIN, name=described["name"], **checked(Streamed, values, "the network"))
+    check_resolution(found)
+    return found
+
+
+def check_resolution(configuration: Streamed) -> None:
+    """Raise ``ConfigurationError`` if the network cannot have its resolution."""
+    if configuration.resolution % 32:
+        raise ConfigurationError(
+            f"network '{configuration.name}' has no resolution {configuration.resolution}", "take a multiple of 32"
+        )

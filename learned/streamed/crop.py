@@ -1,0 +1,85 @@
+"""A depth image without its frame: the foreground, centred and scaled, and its depth alike."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learned.streamed.configuration import Streamed
+
+Image = NDArray[np.float32]
+
+FILL = 0.9
+"""Share of the frame that the longer side of the foreground's bounding box fills."""
+
+COVERED = 0.5
+"""Share of a pixel that must show the shape."""
+
+_TIE = 1e-6
+"""Shares that differ by less are equal: far above the rounding errors of a sum of pixels."""
+
+_LEAST_DEPTH = 1e-3
+"""Smallest depth that is not background."""
+
+
+def seen_by(configuration: Streamed, images: Image) -> Image:
+    """What a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
+    return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
+
+
+def cropped(images: Image, resolution: int) -> Image:
+    """Depth at another resolution, in a frame that the foreground of the first image fills.
+
+    A pixel gets the mean depth of what it sees of the shape, never a mixture with the background. Depths are scaled
+    like lengths, so that angles stay what they are, and shifted so that the mean depth of the first image is that of
+    the middle of the frame. What size a body had in its frame is lost, and a form of unit area knows no size.
+
+    Parameters
+    ----------
+    images
+        Depth images of one mask and frame, shape (k, s, s), in [0, 1] with 0 as background: an image, or the front and
+        the back of one shape. The first must show something.
+    resolution
+        Pixels per side.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, resolution, resolution), float32.
+    """
+    size = images.shape[-1]
+    seen = images[0] > 0
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
+    length = side / FILL
+    down, across = (
+        _resampling((place[0] + place[-1] + 1 - length) / 2, length, size, resolution) for place in (rows, columns)
+    )
+    middle = float(images[0][seen].mean(dtype=np.float64))
+    return _resampled(images, down, across, middle, size / length)
+
+
+def shrunk(images: Image, resolution: int) -> Image:
+    """The same without leaving the frame: depth at another resolution, shape (k, resolution, resolution)."""
+    size = images.shape[-1]
+    whole = _resampling(0.0, float(size), size, resolution)
+    return _resampled(images, whole, whole, 0.5, 1.0)
+
+
+def _resampling(start: float, length: float, size: int, resolution: int) -> NDArray[np.float64]:
+    """Share of each new pixel that each old one covers, shape (resolution, size)."""
+    edges = start + length * np.arange(resolution + 1) / resolution
+    old = np.arange(size)
+    overlap = np.minimum(edges[1:, None], old + 1.0) - np.maximum(edges[:-1, None], old)
+    return np.asarray(np.maximum(overlap, 0) * (resolution / length))
+
+
+def _resampled(
+    images: Image, down: NDArray[np.float64], across: NDArray[np.float64], middle: float, scale: float
+) -> Image:
+    seen = (images[0] > 0).astype(np.float64)
+    cover = down @ seen @ across.T
+    mask = cover >= COVERED - _TIE
+    sums = down @ (images.astype(np.float64) * seen) @ across.T
+    depths = 0.5 + (sums / np.where(mask, cover, 1) - middle) * scale
+    return np.where(mask, np.clip(depths, _LEAST_DEPTH, 1), 0).astype(np.float32)

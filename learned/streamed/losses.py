@@ -1,0 +1,94 @@
+"""What a streamed network is taught: depth inside the mask, the mask, smoothness of what is smooth, and one code."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from learned.streamed.configuration import Streamed
+
+NAMES = ("depth loss", "mask loss", "gradient loss", "code loss")
+"""Columns of the history."""
+
+_LEAST_SPREAD = 1e-6
+"""Smallest variance between codes, lest all of them being one be divided by zero."""
+
+
+def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configuration: Streamed) -> Tensor:
+    """All terms, unweighted; those of weight zero are zero.
+
+    Parameters
+    ----------
+    prediction, target
+        Depth of each side, then the mask, shape (n, sides + 1, r, r).
+    code
+        Shape (n, code_size); the poses of one body are neighbours.
+    poses
+        Poses of each body.
+    configuration
+        Which terms count.
+
+    Returns
+    -------
+    torch.Tensor
+        Shape (4,), in the order of :data:`NAMES`.
+    """
+    mask = target[:, -1:]
+    covered = mask.sum().clamp(min=1) * configuration.sides
+    depths = prediction[:, :-1] - target[:, :-1]
+    zero = depths.new_zeros(())
+    return torch.stack(
+        [
+            (depths.square() * mask).sum() / covered,
+            (prediction[:, -1:] - mask).square().mean(),
+            gradient_loss(depths, mask) if configuration.gradient else zero,
+            code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
+        ]
+    )
+
+
+def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
+    """The loss that is minimised, a scalar."""
+    return terms[0] + terms[1] + configuration.gradient * terms[2] + configuration.one_code * terms[3]
+
+
+def gradient_loss(errors: Tensor, mask: Tensor) -> Tensor:
+    """Mean square of the differences of the depth's error between neighbours that both show the body.
+
+    An error that is the same everywhere moves the surface and costs nothing here; one that alternates is a waffle.
+
+    Parameters
+    ----------
+    errors
+        Predicted less true depth, shape (n, sides, r, r).
+    mask
+        Shape (n, 1, r, r).
+    """
+    total, count = errors.new_zeros(()), errors.new_zeros(())
+    for one, other in (
+        ((..., slice(1, None), slice(None)), (..., slice(-1), slice(None))),
+        ((..., slice(1, None)), (..., slice(-1))),
+    ):
+        both = mask[one] * mask[other]
+        total = total + ((errors[one] - errors[other]).square() * both).sum()
+        count = count + both.sum() * errors.shape[1]
+    return total / count.clamp(min=1)
+
+
+def code_loss(code: Tensor, poses: int) -> Tensor:
+    """Variance of the codes of one body over that of all codes: 0 where the pose leaves no trace, 1 at random.
+
+    A ratio, for the distance alone is least where every body has the code zero.
+
+    Parameters
+    ----------
+    code
+        Shape (bodies * poses, code_size).
+    poses
+        Poses of each body.
+    """
+    of_body = code.float().view(-1, poses, code.shape[-1])
+    means = of_body.mean(dim=1, keepdim=True)
+    within = (of_body - means).square().sum(dim=-1).sum() / max(of_body.shape[0] * (poses - 1), 1)
+    spread = (code.float() - code.float().mean(dim=0)).square().sum(dim=-1).sum() / max(len(code) - 1, 1)
+    return within / spread.clamp(min=_LEAST_SPREAD)

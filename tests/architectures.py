@@ -1,0 +1,198 @@
+"""``python -m tests.architectures``: which streamed network earns its place; writes ``results/architectures.json``.
+
+Each configuration is trained for an equal number of processor seconds, on the same stream of bodies, and its forms of
+validation bodies, which are another stream, are ranked against each other. No subject of any set that methods are
+tested on is looked at. A run that was stopped goes on where it was; what it needs for that is in
+``build/architectures``.
+"""
+
+from __future__ import annotations
+
+from benchmark.threads import pin_threads
+
+pin_threads()
+
+import json  # noqa: E402
+import tempfile  # noqa: E402
+from collections.abc import Iterable, Mapping, Sequence  # noqa: E402
+from dataclasses import replace  # noqa: E402
+from functools import partial  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import click  # noqa: E402
+import torch  # noqa: E402
+
+from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
+from benchmark.errors import UnsupportedShape  # noqa: E402
+from benchmark.geometry.depth import SIZE  # noqa: E402
+from benchmark.geometry.mesh import Mesh  # noqa: E402
+from benchmark.jobs.varied_pairs import TRAINED  # noqa: E402
+from benchmark.streaming import MakesFresh  # noqa: E402
+from learned.network import n_parameters  # noqa: E402
+from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
+from learned.streamed.model import form_of, predicted  # noqa: E402
+from learned.streamed.network import StreamedNetwork  # noqa: E402
+from learned.streamed.training import Plan, train_streamed  # noqa: E402
+from retrieval.measures import PRINTED  # noqa: E402
+from tests.learning_curve import ranked  # noqa: E402
+
+#: Seed of the bodies that are ranked, neither trained on nor looked at while training.
+RANKED = 2
+BODIES, POSES = 30, 5
+TRIAL_STEPS = 12
+
+FOLDER = Path("build/architectures")
+FIGURES = Path("results/architectures.json")
+
+Row = dict[str, float | str]
+say = partial(print, flush=True)
+
+
+@click.command()
+@click.option("--minutes", type=click.FloatRange(min=0, min_open=True), default=30.0, show_default=True)
+@click.option("--only", multiple=True, metavar="NAME", help="Configurations; all by default.")
+@click.option("--bodies", type=click.IntRange(2), default=BODIES, show_default=True, help="Bodies that are ranked.")
+@click.option("--workers", type=click.IntRange(0), default=1, show_default=True, help="Processes that make bodies.")
+def main(minutes: float, only: Sequence[str], bodies: int, workers: int) -> None:
+    """Train each configuration for so many minutes of one core, the making of bodies apart, and rank its forms."""
+    torch.set_num_threads(1)
+    for name in only:
+        streamed(name)
+    compare(
+        [STREAMED[name] for name in only or STREAMED],
+        60 * minutes,
+        Sampler(TRAINED),
+        Sampler(RANKED, poses=POSES),
+        bodies,
+        workers,
+    )
+    print(table(json.loads(FIGURES.read_text())))
+
+
+def compare(
+    chosen: Iterable[Streamed], seconds: float, fresh: MakesFresh, held_back: MakesFresh, bodies: int, workers: int
+) -> None:
+    """Train and measure what is missing in the figures.
+
+    Parameters
+    ----------
+    chosen
+        The configurations.
+    seconds
+        Processor seconds of each training.
+    fresh
+        Makes the bodies that all of them are trained on.
+    held_back
+        Makes those that are ranked.
+    bodies
+        How many are ranked.
+    workers
+        Processes that make bodies.
+    """
+    found: list[Row] = json.loads(FIGURES.read_text()) if FIGURES.is_file() else []
+    gallery = held_back(0, bodies, SIZE)
+    for configuration in chosen:
+        if any(row["configuration"] == configuration.name and row["budget"] == seconds for row in found):
+            continue
+        each = step_seconds(configuration, fresh)
+        plan = Plan(steps=max(1, round(seconds / each)))
+        say(f"{configuration.name}: {1000 * each:.0f} ms a step, {plan.steps} steps")
+        recipe = {"configuration": configuration.described(), "steps": plan.steps, "fresh": repr(fresh)}
+        folder = FOLDER / f"{configuration.name}-{seconds:g}"
+        folder.mkdir(parents=True, exist_ok=True)
+        steps = _planned(folder, plan.steps)
+        plan = replace(plan, steps=steps)
+        trained = train_streamed(
+            configuration, plan, fresh, None, folder, {**recipe, "steps": steps},
+            seed=0, device=torch.device("cpu"), workers=workers, say=say,
+        )  # fmt: skip
+        network = trained.network.eval()
+        spent = sum(row["processor seconds"] for row in trained.progress.history)
+        found.append(
+            {
+                "configuration": configuration.name,
+                "budget": seconds,
+                "processor seconds": round(spent, 1),
+                "steps": plan.steps,
+                "ms a step": round(1000 * spent / plan.steps, 1),
+                "parameters": float(n_parameters(network)),
+                **measure(network, configuration, gallery.images, gallery.identifiers),
+            }
+        )
+        FIGURES.parent.mkdir(exist_ok=True)
+        FIGURES.write_text(json.dumps(found, indent=1) + "\n")
+        say(found[-1])
+
+
+def _planned(folder: Path, steps: int) -> int:
+    """Steps that were planned when the training began: a machine is never twice as fast, and a plan is one."""
+    path = folder / "steps.json"
+    if path.is_file():
+        return int(json.loads(path.read_text()))
+    path.write_text(json.dumps(steps))
+    return steps
+
+
+def step_seconds(configuration: Streamed, fresh: MakesFresh) -> float:
+    """Processor seconds of one step, from a short training whose weights are thrown away."""
+    with tempfile.TemporaryDirectory() as folder:
+        trained = train_streamed(
+            configuration, Plan(steps=TRIAL_STEPS), _Repeated(fresh), None, Path(folder), {},
+            seed=0, device=torch.device("cpu"), workers=0, say=lambda _: None,
+        )  # fmt: skip
+    return sum(row["processor seconds"] for row in trained.progress.history) / TRIAL_STEPS
+
+
+class _Repeated:
+    """The first batch, again and again: making it is no part of a step."""
+
+    def __init__(self, make: MakesFresh) -> None:
+        self._make = make
+        self._made = {}
+
+    def __call__(self, number: int, bodies: int, size: int):
+        if size not in self._made:
+            self._made[size] = self._make(0, bodies, size)
+        return self._made[size]
+
+
+def measure(network: StreamedNetwork, configuration: Streamed, images, names: Sequence[str]) -> Row:
+    """Scores of the forms of a gallery, of bodies in poses; a form that cannot be made counts as a disc."""
+    forms, subjects, refused = [], [], 0
+    for name, of_body in zip(names, images, strict=True):
+        for image in of_body:
+            try:
+                forms.append(form_of(predicted(network, configuration, image))[0])
+            except UnsupportedShape:
+                refused += 1
+                forms.append(_disc())
+            subjects.append(name)
+    scores = ranked(forms, subjects)
+    return {name: round(value, 4) for name, value in scores.items()} | {"refused": refused}
+
+
+def _disc() -> Mesh:
+    import trimesh
+
+    solid = trimesh.creation.icosphere(subdivisions=3)
+    return Mesh(solid.vertices / solid.area**0.5, solid.faces.astype("int32"))
+
+
+def table(found: Iterable[Mapping[str, float | str]]) -> str:
+    """The comparison as Markdown, for ``docs/learned.md``."""
+    head = ("configuration", "minutes", "steps", "ms a step", "parameters", *PRINTED, "refused")
+    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
+    rows = list(found)
+    for row in rows:
+        scores = [f"{row[name]:.2f}" for name in PRINTED]
+        numbers = [f"{row['processor seconds'] / 60:.1f}", f"{row['steps']}", f"{row['ms a step']:.0f}"]
+        cells = [f"`{row['configuration']}`", *numbers, f"{row['parameters']:.0f}", *scores, f"{row['refused']}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    if rows:
+        chance = [f"{rows[0][f'chance {name}']:.2f}" for name in PRINTED]
+        lines.append(f"| *chance* | | | | | {' | '.join(chance)} | |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,176 @@
+"""The varied bodies: none that is tested, none through itself, as free as joints allow, the same everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchmark.datasets import humans
+from benchmark.datasets.human_poses import POSES, Arm, Pose
+from benchmark.datasets.human_subjects import SUBJECTS
+from benchmark.datasets.humans_scanlike import adults
+from benchmark.datasets.varied import sampler as sampling
+from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
+from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, rendered, turned
+from benchmark.datasets.varied.model import CANONICAL, body_model, varied_mesh
+from benchmark.datasets.varied.overlap import doubled_share
+from benchmark.datasets.varied.poses import LARGEST_TURN, free_pose, joint_limits, varied_pose
+from benchmark.datasets.varied.sampler import LARGEST_DOUBLED, Sampler
+from benchmark.errors import DatasetError
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import render_depth
+
+
+def test_no_body_is_near_to_a_subject_that_is_tested() -> None:
+    random = np.random.default_rng(0)
+    drawn = np.array([astuple(varied_subject(random)) for _ in range(400)])
+    tested = np.array([astuple(subject) for subject in (*SUBJECTS.values(), *adults().values())])
+    assert len(tested) == 55
+    assert np.linalg.norm(drawn[:, None] - tested, axis=2).min() >= CLEARANCE == 0.25
+    assert drawn.min() >= 0
+    assert drawn.max() <= 1
+    # As many children as adults, as many men as women.
+    assert abs((drawn[:, 1] < 0.5).mean() - 0.5) < 0.15
+    assert abs((drawn[:, 0] < 0.5).mean() - 0.5) < 0.1
+    assert len(np.unique(drawn, axis=0)) == 400
+
+
+def test_every_angle_is_free_of_the_others_and_within_its_joint() -> None:
+    lower, upper = joint_limits()
+    random = np.random.default_rng(0)
+    angles = np.stack([free_pose(random).angles() for _ in range(2000)])
+    assert (angles >= lower - 1e-9).all()
+    assert (angles <= upper + 1e-9).all()
+    moving = upper > lower
+    assert moving.sum() == 26  # all but the turn of the whole body, which is drawn by itself
+    correlations = np.corrcoef(angles[:, moving].T) - np.eye(26)
+    assert np.abs(correlations).max() < 0.12
+    spread = (angles.max(axis=0) - angles.min(axis=0))[moving] / (upper - lower)[moving]
+    assert spread.min() > 0.98
+    for pose in POSES.values():
+        assert (pose.angles() >= lower).all()
+        assert (pose.angles() <= upper).all()
+    mirrored = np.stack([Pose.from_angles(end).mirrored().angles() for end in (upper, lower)])
+    np.testing.assert_array_equal(np.sort(mirrored, axis=0), np.stack([lower, upper]))
+
+
+def test_bodies_turn_by_more_than_a_quarter_to_either_side() -> None:
+    random = np.random.default_rng(0)
+    turns = np.array([varied_pose(random).body.turn for _ in range(500)])
+    assert LARGEST_TURN >= np.abs(turns).max() > 90
+    assert turns.min() < -90 < 90 < turns.max()
+    assert 0.4 < (np.abs(turns) < 25).mean() < 0.8
+
+
+def test_without_local_changes_a_body_is_that_of_the_data_set() -> None:
+    for name, pose in (("man-2", "sitting"), ("child-4", "waving")):
+        ours, theirs = varied_mesh(Body(SUBJECTS[name]), POSES[pose]), humans.human_mesh(SUBJECTS[name], POSES[pose])
+        np.testing.assert_array_equal(ours.faces, theirs.faces)
+        np.testing.assert_allclose(ours.vertices, theirs.vertices, atol=2e-5)
+
+
+def test_local_changes_make_another_body_of_the_same_phenotype() -> None:
+    subject = SUBJECTS["woman-1"]
+    plain = varied_mesh(Body(subject), CANONICAL)
+    random = np.random.default_rng(3)
+    changed = varied_mesh(Body(subject, local_changes(random)), CANONICAL)
+    moved = np.linalg.norm(changed.vertices - plain.vertices, axis=1)
+    assert 0.005 < np.median(moved) < 0.15
+    solid = trimesh.Trimesh(changed.vertices, changed.faces, process=False)
+    assert solid.is_watertight
+    assert solid.volume > 0
+    # Every single change has an effect.
+    values = np.eye(len(LABELS)) * 0.5
+    many = body_model().vertices([Body(subject, tuple(row)) for row in values.tolist()], [[CANONICAL]] * len(LABELS))
+    assert min(np.abs(made[0] - plain.vertices).max() for made in many) > 1e-3
+
+
+def test_a_body_does_not_depend_on_what_is_made_with_it() -> None:
+    random = np.random.default_rng(1)
+    bodies = [varied_body(random) for _ in range(3)]
+    poses = [[varied_pose(random) for _ in range(2)] for _ in bodies]
+    together = body_model().vertices(bodies, poses)
+    for body, of_body, made in zip(bodies, poses, together, strict=True):
+        for pose, vertices in zip(of_body, made, strict=True):
+            np.testing.assert_array_equal(varied_mesh(body, pose).vertices, vertices)
+
+
+def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
+    faces = body_model().faces
+    bodies = [Body(SUBJECTS[name]) for name in ("man-2", "child-3", "woman-5")]
+    standing = [np.ptp(varied_mesh(body, CANONICAL).vertices[:, 2]) for body in bodies]
+    made = body_model().vertices(bodies, [list(POSES.values())] * 3)
+    shares = [
+        doubled_share(one, faces, height) for of_body, height in zip(made, standing, strict=True) for one in of_body
+    ]
+    assert np.mean(np.array(shares) <= LARGEST_DOUBLED) > 0.9
+    inside = replace(
+        CANONICAL, left_arm=Arm(raised=60, forward=110, bend=110), right_arm=Arm(raised=5, bend=5, roll=-60)
+    )
+    assert doubled_share(varied_mesh(bodies[0], inside).vertices, faces, standing[0]) > 2 * LARGEST_DOUBLED
+    # Two tetrahedra that share half of the smaller one, by hand: nothing of one alone lies inside of it twice.
+    solid = trimesh.creation.box((1, 1, 1))
+    assert doubled_share(solid.vertices, solid.faces.astype(np.int32), 1.0) == 0
+    two = trimesh.util.concatenate([solid, solid.copy().apply_translation([0.5, 0, 0])])
+    assert doubled_share(two.vertices, two.faces.astype(np.int32), 1.0) == pytest.approx(1 / 3, abs=0.03)
+
+
+def test_a_camera_without_faults_is_that_of_the_benchmark() -> None:
+    mesh = varied_mesh(Body(SUBJECTS["man-1"]), POSES["walking"])
+    points = turned(mesh.vertices, Nuisances())
+    np.testing.assert_allclose(rendered(points, mesh.faces, 1.3, 500), render_depth(mesh, FRONT, 1.3), atol=1e-6)
+
+
+def test_front_and_back_have_one_mask_and_the_body_between_them() -> None:
+    mesh = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
+    points = turned(mesh.vertices, Nuisances())
+    front, back = both_sides(points, mesh.faces, 1.3, 256)
+    np.testing.assert_array_equal(front > 0, back > 0)
+    assert (front >= back - 1e-6).all()
+    behind = rendered(points * [-1, 1, -1], mesh.faces, 1.3, 256)[:, ::-1]
+    inside = front > 0
+    np.testing.assert_allclose(back[inside], 1 - behind[inside], atol=1e-6)
+
+
+def test_the_faults_of_a_camera_do_what_they_say() -> None:
+    random = np.random.default_rng(0)
+    image = np.zeros((200, 200), dtype=np.float32)
+    image[50:150, 50:150] = 0.5
+    assert np.array_equal(disturbed(image, Nuisances(), random), image)
+    noisy = disturbed(image, Nuisances(noise=0.01), random)
+    assert noisy[image > 0].std() == pytest.approx(0.01, rel=0.1)
+    stepped = disturbed(image, Nuisances(noise=0.01, step=0.01), random)
+    np.testing.assert_allclose(stepped / 0.01, np.round(stepped / 0.01), atol=1e-4)
+    torn = disturbed(image, Nuisances(dropped=0.05, holes=3), random)
+    assert 0.5 < np.count_nonzero(torn) / np.count_nonzero(image) < 0.96
+    assert not torn[image == 0].any()
+    body = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
+    above = turned(body.vertices, Nuisances(elevation=20.0))
+    assert np.ptp(above[:, 1]) < np.ptp(body.vertices[:, 2])
+    left, right = body_model().hands
+    assert 1000 < left.sum() == right.sum() < 6000
+
+
+def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> None:
+    sampler = Sampler(seed=7)
+    first, other = sampler(0, 2, 64), sampler(1, 2, 64)
+    again = sampler(0, 2, 64)
+    np.testing.assert_array_equal(first.images, again.images)
+    assert first.images.shape == (2, 2, 64, 64)
+    assert first.identifiers == ("varied-7-0-0", "varied-7-0-1")
+    assert not set(first.identifiers) & set(other.identifiers)
+    assert not np.array_equal(first.fronts, other.fronts)
+    assert not np.array_equal(first.fronts, Sampler(seed=8)(0, 2, 64).fronts)
+    for images in (first.images, first.fronts[:, None]):
+        assert 0 == images.min() < images.max() <= 1
+        assert ((images > 0).sum(axis=(2, 3)) > 80).all()
+
+
+def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "LARGEST_DOUBLED", -1.0)
+    monkeypatch.setattr(sampling, "MOST_DRAWS", 2)
+    with pytest.raises(DatasetError, match="varied-0-5-0 has no pose"):
+        Sampler(0)(5, 1, 32)

@@ -1,0 +1,52 @@
+"""The comparison of architectures at toy size: it trains, ranks, goes on, and tells."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmark.streaming import Fresh
+from tests import architectures
+from tests.learned.streamed.toy import Ellipsoids, toy
+from tests.learned.toy import quiet
+
+CHOSEN = [toy(name="toy"), toy(name="toy-two-sided", sides=2)]
+
+
+class Many(Ellipsoids):
+    """The same in five poses, of which the scorer wants two at least; they repeat."""
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        made = super().__call__(number, bodies, size)
+        return Fresh(**{**vars(made), "images": np.repeat(made.images, 2, axis=1)})
+
+
+def test_each_configuration_gets_its_share_and_is_not_trained_twice(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(architectures, "FOLDER", tmp_path / "work")
+    monkeypatch.setattr(architectures, "FIGURES", tmp_path / "results" / "architectures.json")
+    monkeypatch.setattr(architectures, "TRIAL_STEPS", 2)
+    monkeypatch.setattr(architectures, "say", quiet)
+    monkeypatch.setattr(architectures, "step_seconds", lambda *_: 0.01)
+    ranked: list[Any] = []
+
+    def scored(forms: Any, subjects: Any) -> dict[str, float]:
+        ranked.append((len(forms), tuple(subjects)))
+        return dict.fromkeys(("NN", "FT", "ST", "DCG"), 0.5) | {f"chance {n}": 0.2 for n in ("NN", "FT", "ST", "DCG")}
+
+    monkeypatch.setattr(architectures, "ranked", scored)
+    architectures.compare(CHOSEN[:1], 0.06, Ellipsoids(), Many(seed=5), 3, 0)
+    architectures.compare(CHOSEN, 0.06, Ellipsoids(), Many(seed=5), 3, 0)
+    found = json.loads((tmp_path / "results" / "architectures.json").read_text())
+    assert [row["configuration"] for row in found] == ["toy", "toy-two-sided"]
+    assert [row["steps"] for row in found] == [6, 6]
+    assert all(row["processor seconds"] > 0 for row in found)
+    assert ranked == [(12, tuple(f"toy-0-{body}" for body in range(3) for _ in range(4)))] * 2
+    lines = architectures.table(found).splitlines()
+    assert lines[2].startswith("| `toy` | ")
+    assert lines[-1] == "| *chance* | | | | | 0.20 | 0.20 | 0.20 | 0.20 | |"

@@ -1,0 +1,107 @@
+"""Every configuration predicts what it says, learns from every weight, and learns a pair by heart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from benchmark.errors import ConfigurationError
+from learned.streamed.configuration import STREAMED, Streamed, from_card, streamed
+from learned.streamed.losses import NAMES, code_loss, gradient_loss, losses, weighted
+from learned.streamed.model import form_of
+from learned.streamed.network import build_streamed
+from learned.streamed.stream import batch_of
+from tests.learned.streamed.toy import Ellipsoids, toy
+
+CHANGES = {
+    name: {key: value for key, value in each.described().items() if key not in ("name", "resolution", "code_size")}
+    for name, each in STREAMED.items()
+}
+
+
+def small(name: str) -> Streamed:
+    """The configuration at a size that costs nothing."""
+    return toy(**CHANGES[name] | {"width": 8})
+
+
+@pytest.mark.parametrize("name", STREAMED)
+def test_shapes_and_ranges_of_each_configuration(name: str) -> None:
+    chosen = streamed(name)
+    with torch.no_grad():
+        network = build_streamed(chosen)
+        image = torch.rand(2, 1, chosen.resolution, chosen.resolution, generator=torch.Generator().manual_seed(0))
+        result = network.eval()(image)
+    assert result.shape == (2, chosen.sides + 1, chosen.resolution, chosen.resolution)
+    assert 0 < result[:, -1].min() < result[:, -1].max() < 0.5
+    assert network.code(image).shape == (2, chosen.code_size)
+    assert from_card(chosen.described()) == chosen
+
+
+@pytest.mark.parametrize("name", STREAMED)
+def test_the_gradient_of_every_term_that_counts_reaches_every_weight(name: str) -> None:
+    chosen = small(name)
+    network = build_streamed(chosen)
+    batch = batch_of(Ellipsoids()(0, 4, 64), 0, chosen)
+    code = network.code(batch.images)
+    terms = losses(network.decoded(code), batch.targets, code, batch.poses, chosen)
+    assert [bool(term > 0) for term in terms] == [True, True, chosen.gradient > 0, chosen.one_code > 0]
+    weighted(terms, chosen).backward()
+    for weight in network.parameters():
+        assert weight.grad is not None
+        assert weight.grad.abs().max() > 0
+
+
+@pytest.mark.parametrize("name", STREAMED)
+def test_each_configuration_learns_a_pair_by_heart_and_its_form_is_a_surface(name: str) -> None:
+    chosen = small(name)
+    network = build_streamed(chosen)
+    batch = batch_of(Ellipsoids()(0, 2, 64), 0, chosen)
+    optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
+    history = []
+    for _ in range(100):
+        code = network.code(batch.images)
+        terms = losses(network.decoded(code), batch.targets, code, batch.poses, chosen)
+        optimiser.zero_grad()
+        weighted(terms, chosen).backward()
+        optimiser.step()
+        history.append(terms.detach())
+    assert history[-1][0] < 0.2 * history[0][0]
+    assert history[-1][1] < 0.2 * history[0][1]
+    form, _ = form_of(network(batch.images)[0].detach())
+    assert form.area == pytest.approx(1)
+    assert np.isfinite(form.vertices).all()
+
+
+def test_an_alternating_error_costs_and_a_shift_does_not() -> None:
+    mask = torch.ones(1, 1, 8, 8)
+    assert gradient_loss(torch.full((1, 2, 8, 8), 0.3), mask) == 0
+    waffle = 0.1 * (torch.arange(8) % 2 * 2 - 1).float().expand(1, 1, 8, 8)
+    # Neighbours in a row differ by .2, those in a column by nothing: half of the squares are .04.
+    assert gradient_loss(waffle, mask) == pytest.approx(0.02)
+    assert gradient_loss(waffle, torch.zeros(1, 1, 8, 8)) == 0
+
+
+def test_one_code_for_all_poses_costs_nothing_however_small_the_codes_are() -> None:
+    bodies = torch.randn(6, 1, 5, generator=torch.Generator().manual_seed(0))
+    same = bodies.expand(6, 2, 5).reshape(12, 5)
+    assert code_loss(same, 2) == pytest.approx(0, abs=1e-6)
+    anyhow = torch.randn(400, 5, generator=torch.Generator().manual_seed(1))
+    for scale in (1.0, 1e-2):
+        assert code_loss(scale * anyhow, 2) == pytest.approx(1, abs=0.15)
+
+
+def test_the_names_of_the_terms_are_those_of_the_history() -> None:
+    assert len(NAMES) == 4
+
+
+def test_a_card_of_another_network_and_a_resolution_that_cannot_be_are_refused() -> None:
+    described = streamed("plain").described()
+    with pytest.raises(ConfigurationError, match="another kind of network"):
+        from_card(described | {"depth": 3})
+    with pytest.raises(ConfigurationError, match="multiple of 32"):
+        from_card(described | {"resolution": 100})
+    with pytest.raises(ConfigurationError, match="sides"):
+        from_card(described | {"sides": 3})
+    with pytest.raises(ConfigurationError, match="did you mean"):
+        streamed("two-side")

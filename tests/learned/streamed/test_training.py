@@ -1,0 +1,190 @@
+"""A streamed training is the same however it is stopped and whoever makes the bodies, and loses nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError, TrainingError
+from benchmark.geometry.depth import back_project
+from benchmark.learning import CARD, WEIGHTS, Learner, read_card
+from learned.checkpoint import CHECKPOINT
+from learned.streamed import configuration, fitting, training
+from learned.streamed.fitting import fit
+from learned.streamed.methods import StreamedLearner
+from learned.streamed.stream import batches
+from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
+from tests.learned.toy import files, quiet, toy_data
+
+OPTIONS: dict[str, Any] = {
+    "steps": 60,
+    "bodies": 4,
+    "warm_up": 2,
+    "learning_rate": 1e-2,
+    "precision": "float32",
+    "threads": 1,
+    "workers": 0,
+}
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give the toy network a name, and write a checkpoint every fourth step."""
+    monkeypatch.setitem(configuration.STREAMED, TOY.name, TOY)
+    monkeypatch.setattr(training, "ROW", 4)
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr(training, "LOOKED_AT", 2)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder of a finished toy model."""
+    folder = tmp_path_factory.mktemp("models") / "streamed-toy-seed0"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(configuration.STREAMED, TOY.name, TOY)
+        patch.setattr(training, "ROW", 4)
+        patch.setattr(training, "LOOKED_AT", 2)
+        fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
+    yield folder
+
+
+def weights(folder: Path) -> bytes:
+    return (folder / WEIGHTS).read_bytes()
+
+
+def test_a_finished_model_has_weights_a_card_and_a_history(finished: Path) -> None:
+    assert files(finished) == {WEIGHTS, CARD, "history.csv"}
+    card = read_card(finished)
+    assert card["bodies"] == 240
+    assert card["drawn_again"] == 60
+    assert card["extra_data"] is True
+    assert "validation mask overlap" in card["final"]
+
+
+def test_a_batch_that_cannot_be_made_names_itself_and_loses_nothing(tmp_path: Path, finished: Path) -> None:
+    for broken in (6, 9):
+        with pytest.raises(TrainingError, match=rf"batch {broken} cannot be made: .*toy-{broken}-0 has no pose"):
+            fit("toy", 0, toy_stream(Ellipsoids(broken=broken)), tmp_path, OPTIONS, quiet)
+        assert files(tmp_path) == {CHECKPOINT}
+    said: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, said.append)
+    assert "going on after step 9 of 60" in said
+    assert weights(tmp_path) == weights(finished)
+
+
+@pytest.mark.slow
+def test_workers_change_nothing_and_one_that_dies_is_replaced(tmp_path: Path, finished: Path) -> None:
+    said: list[str] = []
+    make = Ellipsoids(killed=tmp_path / "killed")
+    fit("toy", 0, toy_stream(make), tmp_path / "model", {**OPTIONS, "workers": 2}, said.append)
+    assert any("it is made again" in line for line in said)
+    assert (tmp_path / "killed").exists()
+    assert weights(tmp_path / "model") == weights(finished)
+
+
+def test_batches_come_in_order_and_show_no_body_twice() -> None:
+    made = list(batches(Ellipsoids(), TOY, 3, range(4, 9), 0, quiet))
+    assert [batch.number for batch in made] == [4, 5, 6, 7, 8]
+    names = [name for batch in made for name in batch.identifiers]
+    assert len(set(names)) == len(names) == 15
+    assert made[0].images.shape == (6, 1, 32, 32)
+    assert made[0].targets.shape == (6, 2, 32, 32)
+    assert torch.equal(made[0].targets[0], made[0].targets[1])
+
+
+@pytest.mark.slow
+def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path, finished: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path\n"
+        "from learned.streamed import configuration, training\n"
+        "from learned.streamed.fitting import fit\n"
+        "from tests.learned.streamed.toy import TOY, toy_stream\n"
+        "from tests.learned.streamed.test_training import OPTIONS\n"
+        "if __name__ == '__main__':\n"
+        "    configuration.STREAMED[TOY.name], training.ROW, training.CHECKPOINT_SECONDS = TOY, 4, -1.0\n"
+        "    training.LOOKED_AT = 2\n"
+        "    def say(line):\n"
+        "        print(line, flush=True)\n"
+        "        if line.startswith('step 4/'):\n"
+        "            import time; time.sleep(100)\n"
+        "    fit('toy', 0, toy_stream(), Path(sys.argv[1]), {**OPTIONS, 'workers': 1}, say)\n"
+    )
+    script = tmp_path / "program.py"
+    script.write_text(program)
+    folder = tmp_path / "model"
+    environment = os.environ | {"PYTHONPATH": str(Path.cwd())}
+    run = subprocess.Popen(
+        [sys.executable, str(script), str(folder)], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert run.stdout is not None
+    assert any(line.startswith("step 4/") for line in run.stdout)
+    children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    assert children
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    for _ in range(100):
+        if not any(Path(f"/proc/{child}").exists() for child in children):
+            break
+        time.sleep(0.1)
+    assert not any(Path(f"/proc/{child}").exists() for child in children)
+    fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
+    assert weights(folder) == weights(finished)
+
+
+def test_options_that_do_not_fit_are_refused() -> None:
+    for options, told in (
+        ({"epochs": 3}, "no body is seen twice"),
+        ({"batch": 3}, "bodies=N"),
+        ({"resolution": 64}, "has resolution 32"),
+        ({"step": 3}, "did you mean steps"),
+        ({"bodies": 1}, "at least 2"),
+    ):
+        with pytest.raises(ConfigurationError, match=told):
+            fitting.checked_plan("toy", options)
+
+
+def test_data_that_is_no_stream_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="no stream of fresh bodies"):
+        fit("toy", 0, toy_data(), tmp_path, OPTIONS, quiet)
+
+
+def test_a_finished_model_of_another_plan_is_left_alone(finished: Path) -> None:
+    said: list[str] = []
+    fit("toy", 0, toy_stream(), finished, OPTIONS, said.append)
+    assert said == [f"{finished} holds this model already"]
+    with pytest.raises(ConfigurationError, match="another training"):
+        fit("toy", 0, toy_stream(), finished, {**OPTIONS, "steps": 61}, quiet)
+
+
+def test_the_method_makes_a_form_of_unit_area_in_any_frame(finished: Path) -> None:
+    assert isinstance(StreamedLearner(), Learner)
+    method = StreamedLearner(configuration="toy").load(finished)
+    forms = []
+    for scale in (0.9, 0.45):
+        image = both(500, 0.4 * scale, 0.9 * scale)[0]
+        surface, _ = back_project(image, 1.0)
+        forms.append(method.canonicalise(Shape(identifier="x", mesh=surface, depth=image)))
+        assert forms[-1].mesh.area == pytest.approx(1)
+    assert abs(forms[0].mesh.n_vertices - forms[1].mesh.n_vertices) < 0.1 * forms[0].mesh.n_vertices
+    with pytest.raises(UnsupportedShape, match="needs a depth image"):
+        method.canonicalise(Shape(identifier="x", mesh=surface))
+    with pytest.raises(UnsupportedShape, match="empty"):
+        method.canonicalise(Shape(identifier="x", mesh=surface, depth=np.zeros((500, 500), dtype=np.float32)))
+
+
+def test_a_model_of_another_kind_is_not_loaded(finished: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="not that of a streamed network"):
+        StreamedLearner().check_card({"configuration": {}}, tmp_path)
+    with pytest.raises(ConfigurationError, match="holds 'plain', not 'toy'"):
+        StreamedLearner(configuration="toy").check_card({"streamed": {**TOY.described(), "name": "plain"}}, tmp_path)

@@ -1,0 +1,72 @@
+"""A stream of ellipsoids, which costs nothing to make."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.errors import DatasetError
+from benchmark.streaming import Fresh, StreamedData
+from learned.streamed.configuration import PLAIN, Streamed
+from tests.learned.toy import toy_data
+
+TOY = replace(PLAIN, name="toy", resolution=32, width=8, code_size=16)
+
+
+@dataclass(frozen=True)
+class Ellipsoids:
+    """Bodies with a width and a height; a pose puts them elsewhere in the frame.
+
+    Parameters
+    ----------
+    seed
+        Seed of the stream.
+    broken
+        Number of the batch that cannot be made.
+    killed
+        A file that appears when the process that makes batch 3 is killed, once.
+    """
+
+    seed: int = 0
+    broken: int = -1
+    killed: Path | None = None
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        if number == self.broken:
+            raise DatasetError(f"toy-{number}-0 has no pose", "mend it")
+        if self.killed is not None and number == 3 and not self.killed.exists():
+            self.killed.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        random = np.random.default_rng([self.seed, number])
+        images = np.zeros((bodies, 2, size, size), dtype=np.float32)
+        fronts, backs = np.zeros((2, bodies, size, size), dtype=np.float32)
+        for body in range(bodies):
+            width, height = random.uniform(0.2, 0.5, 2)
+            fronts[body], backs[body] = both(size, width, height)
+            for pose in range(2):
+                images[body, pose] = both(size, width, height, *random.uniform(-0.3, 0.3, 2))[0]
+        names = tuple(f"toy-{number}-{body}" for body in range(bodies))
+        return Fresh(identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again={"toys": 1})
+
+
+def both(size: int, width: float, height: float, x: float = 0.0, y: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Front and back of an ellipsoid whose depth is as large as its width."""
+    offsets = (np.arange(size) + 0.5) * 2 / size - 1
+    squared = ((offsets - x) / width) ** 2 + ((-offsets[:, None] - y) / height) ** 2
+    half = 0.5 * width * np.sqrt(np.maximum(1 - squared, 0))
+    inside = squared < 1
+    return tuple(np.where(inside, 0.5 + side * half, 0).astype(np.float32) for side in (1, -1))
+
+
+def toy_stream(make: Ellipsoids = Ellipsoids()) -> StreamedData:
+    """The toy data with a stream."""
+    return StreamedData(**vars(toy_data()), fresh=make, validation=Ellipsoids(seed=1))
+
+
+def toy(**changes: object) -> Streamed:
+    """The toy network with changes."""
+    return replace(TOY, **changes)
