@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from learned.streamed.configuration import Streamed
 
@@ -78,8 +79,10 @@ def _resampled(
     images: Image, down: NDArray[np.float64], across: NDArray[np.float64], middle: float, scale: float
 ) -> Image:
     seen = (images[0] > 0).astype(np.float64)
-    cover = down @ seen @ across.T
+    # Most of the shares are zero, and a sparse product adds in one order on every machine.
+    rows, columns = csr_array(down), csr_array(across)
+    cover = (columns @ (rows @ seen).T).T
     mask = cover >= COVERED - _TIE
-    sums = down @ (images.astype(np.float64) * seen) @ across.T
+    sums = np.stack([(columns @ (rows @ (image * seen)).T).T for image in images])
     depths = 0.5 + (sums / np.where(mask, cover, 1) - middle) * scale
     return np.where(mask, np.clip(depths, _LEAST_DEPTH, 1), 0).astype(np.float32)

@@ -159,7 +159,7 @@ class _Ahead:
                 self._asked.popleft()
                 yield batch
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(wait=True, cancel_futures=True)
 
     def _pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")

@@ -169,6 +169,18 @@ def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> 
         assert ((images > 0).sum(axis=(2, 3)) > 80).all()
 
 
+@pytest.mark.parametrize("missing", [(True, False), (False, True), (True, True)])
+def test_a_missing_hand_leaves_the_rest_of_the_body(
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[bool, bool]
+) -> None:
+    whole = Sampler(0, poses=1, nuisances=False)(50, 1, 128)
+    monkeypatch.setattr(sampling, "drawn_nuisances", lambda _: Nuisances(missing=missing))
+    maimed = Sampler(0, poses=1)(50, 1, 128)
+    seen, left = (np.count_nonzero(each.images) for each in (whole, maimed))
+    assert 0.85 * seen < left < seen
+    assert np.array_equal(maimed.fronts, whole.fronts)
+
+
 def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "LARGEST_DOUBLED", -1.0)
     monkeypatch.setattr(sampling, "MOST_DRAWS", 2)

@@ -47,7 +47,7 @@ class Nuisances:
 
 
 def drawn_nuisances(random: np.random.Generator) -> Nuisances:
-    """Draw them; about one image in eight has none, so that clean views stay familiar.
+    """Draw them; about one image in six has none, so that clean views stay familiar.
 
     Parameters
     ----------

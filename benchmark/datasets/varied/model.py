@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
@@ -29,6 +30,14 @@ _HANDS = ("wrist", "metacarpal", "finger")
 
 
 @dataclass(frozen=True, eq=False)
+class Shaped:
+    """A body at rest: its vertices, shape (n, 3), and where its bones are, a tensor of shape (bones, 4, 4)."""
+
+    vertices: NDArray[np.float64]
+    bones: Any
+
+
+@dataclass(frozen=True, eq=False)
 class BodyModel:
     """The parametric body model, without eyes and tongue.
 
@@ -47,7 +56,16 @@ class BodyModel:
     _bones: NDArray[np.int64]
     _weights: NDArray[np.float64]
 
-    def vertices(self, bodies: Sequence[Body], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
+    def shaped(self, bodies: Sequence[Body]) -> list[Shaped]:
+        """Bodies at rest, ready to be posed."""
+        import torch
+
+        with _one_thread(), torch.inference_mode():
+            rest = self._model.get_rest_model(self._coefficients(bodies))
+            shapes = rest["rest_vertices"].numpy()[:, self._rows]
+            return [Shaped(shape, bones) for shape, bones in zip(shapes, rest["rest_bone_poses"], strict=True)]
+
+    def posed(self, bodies: Sequence[Shaped], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
         """Vertices of each body in its poses, one array of shape (poses, n, 3) for each; metres, z up, facing -y.
 
         Parameters
@@ -60,24 +78,20 @@ class BodyModel:
         import torch
 
         count = len(poses[0])
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            with torch.inference_mode():
-                rest = self._model.get_rest_model(self._coefficients(bodies))
-                bones = rest["rest_bone_poses"].repeat_interleave(count, dim=0)
-                transforms, _ = self._model.get_bone_transforms(_rotations(poses), bones)
-                shapes = rest["rest_vertices"].numpy()[:, self._rows]
-                moved = transforms.numpy()
-        finally:
-            torch.set_num_threads(threads)
+        with _one_thread(), torch.inference_mode():
+            bones = torch.stack([body.bones for body in bodies]).repeat_interleave(count, dim=0)
+            moved = self._model.get_bone_transforms(_rotations(poses), bones)[0].numpy()
         posed = []
-        for number, shape in enumerate(shapes):
+        for number, body in enumerate(bodies):
             of_body = moved[number * count : (number + 1) * count]
-            repeated = np.broadcast_to(shape, (count, *shape.shape)).astype(np.float64, order="C")
+            repeated = np.broadcast_to(body.vertices, (count, *body.vertices.shape)).astype(np.float64, order="C")
             made = linear_blend_skinning(repeated, self._bones, self._weights, np.ascontiguousarray(of_body))
             posed.append(np.round(made, _DECIMALS))
         return posed
+
+    def vertices(self, bodies: Sequence[Body], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
+        """Vertices of bodies that are posed once; see :meth:`posed`."""
+        return self.posed(self.shaped(bodies), poses)
 
     def _coefficients(self, bodies: Sequence[Body]) -> Any:
         import torch
@@ -127,6 +141,19 @@ def body_model() -> BodyModel:
         for side in (".L", ".R")
     )
     return BodyModel(kept_faces, (left, right), model, rows.astype(np.int64), bones, weights)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch compute on one thread, so that the same bits come out wherever it runs."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def _rotations(poses: Sequence[Sequence[Pose]]) -> dict[str, Any]:

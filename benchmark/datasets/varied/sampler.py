@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmark.datasets.human_poses import Pose
-from benchmark.datasets.varied.bodies import Body, varied_body
+from benchmark.datasets.varied.bodies import varied_body
 from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, drawn_nuisances, rendered, turned
-from benchmark.datasets.varied.model import CANONICAL, BodyModel, body_model
+from benchmark.datasets.varied.model import CANONICAL, BodyModel, Shaped, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import varied_pose
 from benchmark.errors import DatasetError
@@ -18,7 +18,11 @@ from benchmark.geometry.mesh import Points
 from benchmark.streaming import Fresh
 
 LARGEST_DOUBLED = 0.004
-"""Share of a body that may lie inside of it twice: the creases of a squatting body, and no more."""
+"""Share of a body that may lie inside of it twice.
+
+Of the 300 authored shapes 99 in 100 have less, all but the most squatting ones; above it more than 1.5 per cent of the
+triangles cut others, which no authored shape does.
+"""
 
 SHORTEST, TALLEST = 0.6, 2.4
 """Heights in metres between which a standing body is one."""
@@ -68,23 +72,21 @@ class Sampler:
             half_width = extent / random.uniform(*SHARES)
             fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
             for row, (points, each) in enumerate(zip(inputs, wrong, strict=True)):
-                unseen = sum(
-                    (hand for hand, gone in zip(model.hands, each.missing, strict=True) if gone), 0 * model.hands[0]
-                )
-                faces = model.faces[~unseen] if any(each.missing) else model.faces
+                hidden = [hand for hand, gone in zip(model.hands, each.missing, strict=True) if gone]
+                faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
                 images[place, row] = disturbed(rendered(points, faces, half_width, size), each, random)
         return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
 
     def _bodies(
         self, model: BodyModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
-    ) -> tuple[list[Body], list[Points]]:
+    ) -> tuple[list[Shaped], list[Points]]:
         """Bodies, and their vertices in the canonical pose."""
-        drawn: list[Body | None] = [None] * len(names)
+        drawn: list[Shaped | None] = [None] * len(names)
         shapes: list[Points] = [np.empty((0, 3))] * len(names)
         missing = list(range(len(names)))
         for _ in range(MOST_DRAWS):
-            candidates = [varied_body(randoms[place]) for place in missing]
-            made = model.vertices(candidates, [[CANONICAL]] * len(candidates))
+            candidates = model.shaped([varied_body(randoms[place]) for place in missing])
+            made = model.posed(candidates, [[CANONICAL]] * len(candidates))
             for place, body, (vertices,) in zip(missing, candidates, made, strict=True):
                 height = _height(vertices)
                 if not SHORTEST < height < TALLEST:
@@ -102,7 +104,7 @@ class Sampler:
         self,
         model: BodyModel,
         names: list[str],
-        bodies: list[Body],
+        bodies: list[Shaped],
         shapes: list[Points],
         randoms: list[np.random.Generator],
         again: Counter[str],
@@ -114,7 +116,7 @@ class Sampler:
             if not missing:
                 return found
             poses: list[list[Pose]] = [[varied_pose(randoms[place]) for _ in range(self.poses)] for place in missing]
-            made = model.vertices([bodies[place] for place in missing], poses)
+            made = model.posed([bodies[place] for place in missing], poses)
             for place, candidates in zip(missing, made, strict=True):
                 height = _height(shapes[place])
                 for vertices in candidates:
