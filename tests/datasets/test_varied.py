@@ -23,6 +23,8 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
 
+#: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
+needs_the_full_body = pytest.mark.exhaustive
 
 def test_no_body_is_near_to_a_subject_that_is_tested() -> None:
     random = np.random.default_rng(0)
@@ -65,6 +67,7 @@ def test_bodies_turn_by_more_than_a_quarter_to_either_side() -> None:
     assert 0.4 < (np.abs(turns) < 25).mean() < 0.8
 
 
+@needs_the_full_body
 def test_without_local_changes_a_body_is_that_of_the_data_set() -> None:
     for name, pose in (("man-2", "sitting"), ("child-4", "waving")):
         ours, theirs = varied_mesh(Body(SUBJECTS[name]), POSES[pose]), humans.human_mesh(SUBJECTS[name], POSES[pose])
@@ -72,6 +75,7 @@ def test_without_local_changes_a_body_is_that_of_the_data_set() -> None:
         np.testing.assert_allclose(ours.vertices, theirs.vertices, atol=2e-5)
 
 
+@needs_the_full_body
 def test_local_changes_make_another_body_of_the_same_phenotype() -> None:
     subject = SUBJECTS["woman-1"]
     plain = varied_mesh(Body(subject), CANONICAL)
@@ -88,6 +92,7 @@ def test_local_changes_make_another_body_of_the_same_phenotype() -> None:
     assert min(np.abs(made[0] - plain.vertices).max() for made in many) > 1e-3
 
 
+@needs_the_full_body
 def test_a_body_does_not_depend_on_what_is_made_with_it() -> None:
     random = np.random.default_rng(1)
     bodies = [varied_body(random) for _ in range(3)]
@@ -98,6 +103,7 @@ def test_a_body_does_not_depend_on_what_is_made_with_it() -> None:
             np.testing.assert_array_equal(varied_mesh(body, pose).vertices, vertices)
 
 
+@needs_the_full_body
 def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
     faces = body_model().faces
     bodies = [Body(SUBJECTS[name]) for name in ("man-2", "child-3", "woman-5")]
@@ -118,12 +124,14 @@ def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
     assert doubled_share(two.vertices, two.faces.astype(np.int32), 1.0) == pytest.approx(1 / 3, abs=0.03)
 
 
+@needs_the_full_body
 def test_a_camera_without_faults_is_that_of_the_benchmark() -> None:
     mesh = varied_mesh(Body(SUBJECTS["man-1"]), POSES["walking"])
     points = turned(mesh.vertices, Nuisances())
     np.testing.assert_allclose(rendered(points, mesh.faces, 1.3, 500), render_depth(mesh, FRONT, 1.3), atol=1e-6)
 
 
+@needs_the_full_body
 def test_front_and_back_have_one_mask_and_the_body_between_them() -> None:
     mesh = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
     points = turned(mesh.vertices, Nuisances())
@@ -135,6 +143,7 @@ def test_front_and_back_have_one_mask_and_the_body_between_them() -> None:
     np.testing.assert_allclose(back[inside], 1 - behind[inside], atol=1e-6)
 
 
+@needs_the_full_body
 def test_the_faults_of_a_camera_do_what_they_say() -> None:
     random = np.random.default_rng(0)
     image = np.zeros((200, 200), dtype=np.float32)
@@ -154,6 +163,7 @@ def test_the_faults_of_a_camera_do_what_they_say() -> None:
     assert 1000 < left.sum() == right.sum() < 6000
 
 
+@needs_the_full_body
 def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> None:
     sampler = Sampler(seed=7)
     first, other = sampler(0, 2, 64), sampler(1, 2, 64)
@@ -170,6 +180,7 @@ def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> 
 
 
 @pytest.mark.parametrize("missing", [(True, False), (False, True), (True, True)])
+@needs_the_full_body
 def test_a_missing_hand_leaves_the_rest_of_the_body(
     monkeypatch: pytest.MonkeyPatch, missing: tuple[bool, bool]
 ) -> None:
@@ -181,6 +192,7 @@ def test_a_missing_hand_leaves_the_rest_of_the_body(
     assert np.array_equal(maimed.fronts, whole.fronts)
 
 
+@needs_the_full_body
 def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "LARGEST_DOUBLED", -1.0)
     monkeypatch.setattr(sampling, "MOST_DRAWS", 2)
