@@ -26,6 +26,7 @@ from benchmark.geometry.depth import render_depth
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
 needs_the_full_body = pytest.mark.exhaustive
 
+
 def test_no_body_is_near_to_a_subject_that_is_tested() -> None:
     random = np.random.default_rng(0)
     drawn = np.array([astuple(varied_subject(random)) for _ in range(400)])
