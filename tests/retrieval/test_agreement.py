@@ -2,7 +2,9 @@
 
 import math
 
+import numpy as np
 import pytest
+from scipy.stats import kendalltau
 
 from benchmark.errors import ConfigurationError
 from retrieval.agreement import agreement
@@ -26,6 +28,14 @@ def test_many_methods_are_compared_with_drawn_orders_the_same_ones_each_time():
     found = agreement(first, second)
     assert found == agreement(first, second)
     assert found.p_value < 0.01 < agreement(first, [5, 9, 0, 11, 3, 7, 2, 8, 10, 1, 6, 4]).p_value
+
+
+@pytest.mark.parametrize("n", [3, 8, 28])
+def test_tau_is_that_of_scipy(n):
+    random = np.random.default_rng(n)
+    first = random.permutation(n) // 2
+    second = first + random.integers(0, 4, n)
+    assert agreement(first, second).tau == pytest.approx(kendalltau(first, second).statistic)
 
 
 def test_where_nothing_is_ranked_there_is_no_tau():
