@@ -71,7 +71,7 @@ def agreement(first: Sequence[float], second: Sequence[float]) -> Agreement:
 
     def tau(of_second: np.ndarray, axis: int = -1) -> np.ndarray:
         values = np.moveaxis(of_second, axis, -1)
-        return np.sign(values[..., before] - values[..., after]) @ signs / untied
+        return np.asarray(np.sign(values[..., before] - values[..., after]) @ signs / untied)
 
     tested = permutation_test(
         (y,),
