@@ -15,7 +15,8 @@ from pathlib import Path
 FOLDER = Path("build/boundscheck")
 #: Read by numba when it is imported. Kernels of other runs were compiled without the checks, and a kernel that comes
 #: from a cache does not say which others it calls: hence a cache of its own, empty at the start.
-os.environ |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(FOLDER.absolute())}
+#: Indices are the same however fast the code: it is compiled quickly.
+os.environ |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(FOLDER.absolute()), "NUMBA_OPT": "1"}
 
 import numba  # noqa: E402
 import numpy as np  # noqa: E402

@@ -17,10 +17,13 @@ FEW_ROWS = (
     "nystrom-mds",
     "subspace-mds[eigenfunctions=(50)]",
     "euclidean-distance",
+)
+#: These go the way of the biharmonic distance, and of the other feature points.
+FEW_ROWS_LIKE_OTHERS = (
+    "classic-mds[metric=diffusion]",
+    "classic-mds[metric=commute-time]",
     "euclidean-distance[points=local]",
 )
-#: These go the way of the biharmonic distance.
-FEW_ROWS_LIKE_OTHERS = ("classic-mds[metric=diffusion]", "classic-mds[metric=commute-time]")
 ALL_PAIRS = ("classic-mds", "least-squares-mds", "least-squares-mds[metric=biharmonic]", "feature-preserved")
 
 

@@ -348,8 +348,17 @@ def test_all_methods_of_a_file_are_checked_and_one_fault_fails_it(tmp_path, in_t
     assert [f.name for f in report.findings["flat"] if f.outcome == "failed"] == ["rigid motion"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(registry.BUILT_IN))
+#: Methods of the paper's tables and one control are tried always, others when asked: each takes some ten seconds.
+ALWAYS = (*(name for name, spec in registry.methods().items() if spec.info.family == "paper"), "random")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in ALWAYS else pytest.mark.exhaustive)
+        for name in registry.BUILT_IN
+    ],
+)
 def test_every_built_in_method_keeps_the_contract(name):
     report = conformance.check_target(name)
     assert report, f"\n{report}"
