@@ -3,47 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 
-from benchmark.contracts import Interval
-from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, TrainingData, read_card
-from benchmark.parameters.values import checked
+from benchmark.learning import CARD, TrainingData
 from benchmark.threads import available_cores
 from learned import pictures
 from learned.checkpoint import CHECKPOINT
 from learned.configuration import Configuration
 from learned.configuration import configuration as configuration_named
 from learned.gathering import forget, gather_kept
+from learned.machine import Machine, machine_among
 from learned.model import load_model, predict
 from learned.pairs import gather
-from learned.saving import as_stored, save_model
+from learned.saving import check_finished, save_model
 from learned.schedule import Schedule, schedule
 from learned.training import check_resolution, device_named, measures, train
+from learned.weights import as_stored
 
 SAMPLES = 60
 """Pairs that are predicted for the pictures and the measures of seen shapes."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Machine:
-    """What a training runs on, which is no part of what determines the model.
-
-    Parameters
-    ----------
-    device
-        ``"auto"`` takes a GPU where there is one.
-    threads
-        Threads on the CPU; None takes all cores of this process.
-    """
-
-    device: Literal["auto", "cpu", "cuda"] = "auto"
-    threads: Annotated[int, Interval(1)] | None = None
 
 
 def checked_options(name: str, options: Mapping[str, Any]) -> tuple[Configuration, Schedule, Machine]:
@@ -55,12 +37,9 @@ def checked_options(name: str, options: Mapping[str, Any]) -> tuple[Configuratio
         If an option does not fit, or there is no such device here.
     """
     chosen = configuration_named(name)
-    of_machine = {field.name for field in fields(Machine)}
-    own = {name: value for name, value in options.items() if name in of_machine}
-    machine = Machine(**checked(Machine, own, "the training"))
-    plan = schedule(chosen.schedule, {name: value for name, value in options.items() if name not in of_machine})
+    machine, others = machine_among(Machine, options)
+    plan = schedule(chosen.schedule, others)
     check_resolution(chosen, plan.resolution)
-    device_named(machine.device)
     return chosen, plan, machine
 
 
@@ -85,7 +64,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.schedule.Schedule` and of :class:`Machine`.
+        Fields of :class:`learned.schedule.Schedule` and of :class:`learned.machine.Machine`.
     say
         Told about progress.
 
@@ -104,7 +83,7 @@ def fit(
         "seed": seed,
     }
     if (folder / CARD).is_file():
-        _check_finished(folder, recipe, plan)
+        check_finished(folder, recipe, plan.in_words())
         say(f"{folder} holds this model already")
         return
     device = device_named(machine.device)
@@ -135,13 +114,3 @@ def fit(
         f"finished in {card['seconds']:.0f} s, {card['images_per_second']:.0f} images a second; unseen mask overlap "
         f"{final['unseen']['mask overlap']:.3f}, depth error {final['unseen']['depth error']:.4f}"
     )
-
-
-def _check_finished(folder: Path, recipe: Mapping[str, Any], plan: Schedule) -> None:
-    card = read_card(folder)
-    if card.get("recipe") != recipe:
-        raise ConfigurationError(
-            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
-            f"not of {plan.in_words()}",
-            "delete the folder to train anew, or name other --results",
-        )

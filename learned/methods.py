@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import (
-    CanonicalForm,
-    CheckedParameters,
-    Interval,
-    Matches,
-    MethodInfo,
-    OneOf,
-    Shape,
-    UnsupportedShape,
-)
-from benchmark.errors import ConfigurationError
-from benchmark.learning import Split, TrainingData, read_card
+from benchmark.contracts import Interval, MethodInfo, OneOf
+from benchmark.geometry.depth import DepthImage
+from benchmark.geometry.mesh import Mesh
+from benchmark.learning import Split, TrainingData
 from learned.configuration import CONFIGURATIONS
+from learned.learner import DepthImageLearner
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
 
 MOST_SMOOTHING = 50.0
 """Beyond this a body of the size of the frame would lose all relief."""
 
-LARGEST_SEED = 2**63 - 1
-"""Largest seed that torch takes."""
-
 
 @dataclass(frozen=True, kw_only=True)
-class Learned(CheckedParameters):
+class Learned(DepthImageLearner):
     """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
 
     "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
@@ -52,11 +41,6 @@ class Learned(CheckedParameters):
     jump
         Depth discontinuity at which the predicted surface is cut: the largest depth difference along one of its edges,
         as a share of half the frame (the view input has 0.05). None: the predicted mask alone says what is surface.
-
-    Attributes
-    ----------
-    model
-        Folder of the model that was loaded; no parameter, for the harness loads the one that fits each shape.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -70,26 +54,11 @@ class Learned(CheckedParameters):
         scale="invariant",
     )
     split: ClassVar[Split] = "table"
-    shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
     default_training: ClassVar[str] = "humans-fold-0"
-    """Training data of the model that is used where no table chooses one."""
 
     configuration: ConfigurationName = "literal"
-    training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
-    training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
     smoothing: Annotated[float, Interval(0, MOST_SMOOTHING)] = 0.0
     jump: Annotated[float, Interval(0, closed="neither")] | None = None
-    model: Path | None = field(default=None, init=False)
-
-    @property
-    def model_name(self) -> str:
-        """Configuration and training seed."""
-        return f"{self.configuration}-seed{self.training_seed}"
-
-    @property
-    def model_folder(self) -> Path:
-        """Folder of the model: the one that was loaded, else the shipped one."""
-        return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.schedule.Schedule`."""
@@ -103,50 +72,23 @@ class Learned(CheckedParameters):
 
         checked_options(self.configuration, options)
 
-    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
+    def configuration_in(self, card: Mapping[str, Any], folder: Path) -> str:
+        """See :meth:`learned.learner.DepthImageLearner.configuration_in`."""
         from learned.card import network_of
 
-        found = network_of(card, folder).configuration.name
-        if found != self.configuration:
-            raise ConfigurationError(
-                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
-            )
+        return network_of(card, folder).configuration.name
 
-    def load(self, folder: Path) -> Self:
-        """Return the method with the model in ``folder``.
-
-        Raises
-        ------
-        ConfigurationError
-            If the weights are damaged, have another digest than their card says, or belong to another configuration.
-        """
+    def check_weights(self, folder: Path) -> None:
+        """See :meth:`learned.learner.DepthImageLearner.check_weights`."""
         from learned.model import load_model
 
-        self.check_card(read_card(folder), folder)
         load_model(folder)
-        loaded = copy(self)
-        object.__setattr__(loaded, "model", folder)
-        return loaded
 
-    def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Predict the canonical depth image and return the surface behind it, of unit area.
-
-        Raises
-        ------
-        UnsupportedShape
-            If there is no depth image, it is empty, or the network predicts nothing.
-        InvalidMesh
-            If the image has another size or holds values outside [0, 1].
-        ConfigurationError
-            If there is no model.
-        """
-        if shape.depth is None:
-            raise UnsupportedShape("the learned network needs a depth image", "use the view input")
+    def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
+        """See :meth:`learned.learner.DepthImageLearner.predict`."""
         from learned.prediction import canonical_surface
 
-        surface, notes = canonical_surface(self.model_folder, shape.depth, self.smoothing, self.jump)
-        return CanonicalForm(surface.vertices, surface.faces, notes)
+        return canonical_surface(self.model_folder, depth, self.smoothing, self.jump)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load
 from torch import Tensor, nn
 
-from benchmark.errors import ConfigurationError
-from benchmark.learning import card_digest, checked_weights, read_card
+from benchmark.learning import card_digest, read_card
 from learned.card import network_of
 from learned.network import build
+from learned.weights import with_weights
 
 
 def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
@@ -32,20 +30,7 @@ def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
 def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
     card = read_card(folder)
     configuration = network_of(card, folder).configuration
-    content = checked_weights(folder)
-    try:
-        tensors = {name: tensor.float() for name, tensor in load(content).items()}
-    except (KeyError, TypeError, SafetensorError) as error:
-        raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
-    network = build(configuration)
-    expected = {name: tensor.shape for name, tensor in network.state_dict().items()}
-    if {name: tensor.shape for name, tensor in tensors.items()} != expected:
-        raise ConfigurationError(
-            f"the weights in {folder} belong to another configuration than '{configuration.name}'",
-            "train the model again",
-        )
-    network.load_state_dict(tensors)
-    return network.to(memory_format=torch.channels_last).eval(), card
+    return with_weights(build(configuration), folder, configuration.name), card
 
 
 @torch.inference_mode()

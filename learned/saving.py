@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import save
-from torch import nn
 
-from benchmark.learning import CARD, WEIGHTS, TrainingData
+from benchmark.errors import ConfigurationError
+from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
 from learned.checkpoint import write
 from learned.configuration import Configuration
 from learned.network import n_parameters
 from learned.schedule import Schedule
 from learned.training import Result
+from learned.weights import stored
 
 HISTORY = "history.csv"
 
@@ -60,9 +60,7 @@ def save_model(
     dict
         The card.
     """
-    weights = save(
-        {name: tensor.detach().cpu().half().contiguous() for name, tensor in result.network.state_dict().items()}
-    )
+    weights = stored(result.network)
     progress = result.progress
     images = n_pairs * plan.epochs / progress.seconds if progress.seconds else 0.0
     card = {
@@ -96,17 +94,36 @@ def save_model(
         "recipe": dict(recipe),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    write(folder / WEIGHTS, weights)
-    write(folder / HISTORY, _table(progress.history).encode())
-    write(folder / CARD, _card_text(card).encode())
+    write_model(folder, weights, progress.history, card)
     return card
 
 
-def as_stored(network: nn.Module) -> None:
-    """Round the weights to half precision, which halves the file: what is tested is then what is on disk."""
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.copy_(parameter.half().float())
+def write_model(folder: Path, weights: bytes, history: Sequence[Mapping[str, float]], card: Mapping[str, Any]) -> None:
+    """Write the files of a model, the card last: its presence means a finished model."""
+    write(folder / WEIGHTS, weights)
+    write(folder / HISTORY, _table(history).encode())
+    write(folder / CARD, _card_text(card).encode())
+
+
+def check_finished(folder: Path, recipe: Mapping[str, Any], wanted: str) -> None:
+    """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe.
+
+    Parameters
+    ----------
+    folder
+        Folder of the model.
+    recipe
+        Everything that determines the result.
+    wanted
+        The training that was asked for, in words.
+    """
+    card = read_card(folder)
+    if card.get("recipe") != recipe:
+        raise ConfigurationError(
+            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
+            f"not of {wanted}",
+            "delete the folder to train anew, or name other --results",
+        )
 
 
 def hardware(device: str) -> str:

@@ -2,54 +2,47 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
 import hashlib
-import io
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import torch
-from safetensors.torch import save
 
 from benchmark.contracts import Interval
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
+from benchmark.learning import CARD, TrainingData
 from benchmark.parameters.values import checked
 from benchmark.streaming import StreamedData
 from benchmark.system.fingerprints import fingerprint
 from benchmark.threads import available_cores
-from learned.checkpoint import CHECKPOINT, write
+from learned.checkpoint import CHECKPOINT
+from learned.machine import Machine, machine_among
 from learned.network import n_parameters
-from learned.saving import HISTORY, _card_text, as_stored, hardware
+from learned.saving import check_finished, hardware, write_model
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
-from learned.streamed.training import Plan, Trained, columns, drawn_again, train_streamed
+from learned.streamed.training import Plan, Trained, drawn_again, train_streamed
 from learned.training import device_named
+from learned.weights import as_stored, stored
 
 
 @dataclass(frozen=True, kw_only=True)
-class Machine:
-    """What a training runs on, which is no part of what determines the model.
+class MachineWithWorkers(Machine):
+    """A machine on which processes of their own make bodies.
 
     Parameters
     ----------
-    device
-        ``"auto"`` takes a GPU where there is one.
-    threads
-        Threads on the CPU; None takes the cores of this process that make no bodies, at least one.
     workers
-        Processes that make bodies; 0 makes them between the steps.
+        How many; 0 makes the bodies between the steps.
     """
 
-    device: Literal["auto", "cpu", "cuda"] = "auto"
-    threads: Annotated[int, Interval(1)] | None = None
     workers: Annotated[int, Interval(0, 64)] = 1
 
 
-def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, Machine]:
+def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, MachineWithWorkers]:
     """The configuration of a name, its plan and the machine with options.
 
     Raises
@@ -65,12 +58,9 @@ def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan,
         raise ConfigurationError(
             f"network '{chosen.name}' has resolution {chosen.resolution}", "leave --resolution out"
         )
-    of_machine = {field.name for field in fields(Machine)}
-    own = {name: value for name, value in options.items() if name in of_machine}
-    planned = {name: value for name, value in options.items() if name not in of_machine | {"resolution"}}
-    machine = Machine(**checked(Machine, own, "the training"))
+    machine, others = machine_among(MachineWithWorkers, options)
+    planned = {name: value for name, value in others.items() if name != "resolution"}
     plan = Plan(**checked(Plan, planned, "the plan"))
-    device_named(machine.device)
     return chosen, plan, machine
 
 
@@ -107,7 +97,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.streamed.training.Plan` and of :class:`Machine`.
+        Fields of :class:`learned.streamed.training.Plan` and of :class:`MachineWithWorkers`.
     say
         Told about progress.
 
@@ -123,7 +113,7 @@ def fit(
         raise ConfigurationError(f"training '{data.name}' is no stream of fresh bodies", "take --only humans-varied")
     recipe = recipe_of(chosen, plan, data, seed)
     if (folder / CARD).is_file():
-        _check_finished(folder, recipe)
+        check_finished(folder, recipe, in_words(chosen, plan))
         say(f"{folder} holds this model already")
         return
     torch.set_num_threads(machine.threads or max(1, available_cores() - machine.workers))
@@ -168,7 +158,7 @@ def saved(
     """
     network, progress = trained.network.to("cpu").eval(), trained.progress
     as_stored(network)
-    weights = save({name: tensor.detach().half().contiguous() for name, tensor in network.state_dict().items()})
+    weights = stored(network)
     card = {
         "digest": hashlib.sha256(weights).hexdigest(),
         "streamed": chosen.described(),
@@ -192,13 +182,7 @@ def saved(
         "recipe": dict(recipe),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    write(folder / WEIGHTS, weights)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns(progress.history), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in progress.history)
-    write(folder / HISTORY, text.getvalue().encode())
-    write(folder / CARD, _card_text(card).encode())
+    write_model(folder, weights, progress.history, card)
     return card
 
 
@@ -206,12 +190,3 @@ def in_words(chosen: Streamed, plan: Plan) -> str:
     """Network and plan in one clause."""
     size = f"{chosen.resolution} x {chosen.resolution} pixels"
     return f"'{chosen.name}', {size}, {plan.steps} steps of {plan.bodies} fresh bodies"
-
-
-def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> None:
-    card = read_card(folder)
-    if card.get("recipe") != recipe:
-        raise ConfigurationError(
-            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')})",
-            "delete the folder to train anew, or name other --results",
-        )

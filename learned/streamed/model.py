@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load
 from torch import Tensor
 
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import card_digest, checked_weights, read_card
+from benchmark.learning import card_digest, read_card
 from learned.images import checked_image, enlarge
 from learned.prediction import surface_behind
 from learned.streamed.configuration import Streamed, from_card
 from learned.streamed.crop import seen_by
 from learned.streamed.network import StreamedNetwork, build_streamed
 from learned.streamed.stitching import closed_surface
+from learned.weights import with_weights
 
 
 def configuration_of(card: Mapping[str, Any], folder: Path) -> Streamed:
@@ -51,19 +50,7 @@ def load_streamed(folder: Path) -> tuple[StreamedNetwork, Streamed]:
 @functools.lru_cache(maxsize=4)
 def _load(folder: Path, _digest: str) -> tuple[StreamedNetwork, Streamed]:
     configuration = configuration_of(read_card(folder), folder)
-    try:
-        tensors = {name: tensor.float() for name, tensor in load(checked_weights(folder)).items()}
-    except (KeyError, TypeError, SafetensorError) as error:
-        raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
-    network = build_streamed(configuration)
-    expected = {name: tensor.shape for name, tensor in network.state_dict().items()}
-    if {name: tensor.shape for name, tensor in tensors.items()} != expected:
-        raise ConfigurationError(
-            f"the weights in {folder} belong to another configuration than '{configuration.name}'",
-            "train the model again",
-        )
-    network.load_state_dict(tensors)
-    return network.to(memory_format=torch.channels_last).eval(), configuration
+    return with_weights(build_streamed(configuration), folder, configuration.name), configuration
 
 
 @torch.inference_mode()

@@ -7,7 +7,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -243,11 +242,6 @@ class _Validation:
 def drawn_again(history: Sequence[Mapping[str, float]]) -> int:
     """How many bodies and poses were drawn again in the rows of a history."""
     return round(sum(row["drawn again"] for row in history))
-
-
-def columns(history: Sequence[Mapping[str, float]]) -> list[str]:
-    """All columns of a history, for rows with a look at validation bodies have more."""
-    return list(dict.fromkeys(chain.from_iterable(history)))
 
 
 def _told(progress: Progress, steps: int) -> str:

@@ -11,8 +11,8 @@ from learned.checkpoint import training_code
 PACKAGE = Path(learned.__file__).parent
 
 #: What makes forms of a model, and what only trains one.
-FORMS = {"card", "configuration", "images", "methods", "model", "network", "prediction"}
-TRAINING = {"checkpoint", "fitting", "gathering", "pairs", "pictures", "saving", "schedule", "training"}
+FORMS = {"card", "configuration", "images", "learner", "methods", "model", "network", "prediction", "weights"}
+TRAINING = {"checkpoint", "fitting", "gathering", "machine", "pairs", "pictures", "saving", "schedule", "training"}
 
 
 def of_package(names: object) -> set[str]:

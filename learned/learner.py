@@ -1,0 +1,110 @@
+"""What all networks of this package share: a depth image in, a surface of the canonical pose out, and their model."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, Matches, MethodInfo, Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.depth import DepthImage
+from benchmark.geometry.mesh import Mesh
+from benchmark.learning import read_card
+
+LARGEST_SEED = 2**63 - 1
+"""Largest seed that torch takes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthImageLearner(CheckedParameters):
+    """Canonical form of a depth image by a trained network.
+
+    Parameters
+    ----------
+    configuration
+        Name of the network.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data; "" takes what the table says.
+
+    Attributes
+    ----------
+    model
+        Folder of the model that was loaded; no parameter, for the harness loads the one that fits each shape.
+    """
+
+    info: ClassVar[MethodInfo]
+    shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
+    default_training: ClassVar[str]
+    """Training data of the model that is used where no table chooses one."""
+
+    configuration: str
+    training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
+    training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
+    model: Path | None = field(default=None, init=False)
+
+    @property
+    def model_name(self) -> str:
+        """Configuration and training seed."""
+        return f"{self.configuration}-seed{self.training_seed}"
+
+    @property
+    def model_folder(self) -> Path:
+        """Folder of the model: the one that was loaded, else the shipped one."""
+        return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
+
+    @abstractmethod
+    def configuration_in(self, card: Mapping[str, Any], folder: Path) -> str:
+        """Name of the network that the card of the model in ``folder`` describes, or a ``ConfigurationError``."""
+
+    @abstractmethod
+    def check_weights(self, folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the weights in ``folder`` are whole and those of its card."""
+
+    @abstractmethod
+    def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
+        """Surface of unit area behind the predicted images, and facts about it."""
+
+    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
+        found = self.configuration_in(card, folder)
+        if found != self.configuration:
+            raise ConfigurationError(
+                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
+            )
+
+    def load(self, folder: Path) -> Self:
+        """Return the method with the model in ``folder``.
+
+        Raises
+        ------
+        ConfigurationError
+            If the weights are damaged, have another digest than their card says, or belong to another configuration.
+        """
+        self.check_card(read_card(folder), folder)
+        self.check_weights(folder)
+        loaded = copy(self)
+        object.__setattr__(loaded, "model", folder)
+        return loaded
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Predict the canonical pose and return the surface behind it, of unit area.
+
+        Raises
+        ------
+        UnsupportedShape
+            If there is no depth image, it is empty, or the network predicts nothing.
+        InvalidMesh
+            If the image has another size or holds values outside [0, 1].
+        ConfigurationError
+            If there is no model.
+        """
+        if shape.depth is None:
+            raise UnsupportedShape("the learned network needs a depth image", "use the view input")
+        surface, notes = self.predict(shape.depth)
+        return CanonicalForm(surface.vertices, surface.faces, notes)
