@@ -12,6 +12,7 @@ from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import latex_files
 from benchmark.report.statistics.document import has_intervals, intervals_markdown
 from benchmark.report.statistics.splits import has_splits, splits_markdown
+from benchmark.report.verdict.document import has_verdict, verdict_markdown
 from benchmark.system.files import sweep, write_text
 
 
@@ -29,6 +30,7 @@ def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, 
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
             files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if has_intervals(t)}
+            files |= {"verdict.md": verdict_markdown(tables)} if has_verdict(tables) else {}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
         else:

@@ -1,0 +1,154 @@
+"""The paper's claims as orders of rows, and whether the queries of our tables carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import Input
+from benchmark.reference import paper
+from benchmark.report.content import TableContent
+from benchmark.report.statistics.queries import queries_of
+from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
+from benchmark.report.verdict.figures import is_learned
+from retrieval.measures import PRINTED
+
+Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One row is better than others.
+
+    Parameters
+    ----------
+    words
+        As a sentence.
+    table
+        Where it can be seen.
+    better
+        The row that should lead.
+    others
+        The rows that it should lead.
+    input
+        What the methods see.
+    measures
+        By which it should lead.
+    """
+
+    words: str
+    table: str
+    better: str
+    others: tuple[str, ...]
+    input: Input = "view"
+    measures: tuple[str, ...] = PRINTED
+
+
+CLASSICAL = tuple(row.method for row in paper.ROWS if not is_learned(row.method))
+
+#: Where the paper's own figures carry them: in Table II its ST is below that of its GPS, in Table III its ST is that of
+#: Constrained MDS.
+CLAIMS: tuple[Claim, ...] = (
+    Claim("The network finds more than every classical form on synthetic humans.", "I", "learned", CLASSICAL),
+    Claim(
+        "It finds more than every classical form on real humans (NN, FT, DCG).",
+        "II",
+        "learned",
+        CLASSICAL,
+        measures=("NN", "FT", "DCG"),
+    ),
+    Claim(
+        "It finds more than every classical form on TOSCA (NN, FT, DCG).",
+        "III",
+        "learned",
+        CLASSICAL,
+        measures=("NN", "FT", "DCG"),
+    ),
+    Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
+    Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
+    Claim("Poses that were seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
+    Claim(
+        "Of the classical forms GPS has the highest NN on synthetic humans.",
+        "I",
+        "gps",
+        tuple(name for name in CLASSICAL if name != "gps"),
+        measures=("NN",),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class JudgedClaim:
+    """What our queries say about a claim.
+
+    Parameters
+    ----------
+    claim
+        The claim.
+    decision
+        Supported: the row leads in every comparison, and no lead can be chance. Contradicted: it is behind in some, and
+        one of these cannot be chance. Undecided: neither.
+    leads, n_comparisons
+        Comparisons in which the row leads, and all of them: rows times measures.
+    certain
+        Comparisons that cannot be chance, either way.
+    missing
+        Rows without scores.
+    """
+
+    claim: Claim
+    decision: Decision
+    leads: int = 0
+    n_comparisons: int = 0
+    certain: int = 0
+    missing: tuple[str, ...] = ()
+
+
+def judged_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[JudgedClaim]:
+    """Decide each claim by paired permutation tests over queries, with Holm's correction over its comparisons.
+
+    Parameters
+    ----------
+    contents
+        Content by numeral of the paper; see :func:`benchmark.report.verdict.figures.paper_tables`.
+    claims
+        What to decide.
+    """
+    return [_judged(claim, contents.get(claim.table)) for claim in claims]
+
+
+def _judged(claim: Claim, content: TableContent | None) -> JudgedClaim:
+    records = {
+        row.method: row.cells[claim.input].records
+        for row in (content.rows if content is not None else ())
+        if claim.input in row.cells and row.cells[claim.input].records
+    }
+    missing = tuple(name for name in (claim.better, *claim.others) if name not in records)
+    if missing:
+        return JudgedClaim(claim, "not comparable", missing=missing)
+    differences = np.column_stack(
+        [_differences(records[claim.better], records[name], claim.measures) for name in claim.others]
+    )
+    leads = differences.sum(axis=0) > 0
+    certain = np.array(holm(permutation_test(differences).tolist())) < ALPHA
+    decision: Decision = "undecided"
+    if np.any(certain & (differences.sum(axis=0) < 0)):
+        decision = "contradicted"
+    elif np.all(certain & leads):
+        decision = "supported"
+    return JudgedClaim(claim, decision, int(leads.sum()), len(leads), int(certain.sum()))
+
+
+def _differences(
+    better: Sequence[Mapping[str, object]], other: Sequence[Mapping[str, object]], measures: Sequence[str]
+) -> NDArray[np.float64]:
+    """Shape (N, M): how much better each query is by each measure, over the queries that both rows have."""
+    here, there = queries_of(better, measures), queries_of(other, measures)
+    names = set(there.names)
+    both = [name for name in here.names if name in names]
+    here, there = here.among(both), there.among(both)
+    return np.column_stack([here.values[name] - there.values[name] for name in measures])

@@ -1,0 +1,142 @@
+"""The verdict as Markdown: counts, claims, which input comes nearer, and every figure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from benchmark.protocols.tables import INPUTS
+from benchmark.report.columns import BLANK, number
+from benchmark.report.content import TableContent
+from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
+from benchmark.report.verdict.claims import JudgedClaim, judged_claims
+from benchmark.report.verdict.figures import (
+    AGREEING,
+    FEWEST,
+    NUMERALS,
+    TOLERANCE,
+    VERDICTS,
+    JudgedFigure,
+    Verdict,
+    is_learned,
+    judged_figures,
+    mean_distance,
+    paper_tables,
+)
+from retrieval.measures import PRINTED
+
+#: Stands beside our figure.
+MARKS: Mapping[Verdict, str] = {
+    "reproduced": "=",
+    "same order": "~",
+    "other data": "d",
+    "other training": "t",
+    "unexplained": "x",
+    "not comparable": "",
+}
+
+
+def has_verdict(tables: Sequence[TableContent]) -> bool:
+    """Whether there is a table of the paper to judge."""
+    return bool(paper_tables(tables))
+
+
+def verdict_markdown(tables: Sequence[TableContent]) -> str:
+    """What holds up of the paper's figures and claims, as Markdown."""
+    contents, figures = paper_tables(tables), judged_figures(tables)
+    blocks = [
+        "**What of the paper's tables holds up.**",
+        counts(figures),
+        _rules(),
+        "**Its claims.**",
+        claims(judged_claims(contents)),
+        _tests(),
+        "**Which input comes nearer?** Mean absolute difference to the paper's classical rows.",
+        inputs(figures),
+    ]
+    for numeral in NUMERALS:
+        of_table = [each for each in figures if each.table == numeral]
+        where = f"{contents[numeral].data_title} ({contents[numeral].size})" if numeral in contents else "not run"
+        blocks += [f"**Table {numeral}: {markdown_text(where)}.**", each_figure(of_table)]
+    return "\n\n".join(blocks) + "\n"
+
+
+def counts(figures: Sequence[JudgedFigure]) -> str:
+    """How many figures of each table got which verdict, by input, as a Markdown table."""
+    lines = [markdown_row(["Table", "input", "figures", *VERDICTS]), markdown_rule(3 + len(VERDICTS), 2)]
+    for input_ in INPUTS:
+        of_input = [each for each in figures if each.input == input_]
+        for numeral in (*NUMERALS, "all"):
+            chosen = [each for each in of_input if numeral in (each.table, "all")]
+            found = Counter(each.verdict for each in chosen)
+            if chosen:
+                numbers = [str(found[name]) for name in VERDICTS]
+                lines.append(markdown_row([numeral, input_, str(len(chosen)), *numbers]))
+    return "\n".join(lines)
+
+
+def claims(judged: Sequence[JudgedClaim]) -> str:
+    """Each claim with its decision, as a Markdown table."""
+    lines = [markdown_row(["Claim of the paper", "table", "decision", "leads", "certain"]), markdown_rule(5, 3)]
+    for each in judged:
+        leads = f"{each.leads} of {each.n_comparisons}" if each.n_comparisons else BLANK
+        certain = str(each.certain) if each.n_comparisons else BLANK
+        decision: str = each.decision
+        if each.missing:
+            named = ", ".join(each.missing[:3]) + (" ..." if len(each.missing) > 3 else "")
+            decision = f"{decision}: no scores of {named}"
+        words = [each.claim.words, f"{each.claim.table}, {each.claim.input}", decision]
+        lines.append(markdown_row([*map(markdown_line, words), leads, certain]))
+    return "\n".join(lines)
+
+
+def inputs(figures: Sequence[JudgedFigure]) -> str:
+    """How far our classical rows are from the paper's under each input, as a Markdown table."""
+    lines = [markdown_row(["Table", "input", "figures", "all measures", "without NN"]), markdown_rule(5, 2)]
+    for numeral in NUMERALS:
+        for input_ in INPUTS:
+            chosen = [each for each in figures if (each.table, each.input) == (numeral, input_)]
+            count = sum(each.ours is not None and not is_learned(each.method) for each in chosen)
+            whole, rest = mean_distance(chosen), mean_distance(chosen, without_nn=True)
+            if whole is not None and rest is not None:
+                lines.append(markdown_row([numeral, input_, str(count), f"{whole:.3f}", f"{rest:.3f}"]))
+    return "\n".join(lines)
+
+
+def each_figure(figures: Sequence[JudgedFigure]) -> str:
+    """The paper's figure, ours and the mark of the verdict, a row for each method and input."""
+    lines = [markdown_row(["Method", "input", *PRINTED]), markdown_rule(2 + len(PRINTED), 2)]
+    rows = dict.fromkeys((each.method, each.title, each.input) for each in figures)
+    for method, title, input_ in rows:
+        chosen = [each for each in figures if (each.method, each.input) == (method, input_)]
+        lines.append(markdown_row([markdown_text(title), input_, *map(_both, chosen)]))
+    return "\n".join(lines)
+
+
+def _both(figure: JudgedFigure) -> str:
+    ours = BLANK if figure.ours is None else number(figure.ours)
+    return f"{number(figure.paper)} {ours} {MARKS[figure.verdict]}".rstrip()
+
+
+def _rules() -> str:
+    return "\n".join(
+        (
+            f"- Reproduced (`=`): at most {TOLERANCE:.2f} from the paper. Same order (`~`): further away, and at least "
+            f"{AGREEING:.0%} of the comparisons with the table's other rows ({FEWEST} at least) point the paper's way.",
+            "- All others differ, and beside the figure something else does: the data are a generated stand-in "
+            "(other data, `d`), or a network was trained less than the paper's (other training, `t`). That it is the "
+            "reason is not shown. Unexplained (`x`): nothing else that is known differs.",
+            "- Not comparable: there is no figure of ours.",
+            "- Both inputs are judged, since the paper does not say which its classical forms had; networks see views "
+            "alone. On a stand-in an equal figure is an equal effect, not an equal experiment.",
+        )
+    )
+
+
+def _tests() -> str:
+    return (
+        "- Leads: in how many comparisons (rows times measures) the row is ahead. Certain: how many, either way, are "
+        "more than chance (paired permutation test over queries, Holm's correction over the claim's comparisons, 5 %). "
+        "Supported: all are. Contradicted: some certain comparison points the other way. Other subjects and other "
+        "trainings may decide otherwise than other queries do."
+    )

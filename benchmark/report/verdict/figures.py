@@ -1,0 +1,162 @@
+"""A verdict on each figure of the paper, by rules that were set before any figure of ours was looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from benchmark.contracts import Input
+from benchmark.protocols.tables import INPUTS
+from benchmark.reference import paper
+from benchmark.report.content import Row, TableContent
+from retrieval.measures import PRINTED
+
+Verdict = Literal["reproduced", "same order", "other data", "other training", "unexplained", "not comparable"]
+
+#: From the best to the worst that can be said. The three between are figures that differ, by what else differs.
+VERDICTS: tuple[Verdict, ...] = (
+    "reproduced", "same order", "other data", "other training", "unexplained", "not comparable",
+)  # fmt: skip
+
+#: The paper's tables, each with its number of figures for one input.
+NUMERALS = ("I", "II", "III", "IV")
+
+#: Distance up to which a figure counts as reproduced: two of the paper's hundredths more than what another draw of the
+#: codebook moves NN by on a hundred shapes (median standard deviation .026).
+TOLERANCE = 0.05
+
+#: Share of comparisons with the other rows that must point the paper's way, and how many there must be. Of eight
+#: coins, six or more fall the same given way once in seven times.
+AGREEING = 0.75
+FEWEST = 3
+
+#: Scores carry six decimals: a distance within half of the last is no distance.
+_SLACK = 5e-7
+
+
+@dataclass(frozen=True)
+class JudgedFigure:
+    """One figure of the paper beside ours.
+
+    Parameters
+    ----------
+    table
+        The paper's numeral.
+    method, title
+        The row.
+    input
+        What our methods saw; the paper does not say what its baselines had.
+    measure
+        The column.
+    paper
+        As printed.
+    ours
+        None where there is none.
+    verdict
+        What can be said.
+    """
+
+    table: str
+    method: str
+    title: str
+    input: Input
+    measure: str
+    paper: float
+    ours: float | None
+    verdict: Verdict
+
+
+def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
+    """The content for each of the paper's tables: of the official set, else of the stand-in; never of a quick run."""
+    found: dict[str, TableContent] = {}
+    for table in tables:
+        identifier = table.identifier
+        if identifier not in NUMERALS or table.quick or table.scorer or not table.has_paper:
+            continue
+        if identifier not in found or found[identifier].data["stand_in_for"]:
+            found[identifier] = table
+    return found
+
+
+def judged_figures(tables: Iterable[TableContent]) -> list[JudgedFigure]:
+    """Every figure of the paper under each input that its row may have had, in the paper's order.
+
+    Parameters
+    ----------
+    tables
+        All tables that were made; see :func:`paper_tables`.
+    """
+    contents = paper_tables(tables)
+    return [
+        figure
+        for numeral in NUMERALS
+        for input_ in INPUTS
+        for figure in _of_table(numeral, contents.get(numeral), input_)
+    ]
+
+
+def is_learned(method: str) -> bool:
+    """Whether a row of the paper is a network, which sees depth images alone."""
+    return method.startswith("learned")
+
+
+def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iterable[JudgedFigure]:
+    ours = {row.method: row for row in content.rows} if content is not None else {}
+    rows = {name: row for name, row in paper.rows(numeral).items() if input_ == "view" or not is_learned(name)}
+    for name, printed in rows.items():
+        for measure in PRINTED:
+            told = printed.values[numeral][measure]
+            found = _score(ours.get(name), input_, measure)
+            others = [
+                (other.values[numeral][measure], theirs)
+                for of_other, other in rows.items()
+                if of_other != name and (theirs := _score(ours.get(of_other), input_, measure)) is not None
+            ]
+            verdict: Verdict = "not comparable"
+            if found is not None and content is not None:
+                verdict = _verdict(told, found, others, content, ours[name])
+            yield JudgedFigure(numeral, name, printed.title, input_, measure, told, found, verdict)
+
+
+def _score(row: Row | None, input_: Input, measure: str) -> float | None:
+    cell = row.cells.get(input_) if row is not None else None
+    return cell.scores[measure] if cell is not None and cell.scores else None
+
+
+def _verdict(
+    told: float, found: float, others: Sequence[tuple[float, float]], content: TableContent, row: Row
+) -> Verdict:
+    if abs(told - found) <= TOLERANCE + _SLACK:
+        return "reproduced"
+    if keeps_order(told, found, others):
+        return "same order"
+    if content.data["stand_in_for"]:
+        return "other data"
+    return "other training" if row.models else "unexplained"
+
+
+def keeps_order(told: float, found: float, others: Sequence[tuple[float, float]]) -> bool:
+    """Whether enough comparisons with other rows of the table point the same way.
+
+    Parameters
+    ----------
+    told, found
+        The figure of the paper and ours.
+    others
+        The same for each other row. Rows that the paper prints as equal are no comparison; a tie of ours is one that
+        does not point the paper's way.
+    """
+    signs = [(told - theirs, found - ours) for theirs, ours in others if theirs != told]
+    agreeing = sum(printed * measured > 0 for printed, measured in signs)
+    return len(signs) >= FEWEST and agreeing >= AGREEING * len(signs)
+
+
+def mean_distance(figures: Iterable[JudgedFigure], *, without_nn: bool = False) -> float | None:
+    """Mean absolute difference to the paper over its classical rows; None without figures of ours."""
+    distances = [
+        abs(each.paper - each.ours)
+        for each in figures
+        if each.ours is not None and not is_learned(each.method) and not (without_nn and each.measure == "NN")
+    ]
+    return sum(distances) / len(distances) if distances else None

@@ -1,0 +1,193 @@
+"""Verdicts on figures and claims, worked by hand from made-up records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from benchmark.reference import paper
+from benchmark.report.content import TableContent, contents
+from benchmark.report.files import render
+from benchmark.report.results import Result
+from benchmark.report.verdict.claims import CLAIMS, Claim, JudgedClaim, judged_claims
+from benchmark.report.verdict.document import claims, verdict_markdown
+from benchmark.report.verdict.figures import (
+    TOLERANCE,
+    JudgedFigure,
+    judged_figures,
+    keeps_order,
+    mean_distance,
+    paper_tables,
+)
+from tests.records import MEASURES, record
+
+TOSCA = {"name": "tosca", "title": "TOSCA"}
+N = 40
+
+
+def scored(method: str, scores: dict[str, float], input_: str = "mesh", **more: Any) -> Result:
+    return Result(record(method, input_, "tosca", **({"data": TOSCA, "scores": scores} | more)))
+
+
+def printed(method: str, table: str = "III") -> dict[str, float]:
+    return dict(paper.rows(table)[method].values[table])
+
+
+def of(figures: list[JudgedFigure], method: str, input_: str = "mesh", table: str = "III") -> dict[str, str]:
+    chosen = [each for each in figures if (each.table, each.method, each.input) == (table, method, input_)]
+    return {each.measure: each.verdict for each in chosen}
+
+
+# Figures -------------------------------------------------------------------------------------------------------------
+
+
+def test_the_paper_has_31_rows_of_four_figures_and_its_classical_rows_may_have_seen_either_input() -> None:
+    figures = judged_figures([])
+    assert sum(each.input == "view" for each in figures) == 31 * 4
+    assert sum(each.input == "mesh" for each in figures) == 24 * 4
+    assert {each.verdict for each in figures} == {"not comparable"}
+    assert not [each for each in figures if each.input == "mesh" and each.method.startswith("learned")]
+
+
+def test_figures_of_the_paper_itself_are_reproduced_up_to_the_tolerance_and_no_further() -> None:
+    exact = printed("gps")
+    figures = judged_figures(contents([scored("gps", exact), scored("skeleton", printed("skeleton"))]))
+    assert set(of(figures, "gps").values()) == {"reproduced"}
+    assert set(of(figures, "fast-mds").values()) == {"not comparable"}
+    moved = {name: value + TOLERANCE * (1 if name != "DCG" else 1.001) for name, value in exact.items()}
+    assert of(judged_figures(contents([scored("gps", moved)])), "gps") == {
+        "NN": "reproduced", "FT": "reproduced", "ST": "reproduced", "DCG": "unexplained",
+    }  # fmt: skip
+
+
+def test_order_needs_three_comparisons_and_three_quarters_of_them() -> None:
+    above, below, wrong = (0.2, 0.3), (0.9, 0.8), (0.2, 0.6)
+    assert keeps_order(0.5, 0.5, [above, above, below, wrong])
+    assert not keeps_order(0.5, 0.5, [above, below, wrong])
+    assert not keeps_order(0.5, 0.5, [above, below])
+    assert not keeps_order(0.5, 0.5, [])
+
+
+def test_rows_that_the_paper_prints_as_equal_say_nothing_and_a_tie_of_ours_does_not_agree() -> None:
+    above, equal, tie = (0.2, 0.3), (0.5, 0.1), (0.2, 0.5)
+    assert keeps_order(0.5, 0.5, [above, above, above, equal, equal])
+    assert not keeps_order(0.5, 0.5, [above, above, equal])
+    assert not keeps_order(0.5, 0.5, [above, above, tie, tie])
+
+
+def test_all_rows_worse_by_the_same_keep_their_order() -> None:
+    rows = [row.method for row in paper.ROWS if row.method != "learned"]
+    shifted = [
+        scored(name, {measure: value - 0.3 for measure, value in printed(name).items()}, "view") for name in rows
+    ]
+    figures = judged_figures(contents(shifted))
+    assert all(set(of(figures, name, "view").values()) == {"same order"} for name in rows)
+    assert mean_distance([each for each in figures if each.input == "view"]) == pytest.approx(0.3)
+    assert mean_distance([each for each in figures if each.input == "mesh"]) is None
+
+
+def test_what_differs_beside_the_figure_is_named() -> None:
+    far = dict.fromkeys(MEASURES, 0.3)
+    model = {
+        "digest": "1", "data": "animals", "schedule": "60 epochs", "extra_data": False, "card": {},
+    }  # fmt: skip
+    figures = judged_figures(contents([scored("gps", far), scored("learned", far, "view", models=[model])]))
+    assert set(of(figures, "gps").values()) == {"unexplained"}
+    assert set(of(figures, "learned", "view").values()) == {"other training"}
+    stand_in = {"name": "animals", "title": "animals", "stand_in_for": "tosca"}
+    generated = Result(record("gps", "mesh", "animals", data=stand_in, scores=far))
+    assert set(of(judged_figures(contents([generated])), "gps").values()) == {"other data"}
+
+
+def test_the_official_set_comes_before_its_stand_in_and_quick_runs_are_not_judged() -> None:
+    far, exact = dict.fromkeys(MEASURES, 0.3), printed("gps")
+    stand_in = {"name": "animals", "title": "animals", "stand_in_for": "tosca"}
+    generated = Result(record("gps", "mesh", "animals", data=stand_in, scores=far))
+    both = contents([generated, scored("gps", exact)])
+    for tables in (both, both[::-1]):
+        assert paper_tables(tables)["III"].data["name"] == "tosca"
+        assert set(of(judged_figures(tables), "gps").values()) == {"reproduced"}
+    quick = contents([scored("gps", exact, data=TOSCA | {"quick": True})])
+    assert quick
+    assert not paper_tables(quick)
+
+
+# Claims --------------------------------------------------------------------------------------------------------------
+
+
+def queries(method: str, hits: int, input_: str = "view") -> Result:
+    """A row that finds the first ``hits`` of forty queries, by all measures."""
+    shapes = [f"shape{k}" for k in range(N)]
+    values = [1.0] * hits + [0.0] * (N - hits)
+    return scored(
+        method, dict.fromkeys(MEASURES, hits / N), input_,
+        shapes=shapes, labels=["a", "b"] * (N // 2), per_query=dict.fromkeys(MEASURES, values),
+    )  # fmt: skip
+
+
+def decided(*results: Result, claim: Claim | None = None) -> JudgedClaim:
+    chosen = claim or Claim("GPS leads.", "III", "gps", ("fast-mds", "skeleton"), measures=("NN",))
+    (judged,) = judged_claims(paper_tables(contents(results)), [chosen])
+    return judged
+
+
+def test_a_claim_that_all_queries_carry_is_supported_and_its_opposite_contradicted() -> None:
+    rows = (queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 6))
+    assert decided(*rows) == JudgedClaim(decided(*rows).claim, "supported", 2, 2, 2)
+    opposite = Claim("GPS is behind.", "III", "fast-mds", ("gps",), measures=("NN", "DCG"))
+    assert decided(*rows, claim=opposite) == JudgedClaim(opposite, "contradicted", 0, 2, 2)
+
+
+def test_one_lead_that_may_be_chance_leaves_a_claim_undecided() -> None:
+    found = decided(queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 34))
+    assert (found.decision, found.leads, found.certain) == ("undecided", 2, 1)
+    equal = decided(queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 35))
+    assert (equal.decision, equal.leads) == ("undecided", 1)
+
+
+def test_a_claim_about_a_row_without_scores_says_which() -> None:
+    found = decided(queries("gps", 35), queries("fast-mds", 5))
+    assert (found.decision, found.missing) == ("not comparable", ("skeleton",))
+    assert "no scores of skeleton" in claims([found])
+    assert decided().missing == ("gps", "fast-mds", "skeleton")
+
+
+def test_the_claims_hold_in_the_papers_own_figures() -> None:
+    for claim in CLAIMS:
+        values = {name: row.values[claim.table] for name, row in paper.rows(claim.table).items()}
+        for measure in claim.measures:
+            assert all(values[claim.better][measure] > values[other][measure] for other in claim.others), claim.words
+
+
+# The document --------------------------------------------------------------------------------------------------------
+
+
+def document() -> tuple[str, list[TableContent]]:
+    tables = contents([scored("gps", printed("gps")), scored("skeleton", dict.fromkeys(MEASURES, 0.3))])
+    return verdict_markdown(tables), tables
+
+
+def test_the_document_counts_every_figure_once() -> None:
+    text, _ = document()
+    counts = {
+        tuple(cells[:2]): [int(cell) for cell in cells[2:]]
+        for line in text.split("**Its claims.**")[0].splitlines()
+        if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 9 and cells[2].isdigit()
+    }
+    assert counts["III", "mesh"] == [32, 4, 0, 0, 0, 4, 24]
+    assert counts["all", "view"] == [124, 0, 0, 0, 0, 0, 124]
+    assert all(sum(numbers[1:]) == numbers[0] for numbers in counts.values())
+    assert "| GPS | mesh | 0.71 0.71 = | 0.52 0.52 = | 0.72 0.72 = | 0.76 0.76 = |" in text
+    assert "| Skeleton-based | mesh | 0.78 0.30 x |" in text
+    assert "| Our | view | 0.97 -- | 0.82 -- | 0.89 -- | 0.93 -- |" in text
+    assert "**Table II: not run.**" in text
+
+
+def test_the_tables_bring_the_verdict_where_a_table_of_the_paper_was_run() -> None:
+    text, tables = document()
+    assert render(tables, ("markdown",))["verdict.md"] == text
+    own = [replace(table, table=replace(table.table, identifier="mine")) for table in tables]
+    assert "verdict.md" not in render(own, ("markdown",))
+    assert "verdict.md" not in render(tables, ("latex", "csv", "json"))
