@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmark.learning import TrainingData
 
-__all__ = ["Fresh", "MakesFresh", "StreamedData"]
+__all__ = ["Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,6 +61,52 @@ class MakesFresh(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surfaces:
+    """Some bodies that no other batch shows, as complete surfaces whose vertices correspond.
+
+    Parameters
+    ----------
+    identifiers
+        Names of the bodies, n of them.
+    canonical
+        Vertices of each body in the canonical pose, shape (n, v, 3), in metres, z up, facing -y.
+    posed
+        The same vertices of each body in its poses, shape (n, poses, v, 3).
+    faces
+        Triangles of all of them, shape (m, 3).
+    drawn_again
+        How often something was drawn again, by reason.
+    """
+
+    identifiers: tuple[str, ...]
+    canonical: NDArray[np.float64]
+    posed: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    drawn_again: Mapping[str, int]
+
+
+class MakesSurfaces(Protocol):
+    """Makes the surfaces of a number, always the same ones; can be sent to another process."""
+
+    def __call__(self, number: int, bodies: int) -> Surfaces:
+        """Make one batch.
+
+        Parameters
+        ----------
+        number
+            Which one, from 0; batches share no body.
+        bodies
+            How many bodies.
+
+        Raises
+        ------
+        DatasetError
+            If a body cannot be made; the message names it.
+        """
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class StreamedData(TrainingData):
     """Training data that never ends; the pairs are a sample of it, for learners that keep all pairs in memory.
@@ -71,7 +117,11 @@ class StreamedData(TrainingData):
         Makes batches to train on.
     validation
         Makes batches of other bodies, which no choice of a subject to be tested enters.
+    surfaces, validation_surfaces
+        The same bodies for learners of complete surfaces: those of a number are in the same poses as in its images.
     """
 
     fresh: MakesFresh
     validation: MakesFresh
+    surfaces: MakesSurfaces
+    validation_surfaces: MakesSurfaces

@@ -1,7 +1,6 @@
-"""The depth network that learns canonical forms.
+"""The networks that learn canonical forms.
 
-What trains, in the order to read it: ``configuration`` (which networks there are), ``network``, ``schedule`` (losses),
-``pairs``, ``training`` (the loop), ``checkpoint``, ``fitting`` (from
-data to a folder with a model), ``saving`` and ``pictures``. What makes forms: ``methods`` (the rows of the tables),
-``prediction``, ``model`` and ``images``; none of these imports what only trains, but for ``train`` of the methods.
+``paired`` is the paper's, trained on pairs; ``streamed`` learns from bodies that are never seen twice. Here is what
+they share: ``learner`` (a depth image in, a surface out), ``images`` and ``surface`` (between images and networks),
+``weights``, ``saving`` and ``checkpoint`` (on disk), ``machine``, ``arithmetic`` and ``measures``.
 """

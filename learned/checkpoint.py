@@ -22,10 +22,10 @@ CHECKPOINT = "checkpoint.safetensors"
 VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
 
-_TRAINING = "learned.training"
+_TRAINING = "learned.paired.training"
 
 #: Modules whose part in a training every recipe tells already.
-_TOLD_BY_THE_RECIPE = frozenset({"learned.configuration"})
+_TOLD_BY_THE_RECIPE = frozenset({"learned.paired.configuration"})
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -52,9 +52,9 @@ class Progress:
     history: tuple[Mapping[str, float], ...]
 
 
-def training_code() -> dict[str, str]:
-    """Digests of the modules that determine the weights: the training loop and all that it imports."""
-    code = fingerprint(_TRAINING).code
+def training_code(loop: str) -> dict[str, str]:
+    """Digests of the modules that determine the weights: that of the training loop and all that it imports."""
+    code = fingerprint(loop).code
     return {name: digest for name, digest in code.items() if name not in _TOLD_BY_THE_RECIPE}
 
 
@@ -70,7 +70,12 @@ def write(path: Path, content: bytes) -> None:
 
 
 def keep(
-    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, progress: Progress, recipe: Mapping[str, Any]
+    folder: Path,
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    progress: Progress,
+    recipe: Mapping[str, Any],
+    loop: str,
 ) -> None:
     """Write a checkpoint.
 
@@ -84,6 +89,8 @@ def keep(
         How far.
     recipe
         Everything that determines the result; :func:`resume` refuses another one.
+    loop
+        Module of the training loop; :func:`resume` refuses a checkpoint of other code.
     """
     tensors: dict[str, Tensor] = {}
     for name, parameter in network.named_parameters():
@@ -96,7 +103,7 @@ def keep(
             tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
     told = {
         "recipe": json.dumps(recipe, sort_keys=True),
-        "code": json.dumps(training_code()),
+        "code": json.dumps(training_code(loop)),
         "torch": VERSION,
         "epoch": str(progress.epoch),
         "batch": str(progress.batch),
@@ -107,7 +114,7 @@ def keep(
 
 
 def resume(
-    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: Mapping[str, Any]
+    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: Mapping[str, Any], loop: str
 ) -> Progress | None:
     """Set network and optimiser to where the checkpoint stands; None if there is none.
 
@@ -133,7 +140,7 @@ def resume(
             f"checkpoint {path} was made with another {', '.join(changed)}",
             "train with the same options, or delete the folder to begin anew",
         )
-    if changed := _differences(code, training_code()):
+    if changed := _differences(code, training_code(loop)):
         raise TrainingError(
             f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
             "delete it to begin anew, or go on with the code that made it",

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from benchmark.contracts import Interval
 from benchmark.parameters.values import checked
-from learned.training import device_named
+from learned.arithmetic import device_named
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,3 +66,8 @@ def with_weights(network: Network, folder: Path, name: str) -> Network:
     network.to(memory_format=torch.channels_last)
     network.eval()
     return network
+
+
+def n_parameters(network: nn.Module) -> int:
+    """Number of trainable numbers."""
+    return sum(parameter.numel() for parameter in network.parameters())

@@ -43,6 +43,8 @@ def varied_data(training: Training, unseen: MakesPairs) -> StreamedData:
         unseen=unseen,
         fresh=fresh,
         validation=validation,
+        surfaces=fresh.surfaces,
+        validation_surfaces=validation.surfaces,
     )
 
 

@@ -16,17 +16,16 @@ from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, TrainingData
 from benchmark.parameters.values import checked
 from benchmark.streaming import StreamedData
-from benchmark.system.fingerprints import fingerprint
 from benchmark.threads import available_cores
+from learned.arithmetic import device_named
 from learned.checkpoint import CHECKPOINT
 from learned.machine import Machine, machine_among
-from learned.network import n_parameters
 from learned.saving import check_finished, hardware, write_model
+from learned.steps import Plan, drawn_again
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
-from learned.streamed.training import Plan, Trained, drawn_again, train_streamed
-from learned.training import device_named
-from learned.weights import as_stored, stored
+from learned.streamed.training import Trained, train_streamed
+from learned.weights import as_stored, n_parameters, stored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +65,11 @@ def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan,
 
 def recipe_of(chosen: Streamed, plan: Plan, data: TrainingData, seed: int) -> dict[str, Any]:
     """Everything that determines the result."""
-    code = hashlib.sha256(str(sorted(fingerprint("learned.streamed.training").code.items())).encode()).hexdigest()
     return {
         "configuration": chosen.described(),
         "plan": asdict(plan),
         "data": data.digest,
         "seed": seed,
-        "code of the streamed training": code,
     }
 
 
@@ -97,7 +94,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.streamed.training.Plan` and of :class:`MachineWithWorkers`.
+        Fields of :class:`learned.steps.Plan` and of :class:`MachineWithWorkers`.
     say
         Told about progress.
 

@@ -15,11 +15,11 @@ from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
 from benchmark.learning import card_digest, read_card
 from learned.images import checked_image, enlarge
-from learned.prediction import surface_behind
 from learned.streamed.configuration import Streamed, from_card
 from learned.streamed.crop import seen_by
 from learned.streamed.network import StreamedNetwork, build_streamed
 from learned.streamed.stitching import closed_surface
+from learned.surface import surface_behind
 from learned.weights import with_weights
 
 

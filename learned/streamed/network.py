@@ -1,6 +1,6 @@
 """Networks with one code: everything that is predicted comes from a few hundred numbers, and nothing of the pose leaks.
 
-The blocks are those of :class:`learned.network.GlobalCodeNetwork`; what differs is named by the configuration.
+The blocks are those of :class:`learned.paired.network.GlobalCodeNetwork`; what differs is named by the configuration.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from learned.network import GROUPS, MASK_LOGIT, SLOPE
+from learned.paired.network import GROUPS, MASK_LOGIT, SLOPE
 from learned.streamed.configuration import Streamed, check_resolution
 
 HALVINGS = 5

@@ -1,80 +1,31 @@
-"""The training loop over a stream: each step sees bodies that no other step sees, resumable, with the same result."""
+"""What a streamed network is taught: the canonical depth of fresh bodies."""
 
 from __future__ import annotations
 
-import math
-import time
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from benchmark.contracts import Interval
-from benchmark.errors import TrainingError
 from benchmark.streaming import MakesFresh
-from learned import checkpoint
 from learned.checkpoint import Progress
-from learned.schedule import Precision
+from learned.measures import measures
+from learned.steps import Plan, Steps
 from learned.streamed.configuration import Streamed
+from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
 from learned.streamed.network import StreamedNetwork, build_streamed
-from learned.streamed.stream import Batch, batches
-from learned.training import _has_bfloat16, _keep_freed_memory, measures
-
-CHECKPOINT_SECONDS = 60.0
-"""Time between checkpoints: what a crash costs at most."""
-
-ROW = 50
-"""Steps of a row of the history; checkpoints are written between rows."""
-
-LOOKS = 20
-"""How often validation bodies are looked at during a training."""
 
 LOOKED_AT = 32
 """Validation bodies that are looked at."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """How a model is trained.
-
-    Parameters
-    ----------
-    steps
-        Steps of Adam, each on other bodies.
-    bodies
-        Bodies of each step; the stream says in how many poses.
-    learning_rate
-        Largest step size of Adam; it rises over the first ``warm_up`` steps and falls to zero along half a cosine.
-    warm_up
-        Steps of the rise.
-    gradient_clip
-        Largest norm of the gradient; 0 for no limit.
-    precision
-        Arithmetic of the network: ``"auto"`` takes bfloat16 where the hardware has it.
-    """
-
-    steps: Annotated[int, Interval(1)] = 30_000
-    bodies: Annotated[int, Interval(2)] = 16
-    learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
-    warm_up: Annotated[int, Interval(0)] = 200
-    gradient_clip: Annotated[float, Interval(0)] = 1.0
-    precision: Precision = "auto"
-
-    def step_size(self, step: int) -> float:
-        """Step size of Adam in a step, counted from 0."""
-        rising = min(1.0, (step + 1) / (self.warm_up + 1))
-        return self.learning_rate * rising * 0.5 * (1 + math.cos(math.pi * step / self.steps))
-
-
 @dataclass(frozen=True)
 class Trained:
-    """A trained network and how it came about; the fields of :class:`learned.training.Result`, and what was drawn."""
+    """A trained network and how it came about."""
 
     network: StreamedNetwork
     progress: Progress
@@ -95,10 +46,7 @@ def train_streamed(
     workers: int,
     say: Callable[[str], None],
 ) -> Trained:
-    """Train a network, going on from the checkpoint in ``folder`` if there is one.
-
-    A step's bodies are a matter of its number, so a training that was stopped and resumed on the same machine ends with
-    the same weights as one that was not, however many processes made the bodies.
+    """Train a network, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
 
     Parameters
     ----------
@@ -128,128 +76,41 @@ def train_streamed(
         the last step that was done.
     """
     network = build_streamed(configuration, seed).to(device, memory_format=torch.channels_last)
-    optimiser = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
-    found = checkpoint.resume(folder, network, optimiser, recipe)
-    if found:
-        say(f"going on after step {found.epoch} of {plan.steps}")
-    torch.set_flush_denormal(True)
-    _keep_freed_memory()
-    half = plan.precision == "bfloat16" or (plan.precision == "auto" and _has_bfloat16(device))
-    seen = _Validation(configuration, validation, device, half) if validation else None
-    loop = _Loop(configuration, plan, network, optimiser, folder, recipe, device, half, say)
-    progress = loop.run(found or Progress(0, plan.bodies, 0.0, ()), make, seen, workers)
-    return Trained(network, progress, device.type, "bfloat16" if half else "float32")
+    looked = MakesImages(validation, configuration, LOOKED_AT)(0) if validation else None
+    teacher = _Teacher(network, configuration, device, looked)
+    images = MakesImages(make, configuration, plan.bodies)
+    steps = Steps(network, teacher, images, plan, folder, recipe, __name__, say)
+    progress, precision = steps.run(device, workers)
+    return Trained(network, progress, device.type, precision)
 
 
 @dataclass
-class _Loop:
-    configuration: Streamed
-    plan: Plan
+class _Teacher:
     network: StreamedNetwork
-    optimiser: torch.optim.Optimizer
-    folder: Path
-    recipe: Mapping[str, Any]
+    configuration: Streamed
     device: torch.device
-    half: bool
-    say: Callable[[str], None]
+    looked: ImageBatch | None
+    terms: tuple[str, ...] = NAMES
+    watched: str = "mask overlap"
 
-    def run(self, progress: Progress, make: MakesFresh, seen: _Validation | None, workers: int) -> Progress:
-        steps = range(progress.epoch, self.plan.steps)
-        stream = batches(make, self.configuration, self.plan.bodies, steps, workers, self.say)
-        began, kept, processor = time.perf_counter() - progress.seconds, time.perf_counter(), 0.0
-        terms: list[Tensor] = []
-        again: Counter[str] = Counter()
-        look = max(1, self.plan.steps // LOOKS)
-        try:
-            for batch in stream:
-                before = time.process_time()
-                terms.append(self._step(batch))
-                processor += time.process_time() - before
-                again.update(batch.drawn_again)
-                step = batch.number + 1
-                if step % ROW and step != self.plan.steps:
-                    continue
-                row = self._row(step, terms, again, processor)
-                if seen and (step % look < ROW or step == self.plan.steps):
-                    row |= seen.measured(self.network)
-                history = (*progress.history, row)
-                progress = Progress(step, self.plan.bodies, time.perf_counter() - began, history)
-                terms, again, processor = [], Counter(), 0.0
-                if time.perf_counter() - kept > CHECKPOINT_SECONDS or step == self.plan.steps:
-                    checkpoint.keep(self.folder, self.network, self.optimiser, progress, self.recipe)
-                    kept = time.perf_counter()
-                    self.say(_told(progress, self.plan.steps))
-        except TrainingError:
-            done = progress.epoch + len(terms)
-            if done and all(bool(torch.isfinite(each).all()) for each in terms):
-                at = Progress(done, self.plan.bodies, time.perf_counter() - began, progress.history)
-                checkpoint.keep(self.folder, self.network, self.optimiser, at, self.recipe)
-            raise
-        finally:
-            stream.close()  # type: ignore[attr-defined]
-        return progress
-
-    def _step(self, batch: Batch) -> Tensor:
-        for group in self.optimiser.param_groups:
-            group["lr"] = self.plan.step_size(batch.number)
-        self.network.train()
-        image = batch.images.to(self.device).contiguous(memory_format=torch.channels_last)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.half):
-            code = self.network.code(image)
+    def losses(self, batch: ImageBatch, half: bool) -> Tensor:
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
+            code = self.network.code(self._image(batch.images))
             prediction = self.network.decoded(code)
-        found = losses(prediction.float(), batch.targets.to(self.device), code, batch.poses, self.configuration)
-        self.optimiser.zero_grad()
-        weighted(found, self.configuration).backward()
-        if self.plan.gradient_clip:
-            nn.utils.clip_grad_norm_(self.network.parameters(), self.plan.gradient_clip)
-        self.optimiser.step()
-        # Reading a number would make the host wait for the device, so the losses stay there for a row.
-        return found.detach()
+        return losses(prediction.float(), batch.targets.to(self.device), code, batch.poses, self.configuration)
 
-    def _row(self, step: int, terms: Sequence[Tensor], again: Mapping[str, int], processor: float) -> dict[str, float]:
-        values = torch.stack(list(terms)).cpu().numpy().astype(np.float64)
-        wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(wrong):
-            raise TrainingError(
-                f"the loss is not a number in step {step - len(terms) + int(wrong[0]) + 1}",
-                "lower the step size with -o learning_rate=3e-4",
-            )
-        told = dict(zip(NAMES, values.mean(axis=0).tolist(), strict=True))
-        return {"step": float(step), **told, "processor seconds": processor, "drawn again": float(sum(again.values()))}
+    def total(self, losses: Tensor) -> Tensor:
+        return weighted(losses, self.configuration)
 
-
-class _Validation:
-    """Bodies of another stream, made once."""
-
-    def __init__(self, configuration: Streamed, make: MakesFresh, device: torch.device, half: bool) -> None:
-        self._batch = next(iter(batches(make, configuration, LOOKED_AT, range(1), 0, lambda _: None)))
-        self._device, self._half = device, half
-
-    @torch.no_grad()
-    def measured(self, network: StreamedNetwork) -> dict[str, float]:
-        network.eval()
+    def measured(self, half: bool) -> Mapping[str, float]:
+        if self.looked is None:
+            return {}
         predictions = []
-        for images in self._batch.images.split(16):
-            image = images.to(self._device).contiguous(memory_format=torch.channels_last)
-            with torch.autocast(self._device.type, torch.bfloat16, enabled=self._half):
-                predictions.append(network(image).float().cpu())
-        depth_and_mask = [0, self._batch.targets.shape[1] - 1]
-        found = measures(torch.cat(predictions)[:, depth_and_mask], self._batch.targets[:, depth_and_mask])
-        # Where the masks do not meet there is no depth to compare.
-        return {f"validation {name}": value for name, value in found.items() if math.isfinite(value)}
+        for images in self.looked.images.split(16):
+            with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
+                predictions.append(self.network(self._image(images)).float().cpu())
+        depth_and_mask = [0, self.looked.targets.shape[1] - 1]
+        return measures(torch.cat(predictions)[:, depth_and_mask], self.looked.targets[:, depth_and_mask])
 
-
-def drawn_again(history: Sequence[Mapping[str, float]]) -> int:
-    """How many bodies and poses were drawn again in the rows of a history."""
-    return round(sum(row["drawn again"] for row in history))
-
-
-def _told(progress: Progress, steps: int) -> str:
-    row = progress.history[-1]
-    looked = next((each for each in reversed(progress.history) if "validation mask overlap" in each), {})
-    overlap = f", validation mask overlap {looked['validation mask overlap']:.3f}" if looked else ""
-    left = progress.seconds / progress.epoch * (steps - progress.epoch)
-    return (
-        f"step {progress.epoch}/{steps}  depth {row['depth loss']:.5f}  mask {row['mask loss']:.5f}{overlap}"
-        f"  {progress.seconds:.0f} s, about {left:.0f} s left"
-    )
+    def _image(self, images: Tensor) -> Tensor:
+        return images.to(self.device).contiguous(memory_format=torch.channels_last)

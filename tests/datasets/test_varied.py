@@ -199,3 +199,19 @@ def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(sampling, "MOST_DRAWS", 2)
     with pytest.raises(DatasetError, match="varied-0-5-0 has no pose"):
         Sampler(0)(5, 1, 32)
+
+
+@needs_the_full_body
+def test_surfaces_are_the_bodies_of_the_images() -> None:
+    made, fresh = Sampler(3).surfaces(2, 2), Sampler(3)(2, 2, 64)
+    assert made.identifiers == fresh.identifiers
+    assert made.drawn_again == fresh.drawn_again
+    assert made.posed.shape == (2, 2, *made.canonical.shape[1:])
+    mesh = trimesh.Trimesh(made.canonical[0], made.faces, process=False)
+    assert mesh.is_watertight
+    # A pose is no isometry, but lengths stay much the same.
+    before, after = (
+        np.linalg.norm(points[mesh.edges_unique[:, 0]] - points[mesh.edges_unique[:, 1]], axis=1)
+        for points in (made.canonical[0], made.posed[0, 1])
+    )
+    assert 0.8 < np.median(after / before) < 1.25

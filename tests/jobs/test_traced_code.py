@@ -116,7 +116,10 @@ def test_every_learner_is_traced_or_has_no_model_to_be_traced_with():
 @pytest.mark.parametrize("name", LEARNERS)
 def test_every_learner_runs_what_its_recipe_names(name):
     found = trace("humans", LEARNERS[name], inputs=["view"], compiled=True, size=500)
-    assert_named(found, **{f"form {name}": "learned.methods learned.prediction learned.network learned.images"})
+    assert_named(
+        found,
+        **{f"form {name}": "learned.paired.methods learned.paired.prediction learned.paired.network learned.images"},
+    )
 
 
 @pytest.mark.slow

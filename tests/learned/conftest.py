@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from learned import configuration
-from learned.fitting import fit
+from learned.paired import configuration
+from learned.paired.fitting import fit
 from tests.learned.toy import OPTIONS, TINY, quiet, toy_data
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
-from learned import configuration, fitting, training  # noqa: E402
+from learned.paired import configuration, fitting, training  # noqa: E402
 from tests.learned.toy import OPTIONS, TINY, toy_data  # noqa: E402
 
 #: Of three batches in each epoch, the second of the ninth.

@@ -10,7 +10,7 @@ from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
 from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingPair
 from learned.images import checked_image, enlarge, shrink, smooth
-from learned.pairs import gather
+from learned.paired.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
 

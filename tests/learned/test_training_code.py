@@ -9,24 +9,37 @@ from benchmark.system.fingerprints import fingerprint
 from learned.checkpoint import training_code
 
 PACKAGE = Path(learned.__file__).parent
+PAIRED_ROOM = PACKAGE / "paired"
+LOOP = "learned.paired.training"
 
 #: What makes forms of a model, and what only trains one.
-FORMS = {"card", "configuration", "images", "learner", "methods", "model", "network", "prediction", "weights"}
-TRAINING = {"checkpoint", "fitting", "gathering", "machine", "pairs", "pictures", "saving", "schedule", "training"}
+SHARED = {"images", "learner", "surface", "weights"}
+SHARED_IN_TRAINING = {"arithmetic", "checkpoint", "machine", "measures", "saving"}
+PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network", "prediction")}
+PAIRED_IN_TRAINING = {
+    f"paired.{name}" for name in ("fitting", "gathering", "pairs", "pictures", "saving", "schedule", "training")
+}
+FORMS, TRAINING = SHARED | PAIRED, SHARED_IN_TRAINING | PAIRED_IN_TRAINING
+#: Of trainings over a stream.
+STREAMS = {"steps", "stream"}
 
 
 def of_package(names: object) -> set[str]:
-    return {str(name).partition(".")[2] for name in names if str(name).startswith("learned.")}
+    """Modules below the package, without the packages themselves."""
+    found = {str(name).partition(".")[2] for name in names if str(name).startswith("learned.")}
+    return found - {"paired", "streamed"}
 
 
 def test_forms_need_nothing_that_only_trains() -> None:
-    assert of_package(fingerprint("learned.methods", without=("train", "check_options")).code) == FORMS
-    assert of_package(fingerprint("learned.methods").code) == FORMS | TRAINING
-    assert {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"} == FORMS | TRAINING
+    assert of_package(fingerprint("learned.paired.methods", without=("train", "check_options")).code) == FORMS
+    assert of_package(fingerprint("learned.paired.methods").code) == FORMS | TRAINING
+    shared, paired = ({path.stem for path in folder.glob("*.py")} - {"__init__"} for folder in (PACKAGE, PAIRED_ROOM))
+    assert shared == SHARED | SHARED_IN_TRAINING | STREAMS
+    assert {f"paired.{name}" for name in paired} == PAIRED | PAIRED_IN_TRAINING
 
 
 def test_a_checkpoint_tells_all_that_the_training_loop_imports_but_what_the_recipe_tells() -> None:
-    told = of_package(training_code())
-    assert {"checkpoint", "images", "network", "pairs", "schedule", "training"} <= told
-    assert not told & {"configuration", "pictures", "saving", "fitting", "methods"}
-    assert "benchmark.geometry.depth" in training_code()
+    told = of_package(training_code(LOOP))
+    assert {"checkpoint", "images", "paired.network", "paired.pairs", "paired.schedule", "paired.training"} <= told
+    assert not told & {f"paired.{name}" for name in ("configuration", "pictures", "saving", "fitting", "methods")}
+    assert "benchmark.geometry.depth" in training_code(LOOP)

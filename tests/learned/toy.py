@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.geometry.depth import SIZE
 from benchmark.learning import TrainingData, TrainingPair
-from learned.configuration import LITERAL
+from learned.paired.configuration import LITERAL
 
 TINY = replace(LITERAL, name="tiny", width=8)
 """The paper's network, half as wide, which trains within seconds."""

@@ -135,7 +135,7 @@ def test_a_module_named_like_one_that_is_installed_is_refused(tmp_path, name):
 
 def test_folders_named_like_ours_hide_nothing(tmp_path):
     path = write(
-        tmp_path, before="from learned.methods import Learned", factor="1", __init___in_learned="raise OSError"
+        tmp_path, before="from learned.paired.methods import Learned", factor="1", __init___in_learned="raise OSError"
     )
     assert form(path) == 1.0
 

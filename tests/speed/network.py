@@ -15,13 +15,14 @@ from typing import Any
 
 import torch
 
-from learned.configuration import LITERAL
+from learned.arithmetic import Precision
 from learned.images import enlarge, shrink
-from learned.model import predict
-from learned.network import build
-from learned.pairs import Pairs
-from learned.schedule import Precision, Schedule, losses
-from learned.training import train
+from learned.paired.configuration import LITERAL
+from learned.paired.model import predict
+from learned.paired.network import build
+from learned.paired.pairs import Pairs
+from learned.paired.schedule import Schedule, losses
+from learned.paired.training import train
 from tests.learned.toy import person
 from tests.speed._timing import least_seconds, processor_seconds, row
 

@@ -122,10 +122,17 @@ def test_imports_of_a_function_that_a_stage_never_calls_are_left_out(package):
 
 
 def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
-    forms = fingerprints.code_of("learned.methods", without=("train", "check_options"))
-    assert {"learned.methods", "learned.prediction", "learned.network", "learned.images"} <= set(forms)
-    assert not {"learned.pictures", "learned.fitting", "learned.training", "learned.pairs"} & set(forms)
-    assert "learned.pictures" in fingerprints.code_of("learned.methods")
+    forms = fingerprints.code_of("learned.paired.methods", without=("train", "check_options"))
+    assert {"learned.paired.methods", "learned.paired.prediction", "learned.paired.network", "learned.images"} <= set(
+        forms
+    )
+    assert not {
+        "learned.paired.pictures",
+        "learned.paired.fitting",
+        "learned.paired.training",
+        "learned.paired.pairs",
+    } & set(forms)
+    assert "learned.paired.pictures" in fingerprints.code_of("learned.paired.methods")
 
 
 def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
@@ -138,8 +145,8 @@ def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
     def prints():
         command = (
             "from benchmark.system import fingerprints\n"
-            "print(fingerprints.fingerprint('learned.methods', without=('train', 'check_options')).digest)\n"
-            "print(fingerprints.fingerprint('learned.methods').digest)"
+            "print(fingerprints.fingerprint('learned.paired.methods', without=('train', 'check_options')).digest)\n"
+            "print(fingerprints.fingerprint('learned.paired.methods').digest)"
         )
         done = subprocess.run(
             [sys.executable, "-c", command], capture_output=True, text=True, check=True, cwd=tmp_path, env=clean()
@@ -147,9 +154,9 @@ def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
         return done.stdout.split()
 
     forms, all_code = prints()
-    path = tmp_path / "learned" / "pictures.py"
+    path = tmp_path / "learned" / "paired" / "pictures.py"
     path.write_text(path.read_text().replace("COLUMNS = 10", "COLUMNS = 11"))
-    assert (tmp_path / "learned" / "pictures.py").read_text().count("COLUMNS = 11") == 1
+    assert (tmp_path / "learned" / "paired" / "pictures.py").read_text().count("COLUMNS = 11") == 1
     forms_then, all_then = prints()
     assert forms_then == forms
     assert all_then != all_code
@@ -229,7 +236,7 @@ def test_versions_of_imported_packages_are_in_the_fingerprint_and_no_others(monk
     assert found.packages["numpy"] == importlib.metadata.version("numpy")
     assert found.packages["libigl"] == importlib.metadata.version("libigl")  # imported as igl
     assert "torch" not in found.packages
-    assert "torch" in fingerprints.fingerprint("learned.methods").packages
+    assert "torch" in fingerprints.fingerprint("learned.paired.methods").packages
 
 
 def test_another_version_of_a_package_is_another_recipe(monkeypatch):
@@ -305,10 +312,10 @@ def test_fields_that_only_some_versions_of_python_have_change_nothing(monkeypatc
 def test_digests_agree_between_processes_and_nothing_heavy_is_imported():
     command = (
         "import sys\nfrom benchmark.system import fingerprints\n"
-        "print(fingerprints.fingerprint('learned.methods', 'benchmark.jobs.stages.form').digest)\n"
+        "print(fingerprints.fingerprint('learned.paired.methods', 'benchmark.jobs.stages.form').digest)\n"
         "print([n for n in ('torch', 'numba', 'scipy', 'igl', 'learned', 'baselines') if n in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, cwd=ROOT)
     digest, heavy = done.stdout.strip().splitlines()
-    assert digest == fingerprints.fingerprint("learned.methods", "benchmark.jobs.stages.form").digest
+    assert digest == fingerprints.fingerprint("learned.paired.methods", "benchmark.jobs.stages.form").digest
     assert heavy == "[]"

@@ -15,7 +15,7 @@ from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import varied_pose
 from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Points
-from benchmark.streaming import Fresh
+from benchmark.streaming import Fresh, Surfaces
 
 LARGEST_DOUBLED = 0.004
 """Share of a body that may lie inside of it twice.
@@ -58,10 +58,7 @@ class Sampler:
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
         """Make one batch."""
         model, again = body_model(), Counter[str]()
-        names = [f"varied-{self.seed}-{number}-{place}" for place in range(bodies)]
-        randoms = [np.random.default_rng([self.seed, number, place]) for place in range(bodies)]
-        drawn, shapes = self._bodies(model, names, randoms, again)
-        posed = self._posed(model, names, drawn, shapes, randoms, again)
+        names, randoms, shapes, posed = self._made(number, bodies, again)
         images = np.zeros((bodies, self.poses, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
         for place, random in enumerate(randoms):
@@ -76,6 +73,28 @@ class Sampler:
                 faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
                 images[place, row] = disturbed(rendered(points, faces, half_width, size), each, random)
         return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
+
+    def surfaces(self, number: int, bodies: int) -> Surfaces:
+        """Make the bodies of one batch without images; see :class:`benchmark.streaming.MakesSurfaces`."""
+        again = Counter[str]()
+        names, _, shapes, posed = self._made(number, bodies, again)
+        return Surfaces(
+            identifiers=tuple(names),
+            canonical=np.stack(shapes),
+            posed=np.stack([np.stack(of_body) for of_body in posed]),
+            faces=body_model().faces,
+            drawn_again=dict(again),
+        )
+
+    def _made(
+        self, number: int, bodies: int, again: Counter[str]
+    ) -> tuple[list[str], list[np.random.Generator], list[Points], list[list[Points]]]:
+        """Names of the bodies, their sources of chance, their vertices in the canonical pose and in their poses."""
+        model = body_model()
+        names = [f"varied-{self.seed}-{number}-{place}" for place in range(bodies)]
+        randoms = [np.random.default_rng([self.seed, number, place]) for place in range(bodies)]
+        drawn, shapes = self._bodies(model, names, randoms, again)
+        return names, randoms, shapes, self._posed(model, names, drawn, shapes, randoms, again)
 
     def _bodies(
         self, model: BodyModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]

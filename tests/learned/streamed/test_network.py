@@ -8,10 +8,10 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from learned.streamed.configuration import STREAMED, Streamed, from_card, streamed
+from learned.streamed.images import batch_of
 from learned.streamed.losses import NAMES, code_loss, gradient_loss, losses, weighted
 from learned.streamed.model import form_of
 from learned.streamed.network import build_streamed
-from learned.streamed.stream import batch_of
 from tests.learned.streamed.toy import Ellipsoids, toy
 
 CHANGES = {

@@ -19,11 +19,13 @@ from benchmark.contracts import Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import back_project
 from benchmark.learning import CARD, WEIGHTS, Learner, read_card
+from learned import steps
 from learned.checkpoint import CHECKPOINT
+from learned.stream import batches
 from learned.streamed import configuration, fitting, training
 from learned.streamed.fitting import fit
+from learned.streamed.images import MakesImages
 from learned.streamed.methods import StreamedLearner
-from learned.streamed.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
 from tests.learned.toy import files, quiet, toy_data
 
@@ -42,8 +44,8 @@ OPTIONS: dict[str, Any] = {
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give the toy network a name, and write a checkpoint every fourth step."""
     monkeypatch.setitem(configuration.STREAMED, TOY.name, TOY)
-    monkeypatch.setattr(training, "ROW", 4)
-    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr(steps, "ROW", 4)
+    monkeypatch.setattr(steps, "CHECKPOINT_SECONDS", -1.0)
     monkeypatch.setattr(training, "LOOKED_AT", 2)
 
 
@@ -53,7 +55,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("models") / "streamed-toy-seed0"
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(configuration.STREAMED, TOY.name, TOY)
-        patch.setattr(training, "ROW", 4)
+        patch.setattr(steps, "ROW", 4)
         patch.setattr(training, "LOOKED_AT", 2)
         fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
     yield folder
@@ -94,7 +96,7 @@ def test_workers_change_nothing_and_one_that_dies_is_replaced(tmp_path: Path, fi
 
 
 def test_batches_come_in_order_and_show_no_body_twice() -> None:
-    made = list(batches(Ellipsoids(), TOY, 3, range(4, 9), 0, quiet))
+    made = list(batches(MakesImages(Ellipsoids(), TOY, 3), range(4, 9), 0, quiet))
     assert [batch.number for batch in made] == [4, 5, 6, 7, 8]
     names = [name for batch in made for name in batch.identifiers]
     assert len(set(names)) == len(names) == 15
@@ -107,12 +109,13 @@ def test_batches_come_in_order_and_show_no_body_twice() -> None:
 def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path, finished: Path) -> None:
     program = (
         "import sys; from pathlib import Path\n"
+        "from learned import steps\n"
         "from learned.streamed import configuration, training\n"
         "from learned.streamed.fitting import fit\n"
         "from tests.learned.streamed.toy import TOY, toy_stream\n"
         "from tests.learned.streamed.test_training import OPTIONS\n"
         "if __name__ == '__main__':\n"
-        "    configuration.STREAMED[TOY.name], training.ROW, training.CHECKPOINT_SECONDS = TOY, 4, -1.0\n"
+        "    configuration.STREAMED[TOY.name], steps.ROW, steps.CHECKPOINT_SECONDS = TOY, 4, -1.0\n"
         "    training.LOOKED_AT = 2\n"
         "    def say(line):\n"
         "        print(line, flush=True)\n"

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from benchmark.errors import DatasetError
-from benchmark.streaming import Fresh, StreamedData
+from benchmark.streaming import Fresh, StreamedData, Surfaces
 from learned.streamed.configuration import PLAIN, Streamed
 from tests.learned.toy import toy_data
 
@@ -52,6 +53,29 @@ class Ellipsoids:
         names = tuple(f"toy-{number}-{body}" for body in range(bodies))
         return Fresh(identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again={"toys": 1})
 
+    def surfaces(self, number: int, bodies: int) -> Surfaces:
+        """Spheroids that are bent along their axis in each of two poses."""
+        random = np.random.default_rng([self.seed, number])
+        sphere = trimesh.creation.icosphere(subdivisions=2)
+        canonical = np.empty((bodies, len(sphere.vertices), 3))
+        posed = np.empty((bodies, 2, len(sphere.vertices), 3))
+        for body in range(bodies):
+            canonical[body] = sphere.vertices * [*np.repeat(random.uniform(0.2, 0.4), 2), random.uniform(0.7, 1.0)]
+            for pose in range(2):
+                posed[body, pose] = bent(canonical[body], random.uniform(-1, 1))
+        names = tuple(f"toy-{number}-{body}" for body in range(bodies))
+        faces = sphere.faces.astype(np.int32)
+        return Surfaces(identifiers=names, canonical=canonical, posed=posed, faces=faces, drawn_again={})
+
+
+def bent(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points bent in the plane of x and z, so that the axis from z = -1 to 1 turns by an angle."""
+    if angle == 0:
+        return points.copy()
+    radius, turn = 2 / angle, points[:, 2] * angle / 2
+    distance = radius - points[:, 0]
+    return np.stack([radius - distance * np.cos(turn), points[:, 1], distance * np.sin(turn)], axis=1)
+
 
 def both(size: int, width: float, height: float, x: float = 0.0, y: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Front and back of an ellipsoid whose depth is as large as its width."""
@@ -64,7 +88,14 @@ def both(size: int, width: float, height: float, x: float = 0.0, y: float = 0.0)
 
 def toy_stream(make: Ellipsoids = Ellipsoids()) -> StreamedData:
     """The toy data with a stream."""
-    return StreamedData(**vars(toy_data()), fresh=make, validation=Ellipsoids(seed=1))
+    validation = Ellipsoids(seed=1)
+    return StreamedData(
+        **vars(toy_data()),
+        fresh=make,
+        validation=validation,
+        surfaces=make.surfaces,
+        validation_surfaces=validation.surfaces,
+    )
 
 
 def toy(**changes: object) -> Streamed:

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from benchmark.errors import ConfigurationError
-from learned.configuration import CONFIGURATIONS, configuration, from_card
-from learned.schedule import Schedule, losses, schedule, step_size
+from learned.paired.configuration import CONFIGURATIONS, configuration, from_card
+from learned.paired.schedule import Schedule, losses, schedule, step_size
 
 
 def test_defaults_are_the_papers() -> None:

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from benchmark.contracts import Interval
 from benchmark.parameters.values import checked
+from learned.arithmetic import Precision
 
 DepthLoss = Literal["all", "masked"]
-Precision = Literal["auto", "float32", "bfloat16"]
 
 
 @dataclass(frozen=True, kw_only=True)

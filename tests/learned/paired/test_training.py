@@ -16,20 +16,22 @@ from torch import Tensor
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS
-from learned import training
+from learned.arithmetic import device_named
 from learned.checkpoint import CHECKPOINT
-from learned.configuration import LITERAL, Configuration, configuration
-from learned.fitting import fit
-from learned.network import ProgressiveNetwork
-from learned.pairs import Pairs, gather
+from learned.measures import measures
+from learned.paired import training
+from learned.paired.configuration import LITERAL, Configuration, configuration
+from learned.paired.fitting import fit
+from learned.paired.network import ProgressiveNetwork
+from learned.paired.pairs import Pairs, gather
+from learned.paired.schedule import Schedule
+from learned.paired.training import Result, train
 from learned.saving import HISTORY
-from learned.schedule import Schedule
-from learned.training import Result, device_named, measures, train
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
 
 CPU = torch.device("cpu")
 PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, jitter=20, precision="float32")
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")

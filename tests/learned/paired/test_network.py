@@ -10,15 +10,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from learned.configuration import CONFIGURATIONS, LITERAL, configuration
-from learned.network import (
+from learned.paired.configuration import CONFIGURATIONS, LITERAL, configuration
+from learned.paired.network import (
     EncoderDecoder,
     LongRangeFeatures,
     SameSizeDeconvolution,
     ShortRangeFeatures,
     build,
-    n_parameters,
 )
+from learned.weights import n_parameters
 
 #: Maxima of a pool depend on the input, so receptive fields are the union over some of them.
 N_INPUTS = 3

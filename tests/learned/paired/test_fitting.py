@@ -17,12 +17,13 @@ from PIL import Image
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
-from learned.fitting import fit
-from learned.model import load_model, predict
-from learned.network import build, n_parameters
-from learned.pairs import gather
+from learned.measures import measures
+from learned.paired.fitting import fit
+from learned.paired.model import load_model, predict
+from learned.paired.network import build
+from learned.paired.pairs import gather
 from learned.saving import HISTORY
-from learned.training import measures
+from learned.weights import n_parameters
 from tests.learned.toy import BENDS, BUILDS, OPTIONS, TINY, files, quiet, toy_data
 
 PICTURES = {"history.png", "samples-training.png", "samples-unseen.png"}

@@ -13,11 +13,11 @@ import pytest
 from benchmark.datasets.humans import Humans
 from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.storage.store import Store
-from learned.methods import Learned
-from learned.model import load_model
-from learned.network import n_parameters
+from learned.paired.methods import Learned
+from learned.paired.model import load_model
+from learned.weights import n_parameters
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MEBIBYTES = 20
 SUBJECTS = list(dict.fromkeys(entry.subject for entry in Humans().entries))
 

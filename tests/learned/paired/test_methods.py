@@ -23,10 +23,11 @@ from benchmark.geometry.edges import edges_of
 from benchmark.learning import CARD, WEIGHTS, Learner
 from benchmark.methods.registry import methods, variant
 from benchmark.parameters.values import parameter_values
-from learned.configuration import CONFIGURATIONS
-from learned.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
-from learned.prediction import canonical_depth, surface_behind
-from tests.learned.test_model import replace_weights
+from learned.paired.configuration import CONFIGURATIONS
+from learned.paired.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
+from learned.paired.prediction import canonical_depth
+from learned.surface import surface_behind
+from tests.learned.paired.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
 
 METHODS = (Learned, WithoutSRF, WithoutLRF, Strict, Wide, WideExtra)
@@ -73,7 +74,8 @@ def test_names_and_splits() -> None:
 
 
 def test_listing_the_methods_does_not_import_torch() -> None:
-    code = "import sys, learned.methods; print([m for m in ('torch', 'matplotlib', 'safetensors') if m in sys.modules])"
+    heavy = "('torch', 'matplotlib', 'safetensors')"
+    code = f"import sys, learned.paired.methods; print([m for m in {heavy} if m in sys.modules])"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,18 +15,16 @@ from torch import Tensor, nn
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import SIZE
 from learned import checkpoint
+from learned.arithmetic import has_bfloat16, keep_freed_memory
 from learned.checkpoint import Progress
-from learned.configuration import Configuration
-from learned.images import COVERED
-from learned.network import RESOLUTIONS, build
-from learned.pairs import Pairs, overlaps
-from learned.schedule import Schedule, losses, step_size
+from learned.measures import measures
+from learned.paired.configuration import Configuration
+from learned.paired.network import RESOLUTIONS, build
+from learned.paired.pairs import Pairs
+from learned.paired.schedule import Schedule, losses, step_size
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints: what a crash costs at most, besides the epoch that runs."""
-
-_TRIM_THRESHOLD, _MMAP_MAX = -1, -4
-"""Parameters of ``mallopt``; see its manual page."""
 
 LOOKS = 25
 """How often the unseen pairs are looked at during a training."""
@@ -42,19 +38,6 @@ class Result:
     progress: Progress
     device: str
     precision: str
-
-
-def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
-    """Device of this name; ``"auto"`` takes a GPU where there is one.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such device here.
-    """
-    if name == "cuda" and not torch.cuda.is_available():
-        raise ConfigurationError("no GPU is here, or this torch cannot use it", "pass --device cpu or auto")
-    return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
 
 
 def check_resolution(configuration: Configuration, resolution: int) -> None:
@@ -115,7 +98,7 @@ def train(
         configuration, plan, pairs.to(device), unseen.to(device) if unseen else None, folder, recipe, seed, device, say
     )
     torch.set_flush_denormal(True)
-    _keep_freed_memory()
+    keep_freed_memory()
     try:
         return loop.run()
     except _OutOfMemory:
@@ -151,7 +134,7 @@ class _Loop:
         self.batch = self.plan.batch
         self.halved = False
         self.half_precision = self.plan.precision == "bfloat16" or (
-            self.plan.precision == "auto" and _has_bfloat16(self.device)
+            self.plan.precision == "auto" and has_bfloat16(self.device)
         )
 
     def halve_batch(self) -> None:
@@ -163,7 +146,7 @@ class _Loop:
     def run(self) -> Result:
         network = build(self.configuration, self.seed).to(self.device, memory_format=torch.channels_last)
         optimiser = torch.optim.Adam(network.parameters(), lr=self.plan.learning_rate)
-        found = checkpoint.resume(self.folder, network, optimiser, self.recipe)
+        found = checkpoint.resume(self.folder, network, optimiser, self.recipe, __name__)
         progress = found or Progress(0, self.batch, 0.0, ())
         if self.halved:
             progress = replace(progress, batch=self.batch)
@@ -181,7 +164,7 @@ class _Loop:
             history.append(row)
             progress = Progress(epoch + 1, self.batch, time.perf_counter() - began, tuple(history))
             if time.perf_counter() - kept > CHECKPOINT_SECONDS or epoch + 1 == self.plan.epochs:
-                checkpoint.keep(self.folder, network, optimiser, progress, self.recipe)
+                checkpoint.keep(self.folder, network, optimiser, progress, self.recipe, __name__)
                 kept = time.perf_counter()
                 self.say(_told(row, progress, self.plan.epochs))
         return Result(network, progress, self.device.type, "bfloat16" if self.half_precision else "float32")
@@ -257,44 +240,6 @@ class _Loop:
         return measures(torch.cat(predictions), pairs.targets[pairs.target_of])
 
 
-def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
-    """Overlap of masks, and error of depths where both masks are.
-
-    Parameters
-    ----------
-    predictions, targets
-        Depth and mask, shape (n, 2, r, r).
-
-    Returns
-    -------
-    dict
-        ``"mask overlap"``: intersection over union, mean over the images. ``"depth error"``: mean absolute error inside
-        both masks, as a share of the depth of the frame.
-    """
-    both = (predictions[:, 1] > COVERED) & (targets[:, 1] > COVERED)
-    error = (predictions[:, 0] - targets[:, 0]).abs()[both]
-    overlap = float(overlaps(predictions, targets).mean())
-    return {"mask overlap": overlap, "depth error": float(error.mean()) if len(error) else float("nan")}
-
-
-def _has_bfloat16(device: torch.device) -> bool:
-    """Whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
-    if device.type == "cuda":
-        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    return torch.backends.mkldnn.is_available() and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
-
-
-def _keep_freed_memory() -> None:
-    """Let the C library of Linux keep the memory of freed tensors for the next ones.
-
-    Otherwise it returns large ones to the system, and every step asks for them again, page by page: up to a quarter of
-    its time.
-    """
-    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
-        library.mallopt(_MMAP_MAX, 0)
-        library.mallopt(_TRIM_THRESHOLD, -1)
-
-
 def _shifted(images: Tensor, largest: int, generator: np.random.Generator) -> Tensor:
     """Images shifted by whole pixels, the same for all of a batch; what leaves the frame is lost."""
     limit = round(largest * images.shape[-1] / SIZE)
@@ -320,4 +265,4 @@ def _told(row: Mapping[str, float], progress: Progress, epochs: int) -> str:
     )
 
 
-__all__ = ["Result", "check_resolution", "device_named", "measures", "train"]
+__all__ = ["Result", "check_resolution", "train"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from benchmark.errors import ConfigurationError
-from learned.configuration import Configuration, from_card
+from learned.paired.configuration import Configuration, from_card
 
 LARGEST = 4096
 """Most pixels per side, and most channels, that a network may have."""

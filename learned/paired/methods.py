@@ -11,8 +11,8 @@ from benchmark.contracts import Interval, MethodInfo, OneOf
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
 from benchmark.learning import Split, TrainingData
-from learned.configuration import CONFIGURATIONS
 from learned.learner import DepthImageLearner
+from learned.paired.configuration import CONFIGURATIONS
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
 
@@ -25,12 +25,12 @@ class Learned(DepthImageLearner):
     """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
 
     "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
-    Perception", section III; see :mod:`learned.network`.
+    Perception", section III; see :mod:`learned.paired.network`.
 
     Parameters
     ----------
     configuration
-        Name of the network; see :mod:`learned.configuration`.
+        Name of the network; see :mod:`learned.paired.configuration`.
     training_seed
         Seed of the training whose model is used.
     training
@@ -61,32 +61,32 @@ class Learned(DepthImageLearner):
     jump: Annotated[float, Interval(0, closed="neither")] | None = None
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.schedule.Schedule`."""
-        from learned.fitting import fit
+        """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.paired.schedule.Schedule`."""
+        from learned.paired.fitting import fit
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
     def check_options(self, options: Mapping[str, Any]) -> None:
         """See :class:`benchmark.learning.ChecksOptions`."""
-        from learned.fitting import checked_options
+        from learned.paired.fitting import checked_options
 
         checked_options(self.configuration, options)
 
     def configuration_in(self, card: Mapping[str, Any], folder: Path) -> str:
         """See :meth:`learned.learner.DepthImageLearner.configuration_in`."""
-        from learned.card import network_of
+        from learned.paired.card import network_of
 
         return network_of(card, folder).configuration.name
 
     def check_weights(self, folder: Path) -> None:
         """See :meth:`learned.learner.DepthImageLearner.check_weights`."""
-        from learned.model import load_model
+        from learned.paired.model import load_model
 
         load_model(folder)
 
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
         """See :meth:`learned.learner.DepthImageLearner.predict`."""
-        from learned.prediction import canonical_surface
+        from learned.paired.prediction import canonical_surface
 
         return canonical_surface(self.model_folder, depth, self.smoothing, self.jump)
 

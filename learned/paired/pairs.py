@@ -12,7 +12,7 @@ from torch import Tensor
 
 from benchmark.errors import TrainingError
 from benchmark.learning import TrainingPair
-from learned.images import COVERED, Floats, checked_image, shrink
+from learned.images import Floats, checked_image, shrink
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +84,3 @@ def joined(parts: Sequence[Pairs]) -> Pairs:
         torch.cat([part.targets for part in parts]),
         torch.cat([part.target_of + first for part, first in zip(parts, before, strict=True)]),
     )
-
-
-def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
-    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
-    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)

@@ -17,9 +17,9 @@ from safetensors.torch import load, save
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
-from learned.card import _TOLD, LARGEST, network_of
-from learned.model import load_model, predict
-from learned.network import build
+from learned.paired.card import _TOLD, LARGEST, network_of
+from learned.paired.model import load_model, predict
+from learned.paired.network import build
 from tests.learned.toy import TINY
 
 JSON = st.none() | st.booleans() | st.integers() | st.text(max_size=5) | st.lists(st.text(max_size=3), max_size=2)

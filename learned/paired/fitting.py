@@ -11,17 +11,20 @@ import torch
 
 from benchmark.learning import CARD, TrainingData
 from benchmark.threads import available_cores
-from learned import pictures
+from learned.arithmetic import device_named
 from learned.checkpoint import CHECKPOINT
-from learned.configuration import Configuration
-from learned.configuration import configuration as configuration_named
-from learned.gathering import forget, gather_kept
 from learned.machine import Machine, machine_among
-from learned.model import load_model, predict
-from learned.pairs import gather
-from learned.saving import check_finished, save_model
-from learned.schedule import Schedule, schedule
-from learned.training import check_resolution, device_named, measures, train
+from learned.measures import measures
+from learned.paired import pictures
+from learned.paired.configuration import Configuration
+from learned.paired.configuration import configuration as configuration_named
+from learned.paired.gathering import forget, gather_kept
+from learned.paired.model import load_model, predict
+from learned.paired.pairs import gather
+from learned.paired.saving import save_model
+from learned.paired.schedule import Schedule, schedule
+from learned.paired.training import check_resolution, train
+from learned.saving import check_finished
 from learned.weights import as_stored
 
 SAMPLES = 60
@@ -64,7 +67,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.schedule.Schedule` and of :class:`learned.machine.Machine`.
+        Fields of :class:`learned.paired.schedule.Schedule` and of :class:`learned.machine.Machine`.
     say
         Told about progress.
 

@@ -17,7 +17,7 @@ import torch
 from benchmark.learning import TrainingData
 from benchmark.system.fingerprints import fingerprint
 from learned.checkpoint import write
-from learned.pairs import Pairs, gather, joined
+from learned.paired.pairs import Pairs, gather, joined
 
 RUN = 512
 """Pairs in a file: what an interruption costs at most, a few seconds; fewer than that are gathered without a file."""
@@ -47,7 +47,7 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
     TrainingError
         If there is no pair, or a file cannot be written.
     """
-    code = fingerprint("learned.pairs").code
+    code = fingerprint("learned.paired.pairs").code
     recipe = json.dumps({"data": data.digest, "resolution": resolution, "code": dict(code)}, sort_keys=True)
     runs: list[Pairs] = []
     while (found := _read(_path(folder, len(runs)), recipe)) is not None:

@@ -11,9 +11,9 @@ import pytest
 import torch
 from torch import nn
 
-from learned.pairs import gather
-from learned.schedule import Schedule
-from learned.training import train
+from learned.paired.pairs import gather
+from learned.paired.schedule import Schedule
+from learned.paired.training import train
 from tests import learning_curve
 from tests.learned.toy import TINY, files, quiet, toy_data
 

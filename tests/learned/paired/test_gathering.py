@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from benchmark.learning import TrainingData, TrainingPair
-from learned import gathering
-from learned.fitting import fit
-from learned.gathering import forget, gather_kept
-from learned.pairs import Pairs, gather
+from learned.paired import gathering
+from learned.paired.fitting import fit
+from learned.paired.gathering import forget, gather_kept
+from learned.paired.pairs import Pairs, gather
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
 
 RESOLUTION = 32
@@ -75,7 +75,7 @@ def test_pairs_of_another_recipe_or_a_damaged_file_are_made_again(
     elif change == "resolution":
         resolution = 64
     elif change == "code":
-        other = type("Fingerprint", (), {"code": {"learned.pairs": "another"}})
+        other = type("Fingerprint", (), {"code": {"learned.paired.pairs": "another"}})
         monkeypatch.setattr(gathering, "fingerprint", lambda _: other)
     else:
         content = path.read_bytes()

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from benchmark.learning import card_digest, read_card
-from learned.card import network_of
-from learned.network import build
+from learned.paired.card import network_of
+from learned.paired.network import build
 from learned.weights import with_weights
 
 

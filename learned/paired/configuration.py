@@ -39,7 +39,7 @@ class Configuration:
     extra_data
         Whether it is trained on more data than the paper's network.
     schedule
-        Fields of :class:`learned.schedule.Schedule` in which its own schedule departs from the paper's.
+        Fields of :class:`learned.paired.schedule.Schedule` in which its own schedule departs from the paper's.
     """
 
     name: str

@@ -7,81 +7,43 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from multiprocessing import connection
+from typing import Generic, Protocol, TypeVar
 
-import numpy as np
 import torch
-from torch import Tensor
 
 from benchmark.errors import TrainingError, one_line
-from benchmark.streaming import Fresh, MakesFresh
-from learned.streamed.configuration import Streamed
-from learned.streamed.crop import seen_by
 
 AHEAD = 3
 """Batches in memory for each process that makes them."""
-
-OVERSAMPLING = 2
-"""Pixels rendered for each side of a pixel that the network sees."""
 
 MOST_LOSSES = 3
 """How often in a row the processes may die over one batch."""
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Pairs to train on; the poses of one body are neighbours.
+class Batch(Protocol):
+    """What one step is trained on."""
 
-    Parameters
-    ----------
-    number
-        Place in the stream.
-    identifiers
-        Names of the bodies.
-    images
-        Depth, shape (bodies * poses, 1, r, r).
-    targets
-        Depth of each side, then the mask, shape (bodies * poses, sides + 1, r, r).
-    poses
-        Poses of each body.
-    drawn_again
-        How often something was drawn again, by reason.
-    """
+    @property
+    def number(self) -> int:
+        """Place in the stream."""
+        ...
 
-    number: int
-    identifiers: tuple[str, ...]
-    images: Tensor
-    targets: Tensor
-    poses: int
-    drawn_again: Mapping[str, int]
+    @property
+    def drawn_again(self) -> Mapping[str, int]:
+        """How often something was drawn again, by reason."""
+        ...
 
 
-def batch_of(fresh: Fresh, number: int, configuration: Streamed) -> Batch:
-    """Fresh bodies at the resolution of a network, without their frame if it does without."""
-    poses = fresh.images.shape[1]
-    images = [seen_by(configuration, image[None]) for of_body in fresh.images for image in of_body]
-    targets = []
-    for front, back in zip(fresh.fronts, fresh.backs, strict=True):
-        sides = seen_by(configuration, np.stack([front, back][: configuration.sides]))
-        targets.append(np.concatenate([sides, (sides[:1] > 0).astype(np.float32)]))
-    repeated = torch.from_numpy(np.stack(targets)).repeat_interleave(poses, dim=0)
-    return Batch(
-        number, fresh.identifiers, torch.from_numpy(np.stack(images)), repeated, poses, dict(fresh.drawn_again)
-    )
+B = TypeVar("B", bound=Batch)
 
 
 def batches(
-    make: MakesFresh,
-    configuration: Streamed,
-    bodies: int,
-    numbers: range,
-    workers: int,
-    say: Callable[[str], None],
-) -> Iterator[Batch]:
+    make: Callable[[int], B], numbers: range, workers: int, say: Callable[[str], None]
+) -> Generator[B, None, None]:
     """Make batches in the order of their numbers.
 
     What a batch holds is a matter of its number, so neither how many processes there are nor which of them is the
@@ -90,11 +52,7 @@ def batches(
     Parameters
     ----------
     make
-        Makes fresh bodies.
-    configuration
-        What the network sees of them.
-    bodies
-        Bodies of each batch.
+        Makes the batch of a number, always the same one; can be sent to another process.
     numbers
         Which batches.
     workers
@@ -110,25 +68,23 @@ def batches(
     if not workers:
         for number in numbers:
             try:
-                yield _made(make, configuration, bodies, number)
+                yield make(number)
             except Exception as error:
                 raise _failed(number, error) from error
         return
-    yield from _Ahead(make, configuration, bodies, workers, say).batches(numbers)
+    yield from _Ahead(make, workers, say).batches(numbers)
 
 
-class _Ahead:
+class _Ahead(Generic[B]):
     """Processes, and what they were asked for."""
 
-    def __init__(
-        self, make: MakesFresh, configuration: Streamed, bodies: int, workers: int, say: Callable[[str], None]
-    ) -> None:
-        self._task = (make, configuration, bodies)
+    def __init__(self, make: Callable[[int], B], workers: int, say: Callable[[str], None]) -> None:
+        self._make = make
         self._workers = workers
         self._say = say
-        self._asked: deque[tuple[int, Future[Batch]]] = deque()
+        self._asked: deque[tuple[int, Future[B]]] = deque()
 
-    def batches(self, numbers: range) -> Iterator[Batch]:
+    def batches(self, numbers: range) -> Iterator[B]:
         pool, losses = self._pool(), 0
         remaining = iter(numbers)
         try:
@@ -136,7 +92,7 @@ class _Ahead:
                 try:
                     while len(self._asked) < AHEAD * self._workers and (number := next(remaining, None)) is not None:
                         self._asked.append((number, Future()))
-                        self._asked[-1] = (number, pool.submit(_made, *self._task, number))
+                        self._asked[-1] = (number, pool.submit(self._make, number))
                     if not self._asked:
                         return
                     batch = self._asked[0][1].result()
@@ -149,7 +105,7 @@ class _Ahead:
                     pool.shutdown(wait=False, cancel_futures=True)
                     pool = self._pool()
                     again = [number for number, _ in self._asked]
-                    self._asked = deque((number, pool.submit(_made, *self._task, number)) for number in again)
+                    self._asked = deque((number, pool.submit(self._make, number)) for number in again)
                     continue
                 except TrainingError:
                     raise
@@ -181,10 +137,6 @@ def _begin() -> None:
             os._exit(1)
 
         threading.Thread(target=watch, daemon=True).start()
-
-
-def _made(make: MakesFresh, configuration: Streamed, bodies: int, number: int) -> Batch:
-    return batch_of(make(number, bodies, OVERSAMPLING * configuration.resolution), number, configuration)
 
 
 def _failed(number: int, error: object) -> TrainingError:

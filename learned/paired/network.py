@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from learned.configuration import Configuration
+from learned.paired.configuration import Configuration
 
 SLOPE = 0.2
 """Slope of LeakyReLU below zero."""
@@ -295,8 +295,3 @@ def build(configuration: Configuration, seed: int = 0) -> nn.Module:
         with torch.no_grad():
             head.bias.copy_(torch.tensor([0.0, MASK_LOGIT]))
     return network
-
-
-def n_parameters(network: nn.Module) -> int:
-    """Number of trainable numbers."""
-    return sum(parameter.numel() for parameter in network.parameters())
