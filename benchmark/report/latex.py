@@ -16,6 +16,7 @@ from benchmark.report.cell import Cell
 from benchmark.report.columns import BLANK, Group, Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import latex_text
+from benchmark.report.floats import table_float
 from benchmark.storage.keys import digest
 from retrieval.measures import PRINTED
 
@@ -53,29 +54,22 @@ def latex(table: TableContent, name: str = "", further: Sequence[Group] = ()) ->
         Columns behind those of the inputs.
     """
     groups, name = [*groups_of(table), *further], name or table.file_stem
-    environment = "table*" if len(table.inputs) > 1 else "table"
     lines = [
-        f"% {name}, made from records {_digest(table)}; needs booktabs and graphicx",
-        r"\providecommand{\tablenotes}[1]{\par\smallskip{\footnotesize\raggedright #1\par}}",
-        rf"\begin{{{environment}}}",
-        r"\centering",
-        rf"\caption{{{latex_text(_caption(table))}}}",
-        rf"\label{{tab:{name}}}",
-        r"\smallskip\footnotesize\setlength{\tabcolsep}{3pt}",
-        rf"\sbox0{{\begin{{tabular}}{{@{{}}l{'r' * len(PRINTED) * len(groups)}@{{}}}}",
-        r"\toprule",
         *_head(groups),
         r"\midrule",
         *_body(table, groups),
         r"\midrule",
         " & ".join(["Chance", *_chance(table, groups)]) + r" \\",
-        r"\bottomrule",
-        r"\end{tabular}}",
-        r"\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\usebox0}\else\usebox0\fi",
     ]
-    if notes := table.notes(reasons=False):
-        lines.append(rf"\tablenotes{{{' '.join(latex_text(_sentence(note)) for note in notes)}}}")
-    return "\n".join([*lines, rf"\end{{{environment}}}"]) + "\n"
+    return table_float(
+        name,
+        _caption(table),
+        f"l{'r' * len(PRINTED) * len(groups)}",
+        lines,
+        remark=f"made from records {_digest(table)}",
+        notes=table.notes(reasons=False),
+        spans_columns=len(table.inputs) > 1,
+    )
 
 
 def _head(groups: Sequence[Group]) -> list[str]:
@@ -120,10 +114,6 @@ def _caption(table: TableContent) -> str:
         f"{table.table.caption}: {table.data_title} ({table.size}). "
         f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
     )
-
-
-def _sentence(note: str) -> str:
-    return note if note.endswith(".") else f"{note}."
 
 
 def _digest(table: TableContent) -> str:

@@ -127,7 +127,7 @@ def test_files_of_all_formats():
     files = render([table()], ("latex", "markdown", "csv", "json"))
     alone = [f"{prefix}table-III-beasts-{name}.tex" for prefix in ("", "paper-") for name in ("mesh", "view")]
     both = ["table-III-beasts.md", "table-III-beasts.tex"]
-    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json"])
+    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json", "verdict.md"])
     assert json.loads(files["tables.json"]) == rows_as_json([table()])
 
 

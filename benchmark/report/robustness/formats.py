@@ -9,6 +9,7 @@ from typing import Any
 from benchmark.datasets.nuisances.dataset import NUISANCES
 from benchmark.report.columns import BLANK, number
 from benchmark.report.escaping import csv_text, latex_text, markdown_row, markdown_rule, markdown_text
+from benchmark.report.floats import table_float
 from benchmark.report.robustness.curves import Curve, Robustness, worst
 
 _LEGEND = (
@@ -59,21 +60,16 @@ def markdown(found: Robustness) -> str:
 
 
 def latex(found: Robustness) -> str:
-    r"""The amounts at which each method fails, for ``\input``; needs the package booktabs."""
+    r"""The amounts at which each method fails, for ``\input``."""
     header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
-    lines = [
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{latex_text(f'What breaks the methods: {_title(found)}. {_LEGEND}')}}}",
-        rf"\label{{tab:{found.file_stem}}}",
-        rf"\begin{{tabular}}{{l{'r' * (len(header) - 1)}}}",
-        r"\toprule",
-        " & ".join(map(latex_text, header)) + r" \\",
-        r"\midrule",
-    ]
-    for method, title in found.titles.items():
-        lines.append(" & ".join(latex_text(cell) for cell in [title, *_halves(found, method)]) + r" \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}"]) + "\n"
+    rows = [[title, *_halves(found, method)] for method, title in found.titles.items()]
+    lines = [_latex_row(header), r"\midrule", *map(_latex_row, rows)]
+    caption = f"What breaks the methods: {_title(found)}. {_LEGEND}"
+    return table_float(found.file_stem, caption, f"l{'r' * (len(header) - 1)}", lines)
+
+
+def _latex_row(cells: Iterable[str]) -> str:
+    return " & ".join(map(latex_text, cells)) + r" \\"
 
 
 def as_csv(found: Sequence[Robustness]) -> str:
