@@ -367,7 +367,7 @@ def test_all_eighty_shapes():
     assert nearest_neighbour_accuracy(meshes) > 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_another_process_makes_the_same_shape(some):
     code = (
         "import hashlib; from benchmark.datasets.animals import animals_mesh; m = animals_mesh('gorilla2');"

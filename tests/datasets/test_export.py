@@ -254,7 +254,7 @@ def test_scores_are_the_same_after_the_round_trip(tmp_path):
     export(folder_dataset(tmp_path / "in"), tmp_path / "out", "shrec14")
     scores = []
     for name in ("in", "out"):
-        arguments = ("-d", tmp_path / name, "--input", "mesh", "-m", "identity", "-m", "classic-mds")
+        arguments = ("-d", tmp_path / name, "--input", "mesh", "-m", "identity")
         arguments += ("--results", tmp_path / "results")
         assert benchmark("run", *arguments).returncode == 0
         rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
