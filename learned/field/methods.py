@@ -42,6 +42,7 @@ class DeformationField(TrainedMethod):
     info: ClassVar[MethodInfo] = MethodInfo(
         name="deformation-field",
         title="Deformation Field, extra training data",
+        cite="deng2021deformed",
         family="extended",
         summary="canonical positions of all vertices by a network, trained on fresh bodies",
         requires=("torch", "safetensors"),
