@@ -27,6 +27,9 @@ from learned.weights import with_weights
 MOST_VERTICES = 50_000
 """Vertices that are treated; what is prepared for a comparison has two thousand."""
 
+INSIDE_OUT = 1e-9
+"""Negative volume, in powers of the root of the area, of a surface that looks inward; a flat one has none."""
+
 _AT_ONCE = 4096
 """Positions that are decoded together, so that memory does not grow with the mesh."""
 
@@ -112,7 +115,7 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
             f"a deformation field of {mesh.n_vertices} vertices takes too long", f"keep at most {MOST_VERTICES}"
         )
     inside = mesh.with_vertices(frame_of(mesh).coordinates(mesh.vertices))
-    positions, rotations = predicted(network, inside)
+    positions, rotations = predicted(network, _outward(inside))
     vertices = with_detail(Rest.of(inside.vertices, shape.laplacian()), positions, rotations, reach, rounds)
     area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
     if not area > 0:
@@ -125,6 +128,13 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
         "mean_correction": float(moved.mean()),
     }
     return vertices, notes
+
+
+def _outward(mesh: Mesh) -> Mesh:
+    """The same surface with its triangles turned over if it encloses a negative volume: bodies look outward."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
 
 
 def _edge_lengths(vertices: Points, mesh: Mesh) -> FloatArray:

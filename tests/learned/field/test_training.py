@@ -15,6 +15,9 @@ import trimesh
 from benchmark.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
 from benchmark.learning import CARD, WEIGHTS, Learner, read_card
+from benchmark.methods import registry
+from benchmark.methods.conformance.checks import OF_THE_ANSWER
+from benchmark.methods.conformance.trial import Trial
 from learned import steps
 from learned.checkpoint import CHECKPOINT
 from learned.field import configuration, fitting, training
@@ -188,7 +191,15 @@ def test_the_method_answers_alike_wherever_a_shape_is(finished: Path) -> None:
     assert np.array_equal(form.faces, mesh.faces)
     upside_down = mesh.with_vertices(3 * mesh.vertices * [1, -1, -1] + 5)
     assert np.abs(loaded.canonicalise(shape_of(upside_down)).vertices - form.vertices).max() < 1e-4
+    inside_out = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    assert np.abs(loaded.canonicalise(shape_of(inside_out)).vertices - form.vertices).max() < 1e-4
     assert {"edge_strain", "mean_correction"} <= set(form.notes)
+
+
+@pytest.mark.parametrize("check", ["repeatable", "seed", "relabelling", "rigid motion", "scale", "awkward shapes"])
+def test_a_method_with_a_model_keeps_the_contract(check: str, finished: Path) -> None:
+    spec = registry.variant("deformation-field[configuration=toy]", registry.methods())
+    assert OF_THE_ANSWER[check](Trial(spec, finished))
 
 
 AWKWARD = {
