@@ -59,8 +59,8 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
     Moments are integrals over the triangles, so that how a surface is divided does not matter. The two axes along
     which the surface is least even look to the side of the positive third moment, and the other one makes the frame a
     proper one. A surface that is even along two axes, but for rounding errors, looks the same to its moments when it is
-    turned by half a circle about the third, and either frame will do. What looks the same after a third or a quarter of a
-    turn, without being round, has axes that hang on rounding errors; no body does.
+    turned by half a circle about the third, and either frame will do. What looks the same after a third or a quarter
+    of a turn, without being round, has axes that hang on rounding errors; no body does.
 
     Parameters
     ----------
