@@ -1,4 +1,4 @@
-"""What all networks of this package share: a depth image in, a surface of the canonical pose out, and their model."""
+"""What all networks of this package share: their model; and those that read images, what comes in and goes out."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ LARGEST_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthImageLearner(CheckedParameters):
-    """Canonical form of a depth image by a trained network.
+class TrainedMethod(CheckedParameters):
+    """A method whose forms come from a trained network.
 
     Parameters
     ----------
@@ -66,10 +66,6 @@ class DepthImageLearner(CheckedParameters):
     def check_weights(self, folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the weights in ``folder`` are whole and those of its card."""
 
-    @abstractmethod
-    def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
-        """Surface of unit area behind the predicted images, and facts about it."""
-
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
         found = self.configuration_in(card, folder)
@@ -91,6 +87,15 @@ class DepthImageLearner(CheckedParameters):
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
         return loaded
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthImageLearner(TrainedMethod):
+    """Canonical form of a depth image by a trained network; see :class:`TrainedMethod` for its parameters."""
+
+    @abstractmethod
+    def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
+        """Surface of unit area behind the predicted images, and facts about it."""
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical pose and return the surface behind it, of unit area.

@@ -64,6 +64,19 @@ class Plan:
         return self.learning_rate * rising * 0.5 * (1 + math.cos(math.pi * step / self.steps))
 
 
+N = TypeVar("N", bound=nn.Module)
+
+
+@dataclass(frozen=True)
+class Trained(Generic[N]):
+    """A trained network and how it came about."""
+
+    network: N
+    progress: Progress
+    device: str
+    precision: str
+
+
 B = TypeVar("B", bound=Batch)
 B_in = TypeVar("B_in", bound=Batch, contravariant=True)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
 from benchmark.contracts import Interval
-from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.parameters.values import checked
+from benchmark.errors import ConfigurationError
+from learned.described import configuration_named, described_by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +86,10 @@ which of them earn their place is what ``python -m tests.architectures`` measure
 
 def streamed(name: str) -> Streamed:
     """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
-    if name not in STREAMED:
-        raise did_you_mean("configuration", name, STREAMED)
-    return STREAMED[name]
+    return configuration_named(name, STREAMED)
 
 
-def from_card(described: Mapping[str, Any]) -> Streamed:
+def from_card(described: object) -> Streamed:
     """Configuration that a card describes.
 
     Raises
@@ -100,11 +97,7 @@ def from_card(described: Mapping[str, Any]) -> Streamed:
     ConfigurationError
         If it is not one.
     """
-    known = {entry.name for entry in fields(Streamed)}
-    if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
-        raise ConfigurationError("the card describes another kind of network", "train the model again")
-    values = {name: value for name, value in described.items() if name != "name"}
-    found = replace(PLAIN, name=described["name"], **checked(Streamed, values, "the network"))
+    found = described_by(described, PLAIN)
     check_resolution(found)
     return found
 

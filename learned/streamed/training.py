@@ -11,9 +11,8 @@ import torch
 from torch import Tensor
 
 from benchmark.streaming import MakesFresh
-from learned.checkpoint import Progress
 from learned.measures import measures
-from learned.steps import Plan, Steps
+from learned.steps import Plan, Steps, Trained
 from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
@@ -21,16 +20,6 @@ from learned.streamed.network import StreamedNetwork, build_streamed
 
 LOOKED_AT = 32
 """Validation bodies that are looked at."""
-
-
-@dataclass(frozen=True)
-class Trained:
-    """A trained network and how it came about."""
-
-    network: StreamedNetwork
-    progress: Progress
-    device: str
-    precision: str
 
 
 def train_streamed(
@@ -45,7 +34,7 @@ def train_streamed(
     device: torch.device,
     workers: int,
     say: Callable[[str], None],
-) -> Trained:
+) -> Trained[StreamedNetwork]:
     """Train a network, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
 
     Parameters

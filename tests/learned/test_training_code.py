@@ -21,13 +21,13 @@ PAIRED_IN_TRAINING = {
 }
 FORMS, TRAINING = SHARED | PAIRED, SHARED_IN_TRAINING | PAIRED_IN_TRAINING
 #: Of trainings over a stream.
-STREAMS = {"steps", "stream"}
+STREAMS = {"described", "fitting", "steps", "stream"}
 
 
 def of_package(names: object) -> set[str]:
     """Modules below the package, without the packages themselves."""
     found = {str(name).partition(".")[2] for name in names if str(name).startswith("learned.")}
-    return found - {"paired", "streamed"}
+    return found - {"field", "paired", "streamed"}
 
 
 def test_forms_need_nothing_that_only_trains() -> None:

@@ -257,6 +257,8 @@ UNFIT = {
     **{name: {} for name in ("gps", "identity", "pca", "random", "surface-area")},
     **{name: LEARNED for name in registry.BUILT_IN if name.startswith("learned")},
     "learned-streamed": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
+    "deformation-field": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")}
+    | {"reach": ["-1", "nan", "11"], "rounds": ["-1", "101", "0.5"]},
 }
 
 

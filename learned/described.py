@@ -1,0 +1,53 @@
+"""Named configurations of networks, and how a card tells the one of its model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, Protocol, TypeVar
+
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.parameters.values import checked
+
+
+class Named(Protocol):
+    """A frozen dataclass whose fields, but for the name, declare what they take."""
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        ...
+
+
+C = TypeVar("C", bound=Named)
+
+
+def configuration_named(name: str, known: Mapping[str, C]) -> C:
+    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    if name not in known:
+        raise did_you_mean("configuration", name, known)
+    return known[name]
+
+
+def described_by(described: object, plain: C) -> C:
+    """Configuration that a card describes.
+
+    Parameters
+    ----------
+    described
+        All fields by name, as the card has them.
+    plain
+        Some configuration of the same kind.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not one.
+    """
+    kind: Any = type(plain)
+    known = {entry.name for entry in fields(kind)}
+    if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
+        raise ConfigurationError("the card describes another kind of network", "train the model again")
+    values = {name: value for name, value in described.items() if name != "name"}
+    made: C = replace(plain, name=described["name"], **checked(kind, values, "the network"))  # type: ignore[type-var]
+    return made

@@ -1,0 +1,89 @@
+"""From a stream of fresh bodies to a folder with a finished deformation field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from benchmark.errors import ConfigurationError
+from benchmark.learning import TrainingData
+from learned.field.configuration import Field, field_named
+from learned.field.model import load_field
+from learned.field.network import FieldNetwork
+from learned.field.training import FieldPlan, train_field
+from learned.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
+from learned.steps import Trained
+
+
+def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Field, FieldPlan, MachineWithWorkers]:
+    """The configuration of a name, its plan and the machine with options.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option does not fit, or there is no such device here.
+    """
+    chosen = field_named(name)
+    if "resolution" in options:
+        raise ConfigurationError("a deformation field sees points, no pixels", "leave --resolution out")
+    return chosen, *plan_among(FieldPlan, options)
+
+
+def fit(
+    name: str,
+    seed: int,
+    data: TrainingData,
+    folder: Path,
+    options: Mapping[str, Any],
+    say: Callable[[str], None],
+) -> None:
+    """Train a model into a folder; see :meth:`learned.fitting.Fitting.into`.
+
+    Parameters
+    ----------
+    name
+        Name of the configuration.
+    seed
+        Seed of the weights.
+    data
+        A stream.
+    folder
+        Where the model goes.
+    options
+        Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.fitting.MachineWithWorkers`.
+    say
+        Told about progress.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option does not fit, the data is no stream, or the folder holds a finished model of another training.
+    TrainingError
+        If training cannot go on.
+    """
+    chosen, plan, machine = checked_plan(name, options)
+    stream = stream_of(data)
+
+    def train(
+        folder: Path, recipe: Mapping[str, Any], device: torch.device, workers: int, say: Callable[[str], None]
+    ) -> Trained[FieldNetwork]:
+        return train_field(
+            chosen, plan, stream.surfaces, stream.validation_surfaces, folder, recipe,
+            seed=seed, device=device, workers=workers, say=say,
+        )  # fmt: skip
+
+    fitting = Fitting(
+        kind="field",
+        name=name,
+        described=chosen.described(),
+        plan=plan,
+        words=f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} fresh bodies",
+        data=stream,
+        seed=seed,
+        train=train,
+        load=load_field,
+    )
+    fitting.into(folder, machine, say)

@@ -1,0 +1,102 @@
+"""The row of the deformation field: a complete surface goes in, the same surface in the canonical pose comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from benchmark.contracts import CanonicalForm, Interval, Matches, MethodInfo, OneOf, Shape
+from benchmark.learning import Split, TrainingData
+from learned.field.configuration import FIELDS
+from learned.learner import TrainedMethod
+
+MOST_ROUNDS = 100
+"""Beyond this nothing moves that the scorer sees."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationField(TrainedMethod):
+    """Every vertex where a network says that it lies in the canonical pose, with the detail of the input.
+
+    A code of the whole surface and a position give the position in the canonical pose, as in the deformation fields of
+    DIF-Net [Deng et al. 2021] and Deform2NeRF; a deformation that is as rigid as possible follows the prediction; see
+    :mod:`learned.field`.
+
+    Parameters
+    ----------
+    configuration
+        Name of the field; see :mod:`learned.field.configuration`.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data.
+    reach
+        Length, in roots of the area, up to which details come from the input; 0 takes the predicted positions as they
+        are.
+    rounds
+        How often rotations are fitted to the form after the predicted ones were used.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="deformation-field",
+        title="Deformation Field, extra training data",
+        cite="deng2021deformed",
+        family="extended",
+        summary="canonical positions of all vertices by a network, trained on fresh bodies",
+        requires=("torch", "safetensors"),
+        inputs=("mesh",),
+        scale="invariant",
+    )
+    split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-varied"
+
+    configuration: Annotated[str, OneOf(FIELDS.keys())] = "plain"
+    training: Annotated[str, Matches("[A-Za-z0-9-]+", "a name of letters, digits and hyphens")] = default_training
+    reach: Annotated[float, Interval(0, 10)] = 0.3
+    rounds: Annotated[int, Interval(0, MOST_ROUNDS)] = 3
+
+    @property
+    def model_name(self) -> str:
+        """Configuration and training seed."""
+        return f"field-{self.configuration}-seed{self.training_seed}"
+
+    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+        """Train the model; see :class:`learned.field.training.FieldPlan`."""
+        from learned.field.fitting import fit
+
+        fit(self.configuration, self.training_seed, data, folder, options, say)
+
+    def check_options(self, options: Mapping[str, Any]) -> None:
+        """See :class:`benchmark.learning.ChecksOptions`."""
+        from learned.field.fitting import checked_plan
+
+        checked_plan(self.configuration, options)
+
+    def configuration_in(self, card: Mapping[str, Any], folder: Path) -> str:
+        """See :meth:`learned.learner.TrainedMethod.configuration_in`."""
+        from learned.field.model import configuration_of
+
+        return configuration_of(card, folder).name
+
+    def check_weights(self, folder: Path) -> None:
+        """See :meth:`learned.learner.TrainedMethod.check_weights`."""
+        from learned.field.model import load_field
+
+        load_field(folder)
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the vertices in the canonical pose, of unit area.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the surface has no area or too many vertices, or its form would have no area.
+        ConfigurationError
+            If there is no model.
+        """
+        from learned.field.model import form_of, load_field
+
+        vertices, notes = form_of(load_field(self.model_folder), shape, self.reach, self.rounds)
+        return shape.form(vertices, **notes)

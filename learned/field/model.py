@@ -1,0 +1,142 @@
+"""A trained field, from its files to forms."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmark.contracts import FloatArray, Shape
+from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.geometry.edges import edges_of
+from benchmark.geometry.interpolation import vertex_normals
+from benchmark.geometry.mesh import Mesh, Points
+from benchmark.learning import card_digest, read_card
+from learned.field.configuration import Field, from_card
+from learned.field.detail import Rest, with_detail
+from learned.field.frame import frame_of
+from learned.field.network import FieldNetwork, build_field
+from learned.field.sampling import even_samples
+from learned.weights import with_weights
+
+MOST_VERTICES = 50_000
+"""Vertices that are treated; what is prepared for a comparison has two thousand."""
+
+INSIDE_OUT = 1e-9
+"""Negative volume, in powers of the root of the area, of a surface that looks inward; a flat one has none."""
+
+_AT_ONCE = 4096
+"""Positions that are decoded together, so that memory does not grow with the mesh."""
+
+
+def configuration_of(card: Mapping[str, Any], folder: Path) -> Field:
+    """Configuration that a card names.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is the card of another kind of model.
+    """
+    if not isinstance(card.get("field"), dict):
+        raise ConfigurationError(f"the card in {folder} is not that of a deformation field", "train the model again")
+    return from_card(card["field"])
+
+
+def load_field(folder: Path) -> FieldNetwork:
+    """Network with the weights in a folder, ready to predict.
+
+    Raises
+    ------
+    ConfigurationError
+        If the weights are not those that the card describes, or belong to another configuration.
+    """
+    return _load(folder, card_digest(read_card(folder)))
+
+
+@functools.lru_cache(maxsize=4)
+def _load(folder: Path, _digest: str) -> FieldNetwork:
+    configuration = configuration_of(read_card(folder), folder)
+    return with_weights(build_field(configuration), folder, configuration.name)
+
+
+@torch.inference_mode()
+def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
+    """Canonical positions of vertices, shape (n, 3), and rotations on the way there, shape (n, 3, 3).
+
+    Parameters
+    ----------
+    network
+        The field.
+    mesh
+        A surface in its own frame.
+    """
+
+    def row(array: FloatArray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))[None]
+
+    samples = even_samples(mesh, network.n_points)
+    tokens = network.encoded(row(samples.points), row(samples.normals))
+    normals = vertex_normals(mesh)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=np.finfo(float).tiny)
+    positions, rotations = [], []
+    for first in range(0, mesh.n_vertices, _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        found = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
+        positions.append(found.positions[0].double().numpy())
+        rotations.append(found.rotations[0].double().numpy())
+    return np.concatenate(positions), np.concatenate(rotations)
+
+
+def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> tuple[Points, dict[str, float | str]]:
+    """Vertices of the form, of unit area, shape (n, 3), and facts about it.
+
+    Parameters
+    ----------
+    network
+        The field.
+    shape
+        What is treated.
+    reach, rounds
+        See :func:`learned.field.detail.with_detail`.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the surface has no area, more vertices than can be treated, or a form without area.
+    """
+    mesh = shape.mesh
+    if mesh.n_vertices > MOST_VERTICES:
+        raise UnsupportedShape(
+            f"a deformation field of {mesh.n_vertices} vertices takes too long", f"keep at most {MOST_VERTICES}"
+        )
+    inside = mesh.with_vertices(frame_of(mesh).coordinates(mesh.vertices))
+    positions, rotations = predicted(network, _outward(inside))
+    vertices = with_detail(Rest.of(inside.vertices, shape.laplacian()), positions, rotations, reach, rounds)
+    area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
+    if not area > 0:
+        raise UnsupportedShape("the field leaves no surface of this shape", "pass one like those it was trained on")
+    vertices = vertices / area**0.5
+    before, after = (_edge_lengths(each, mesh) for each in (inside.vertices, vertices))
+    moved = np.linalg.norm(vertices - positions, axis=1)
+    notes: dict[str, float | str] = {
+        "edge_strain": float(np.abs(after - before).sum() / before.sum()),
+        "mean_correction": float(moved.mean()),
+    }
+    return vertices, notes
+
+
+def _outward(mesh: Mesh) -> Mesh:
+    """The same surface with its triangles turned over if it encloses a negative volume: bodies look outward."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
+
+
+def _edge_lengths(vertices: Points, mesh: Mesh) -> FloatArray:
+    starts, ends = edges_of(mesh.faces).ends.T
+    return np.asarray(np.linalg.norm(vertices[starts] - vertices[ends], axis=1))

@@ -1,0 +1,118 @@
+"""The field learns where the points of fresh bodies lie in the canonical pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+from torch import Tensor
+
+from benchmark.contracts import Interval
+from benchmark.streaming import MakesSurfaces
+from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
+from learned.field.configuration import Field
+from learned.field.losses import NAMES, losses, weighted
+from learned.field.network import FieldNetwork, Unbent, build_field
+from learned.steps import Plan, Steps, Trained
+
+LOOKED_AT = 16
+"""Validation bodies that are looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldPlan(Plan):
+    """How a field is trained; see :class:`learned.steps.Plan`."""
+
+    steps: Annotated[int, Interval(1)] = 12_000
+    bodies: Annotated[int, Interval(2)] = 8
+    learning_rate: Annotated[float, Interval(0, closed="neither")] = 5e-4
+
+
+def train_field(
+    configuration: Field,
+    plan: Plan,
+    make: MakesSurfaces,
+    validation: MakesSurfaces | None,
+    folder: Path,
+    recipe: Mapping[str, Any],
+    *,
+    seed: int,
+    device: torch.device,
+    workers: int,
+    say: Callable[[str], None],
+) -> Trained[FieldNetwork]:
+    """Train a field, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
+
+    Parameters
+    ----------
+    configuration, plan
+        What is trained, and how.
+    make
+        Makes the bodies.
+    validation
+        Makes bodies for the curves; None for no curves.
+    folder
+        Where checkpoints go.
+    recipe
+        Everything that determines the result.
+    seed
+        Seed of the weights.
+    device
+        Where to compute.
+    workers
+        Processes that make bodies.
+    say
+        Told about progress.
+
+    Raises
+    ------
+    TrainingError
+        If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
+        the last step that was done.
+    """
+    network = build_field(configuration, seed).to(device)
+    looked = MakesSurfaceBatches(validation, configuration, LOOKED_AT, disturbed=False)(0) if validation else None
+    teacher = _Teacher(network, configuration, device, looked)
+    batches = MakesSurfaceBatches(make, configuration, plan.bodies)
+    steps = Steps(network, teacher, batches, plan, folder, recipe, __name__, say)
+    progress, precision = steps.run(device, workers)
+    return Trained(network, progress, device.type, precision)
+
+
+@dataclass
+class _Teacher:
+    network: FieldNetwork
+    configuration: Field
+    device: torch.device
+    looked: SurfaceBatch | None
+    terms: tuple[str, ...] = NAMES
+    watched: str = "position error"
+
+    def losses(self, batch: SurfaceBatch, half: bool) -> Tensor:
+        return self._terms(self._found(batch, half), batch)
+
+    def total(self, losses: Tensor) -> Tensor:
+        return weighted(losses, self.configuration)
+
+    def measured(self, half: bool) -> Mapping[str, float]:
+        """Mean distance to the true position as a share of the body's height, and the terms of the loss."""
+        if self.looked is None:
+            return {}
+        found = self._found(self.looked, half)
+        distances = (found.positions.cpu() - self.looked.targets).norm(dim=-1).mean(dim=1)
+        terms = self._terms(found, self.looked).tolist()
+        error = float((distances / self.looked.heights).mean())
+        return {"position error": error, **dict(zip(self.terms[1:], terms[1:], strict=True))}
+
+    def _found(self, batch: SurfaceBatch, half: bool) -> Unbent:
+        seen = (batch.points, batch.normals, batch.positions, batch.position_normals)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
+            found: Unbent = self.network(*(each.to(self.device) for each in seen))
+        return found
+
+    def _terms(self, found: Unbent, batch: SurfaceBatch) -> Tensor:
+        told = (batch.positions, batch.targets, batch.position_normals, batch.target_normals)
+        return losses(found, *(each.to(self.device) for each in told))

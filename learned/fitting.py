@@ -1,0 +1,182 @@
+"""From a stream of fresh bodies to a folder with a finished model, whatever network it is."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Generic, TypeVar
+
+import torch
+
+from benchmark.contracts import Interval
+from benchmark.errors import ConfigurationError
+from benchmark.learning import CARD, TrainingData
+from benchmark.parameters.values import checked
+from benchmark.streaming import StreamedData
+from benchmark.threads import available_cores
+from learned.arithmetic import device_named
+from learned.checkpoint import CHECKPOINT
+from learned.machine import Machine, machine_among
+from learned.saving import check_finished, hardware, write_model
+from learned.steps import N, Plan, Trained, drawn_again
+from learned.weights import as_stored, n_parameters, stored
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineWithWorkers(Machine):
+    """A machine on which processes of their own make bodies.
+
+    Parameters
+    ----------
+    workers
+        How many; 0 makes the bodies between the steps.
+    """
+
+    workers: Annotated[int, Interval(0, 64)] = 1
+
+
+P = TypeVar("P", bound=Plan)
+
+
+def plan_among(kind: type[P], options: Mapping[str, Any]) -> tuple[P, MachineWithWorkers]:
+    """The plan and the machine that options describe.
+
+    Parameters
+    ----------
+    kind
+        Plan or a kind of it.
+    options
+        As the user gave them.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option does not fit, or there is no such device here.
+    """
+    for known, instead in (("epochs", "-o steps=N: no body is seen twice"), ("batch", "-o bodies=N")):
+        if known in options:
+            raise ConfigurationError(f"a streamed network has no {known}", f"pass {instead}")
+    machine, planned = machine_among(MachineWithWorkers, options)
+    return kind(**checked(kind, planned, "the plan")), machine
+
+
+def stream_of(data: TrainingData) -> StreamedData:
+    """The data, if it is a stream; raises ``ConfigurationError`` if not."""
+    if not isinstance(data, StreamedData):
+        raise ConfigurationError(f"training '{data.name}' is no stream of fresh bodies", "take --only humans-varied")
+    return data
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting(Generic[N]):
+    """A training into a folder.
+
+    Parameters
+    ----------
+    kind
+        What the card calls the configuration.
+    name
+        Name of the configuration.
+    described
+        All fields of the configuration.
+    plan
+        How it is trained.
+    words
+        Network and plan in one clause.
+    data
+        What it is trained on.
+    seed
+        Seed of the weights.
+    train
+        Trains, going on from the checkpoint in the folder; takes folder, recipe, device, processes that make bodies,
+        and who is told about progress.
+    load
+        Loads the finished model, and raises ``ConfigurationError`` if it cannot be used.
+    """
+
+    kind: str
+    name: str
+    described: Mapping[str, Any]
+    plan: Plan
+    words: str
+    data: StreamedData
+    seed: int
+    train: Callable[[Path, Mapping[str, Any], torch.device, int, Callable[[str], None]], Trained[N]]
+    load: Callable[[Path], object]
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Everything that determines the result."""
+        return {
+            "configuration": dict(self.described),
+            "plan": asdict(self.plan),
+            "data": self.data.digest,
+            "seed": self.seed,
+        }
+
+    def into(self, folder: Path, machine: MachineWithWorkers, say: Callable[[str], None]) -> None:
+        """Train a model into a folder, or go on where a training was stopped; a finished one is left alone.
+
+        Parameters
+        ----------
+        folder
+            Where the model goes.
+        machine
+            What it is trained on.
+        say
+            Told about progress.
+
+        Raises
+        ------
+        ConfigurationError
+            If the folder holds a finished model of another training.
+        TrainingError
+            If training cannot go on.
+        """
+        recipe = self.recipe
+        if (folder / CARD).is_file():
+            check_finished(folder, recipe, self.words)
+            say(f"{folder} holds this model already")
+            return
+        torch.set_num_threads(machine.threads or max(1, available_cores() - machine.workers))
+        folder.mkdir(parents=True, exist_ok=True)
+        say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.data.title}")
+        trained = self.train(folder, recipe, device_named(machine.device), machine.workers, say)
+        card = self._saved(folder, trained, recipe)
+        self.load(folder)
+        (folder / CHECKPOINT).unlink(missing_ok=True)
+        say(f"finished in {card['seconds']:.0f} s; {card['drawn_again']} bodies and poses were drawn again")
+
+    def _saved(self, folder: Path, trained: Trained[N], recipe: Mapping[str, Any]) -> dict[str, Any]:
+        """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
+        network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.data
+        as_stored(network)
+        weights = stored(network)
+        card = {
+            "digest": hashlib.sha256(weights).hexdigest(),
+            self.kind: dict(self.described),
+            "parameters": n_parameters(network),
+            "data": data.name,
+            "data_title": data.title,
+            "data_digest": data.digest,
+            "bodies": self.plan.steps * self.plan.bodies,
+            "drawn_again": drawn_again(progress.history),
+            "subjects": list(data.subjects),
+            "identifiers": list(data.identifiers),
+            "extra_data": True,
+            "seed": self.seed,
+            "plan": asdict(self.plan),
+            "schedule_in_words": f"{self.words}, {hardware(trained.device)}",
+            "precision": trained.precision,
+            "weights_stored_as": "float16",
+            "torch": torch.__version__,
+            "seconds": round(progress.seconds, 1),
+            "final": dict(progress.history[-1]),
+            "recipe": dict(recipe),
+            "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        }
+        write_model(folder, weights, progress.history, card)
+        return card

@@ -1,0 +1,95 @@
+"""The frame of a surface turns with it, and knows nothing of how it is divided."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.mesh import Mesh
+from learned.field.frame import frame_of
+from tests.geometry.surfaces import limbed_body, relabelled
+
+BODY = limbed_body()
+
+
+def symmetric_shapes() -> dict[str, Mesh]:
+    made = {
+        "box": trimesh.creation.box((1.0, 2.0, 3.0)),
+        "cube": trimesh.creation.box((1.0, 1.0, 1.0)),
+        "ball": trimesh.creation.icosphere(subdivisions=2),
+        "tube": trimesh.creation.cylinder(radius=0.3, height=2.0),
+        "cone": trimesh.creation.cone(radius=0.5, height=1.0),
+    }
+    sheet = Mesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]])
+    return {name: Mesh(each.vertices, each.faces) for name, each in made.items()} | {"sheet": sheet}
+
+
+def inside(mesh: Mesh) -> np.ndarray:
+    return frame_of(mesh).coordinates(mesh.vertices)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motions_and_sizes_leave_no_trace(seed):
+    random = np.random.default_rng(seed)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    moved = BODY.with_vertices(random.uniform(0.01, 50) * BODY.vertices @ turn.T + random.normal(size=3))
+    assert np.abs(inside(moved) - inside(BODY)).max() < 1e-9
+
+
+def test_numbering_and_division_leave_no_trace():
+    assert np.abs(frame_of(relabelled(BODY, 3)[0]).axes - frame_of(BODY).axes).max() < 1e-9
+    fine = trimesh.Trimesh(BODY.vertices, BODY.faces, process=False).subdivide()
+    frame = frame_of(Mesh(fine.vertices, fine.faces))
+    assert np.abs(frame.axes - frame_of(BODY).axes).max() < 1e-9
+    assert np.abs(frame.origin - frame_of(BODY).origin).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", symmetric_shapes())
+def test_a_symmetric_shape_has_a_proper_frame_and_lies_at_the_origin(name):
+    mesh = symmetric_shapes()[name]
+    frame = frame_of(mesh)
+    assert np.linalg.det(frame.axes) == pytest.approx(1)
+    assert frame.axes @ frame.axes.T == pytest.approx(np.eye(3), abs=1e-12)
+    again = mesh.with_vertices(frame.coordinates(mesh.vertices))
+    assert again.area == pytest.approx(1)
+    assert again.face_areas @ again.vertices[again.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_mirrored_shape_is_another_one():
+    mirrored = Mesh(BODY.vertices * [-1, 1, 1], BODY.faces[:, ::-1])
+    one, other = inside(BODY), inside(mirrored)
+    assert np.abs(one - other).max() > 0.1
+
+
+def test_moments_of_a_triangle_by_hand():
+    """A right triangle with legs 1 has means 1/3, variances 1/18 and covariance -1/36: the axes are the diagonals."""
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    frame = frame_of(mesh)
+    assert frame.origin == pytest.approx([1 / 3, 1 / 3, 0])
+    assert frame.unit == pytest.approx(0.5**0.5)
+    assert np.abs(frame.axes[0]) == pytest.approx([0.5**0.5, 0.5**0.5, 0])
+    assert np.abs(frame.axes[2]) == pytest.approx([0, 0, 1])
+    # Along (1, 1, 0) only the triangle is uneven, and its tip, far from the centroid, has the positive coordinates.
+    assert frame.axes[1] == pytest.approx(np.array([-1, -1, 0]) * 0.5**0.5)
+
+
+def test_training_turns_a_frame_a_little_and_flips_it_where_it_nearly_ties():
+    random = np.random.default_rng(0)
+    axes = np.array([frame_of(BODY, random).axes for _ in range(100)])
+    assert np.linalg.det(axes) == pytest.approx(np.ones(100))
+    turns = np.einsum("nij,ij->n", axes, frame_of(BODY).axes)
+    assert len(set(np.round(turns, 6))) == 100
+    ball = symmetric_shapes()["ball"]
+    axes = np.array([frame_of(ball, random).axes for _ in range(200)])
+    assert np.abs(axes.mean(axis=0)).max() < 0.2
+
+
+def test_what_has_no_frame_is_refused():
+    flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
+    with pytest.raises(UnsupportedShape, match="no area"):
+        frame_of(flat)
+    with np.errstate(all="ignore"), pytest.raises(UnsupportedShape, match="scale the mesh"):
+        frame_of(BODY.with_vertices(BODY.vertices * 1e160))

@@ -1,0 +1,138 @@
+"""The network answers alike however a shape is given, and can learn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from benchmark.errors import ConfigurationError
+from learned.field.batches import MakesSurfaceBatches
+from learned.field.configuration import FIELDS, check_sizes, field_named, from_card
+from learned.field.losses import losses, weighted
+from learned.field.network import Unbent, build_field, rotations_of
+from tests.learned.field.toy import TOY
+from tests.learned.streamed.toy import Ellipsoids
+
+
+def batch(disturbed=False, number=0, bodies=1):
+    return MakesSurfaceBatches(Ellipsoids().surfaces, TOY, bodies, disturbed)(number)
+
+
+def test_rotations_are_rotations_and_the_identity_at_zero():
+    made = rotations_of(torch.randn(50, 6, generator=torch.Generator().manual_seed(0)).double())
+    assert torch.allclose(made @ made.mT, torch.eye(3).double().expand(50, 3, 3), atol=1e-9)
+    assert torch.allclose(torch.linalg.det(made), torch.ones(50).double())
+    assert torch.equal(rotations_of(torch.zeros(6)), torch.eye(3))
+
+
+def test_the_order_of_points_and_of_positions_is_of_no_account():
+    """But for which points are the tokens, the first ones."""
+    made = batch()
+    network = build_field(TOY).eval()
+    order = torch.cat([torch.randperm(TOY.tokens), TOY.tokens + torch.randperm(TOY.points - TOY.tokens)])
+    asked = torch.randperm(made.positions.shape[1])
+    with torch.no_grad():
+        one = network(made.points, made.normals, made.positions, made.position_normals)
+        other = network(
+            made.points[:, order], made.normals[:, order], made.positions[:, asked], made.position_normals[:, asked]
+        )
+    assert torch.allclose(one.positions[:, asked], other.positions, atol=1e-5)
+    assert torch.allclose(one.rotations[:, asked], other.rotations, atol=1e-4)
+
+
+def test_a_point_at_the_rim_of_a_neighbourhood_may_be_another_one():
+    """The farthest of the neighbours adds nothing, so which of two that are equally far it is makes no difference."""
+    made = batch()
+    network = build_field(TOY).eval()
+    place = made.points[:1, :1]
+    squares = (made.points[:1] - place).square().sum(-1)
+    farthest = int(squares.topk(TOY.neighbours, largest=False).indices[0, -1])
+    normals = made.normals.clone()
+    normals[0, farthest] = -normals[0, farthest]
+    with torch.no_grad():
+        seen = [
+            network._neighbourhoods(made.points[:1], each[:1], place, made.normals[:1, :1])
+            for each in (made.normals, normals)
+        ]
+    assert torch.equal(*seen)
+
+
+def test_a_seed_tells_the_weights_and_leaves_the_generator_alone():
+    torch.manual_seed(3)
+    before = torch.get_rng_state()
+    first, again, other = build_field(TOY, 0), build_field(TOY, 0), build_field(TOY, 1)
+    assert torch.equal(before, torch.get_rng_state())
+    pairs = list(zip(first.parameters(), again.parameters(), strict=True))
+    assert all(torch.equal(*pair) for pair in pairs)
+    assert not torch.equal(first.asking[0].weight, other.asking[0].weight)
+
+
+def test_terms_of_the_loss_by_hand():
+    """A quarter turn that is predicted as none, of edges of length 1 that are predicted with length 2."""
+    positions = torch.tensor([[[0.0, 0, 0], [1, 0, 0]]])
+    turn = torch.tensor(Rotation.from_euler("z", 90, degrees=True).as_matrix()).float()
+    targets, normals = positions @ turn.T, torch.tensor([[[1.0, 0, 0], [0, 0, 1]]])
+    none = torch.eye(3).expand(1, 2, 3, 3)
+    found = losses(Unbent(2 * positions, none), positions, targets, normals, normals @ turn.T)
+    # The end lies at (2, 0, 0), not at (0, 1, 0); edge and first normal are off by the root of 2, the second is right.
+    assert found.tolist() == pytest.approx([5**0.5 / 2, 2 + 1, 1], abs=1e-3)
+    right = losses(Unbent(targets, turn.expand(1, 2, 3, 3)), positions, targets, normals, normals @ turn.T)
+    assert right.tolist() == pytest.approx([0, 0, 0], abs=1e-3)
+    assert float(weighted(found, replace(TOY, edge=0.5, isometry=2.0))) == pytest.approx(
+        found[0] + 0.5 * found[1] + 2 * found[2]
+    )
+
+
+def test_batches_are_a_matter_of_their_number():
+    one, again, other = batch(True, 3), batch(True, 3), batch(True, 4)
+    assert torch.equal(one.points, again.points)
+    assert torch.equal(one.positions, again.positions)
+    assert not torch.equal(one.points, other.points)
+    assert one.points.shape == (2, TOY.points, 3)
+    assert torch.equal(one.heights[:1], one.heights[1:])
+
+
+def test_positions_and_targets_are_the_same_places():
+    """Undisturbed, edges that are short keep their length, and normals are those of the surface."""
+    made = batch()
+    halves = [points.chunk(2, dim=1) for points in (made.positions, made.targets)]
+    lengths = [(end - start).norm(dim=-1) for start, end in halves]
+    assert lengths[0].min() > 0
+    assert float((lengths[0] / lengths[1]).mean()) == pytest.approx(1, abs=0.15)
+    for normals in (made.normals, made.position_normals, made.target_normals):
+        assert normals.norm(dim=-1).numpy() == pytest.approx(np.ones(normals.shape[:2]), abs=1e-5)
+    # A spheroid is convex about its centre.
+    assert (made.targets * made.target_normals).sum(-1).min() > 0
+
+
+@pytest.mark.slow
+def test_one_bent_spheroid_is_learned_by_heart():
+    made = batch()
+    network = build_field(TOY)
+    optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
+    for _ in range(200):
+        found = network(made.points, made.normals, made.positions, made.position_normals)
+        terms = losses(found, made.positions, made.targets, made.position_normals, made.target_normals)
+        optimiser.zero_grad()
+        weighted(terms, TOY).backward()
+        optimiser.step()
+    position, edge, _ = terms.detach().tolist()
+    assert position < 0.02
+    assert edge < 0.1
+
+
+def test_sizes_that_do_not_fit_are_refused():
+    for changes, told in (({"width": 33}, "33 for 2 heads"), ({"tokens": 65}, "only 64 points")):
+        with pytest.raises(ConfigurationError, match=told):
+            check_sizes(replace(TOY, **changes))
+    with pytest.raises(ConfigurationError, match="did you mean plain"):
+        field_named("plane")
+    for each in FIELDS.values():
+        assert from_card(each.described()) == each
+    for described in ({}, {**TOY.described(), "colour": 1}, {**TOY.described(), "points": -1}, None):
+        with pytest.raises(ConfigurationError):
+            from_card(described)

@@ -1,0 +1,73 @@
+"""Points that stand for a surface lie evenly, on it, and where its geometry says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist, pdist
+
+from benchmark.geometry.mesh import Mesh
+from learned.field.frame import frame_of
+from learned.field.sampling import even_samples, random_samples
+from tests.geometry.surfaces import flat_grid, limbed_body, relabelled, sphere
+
+
+def framed(mesh: Mesh) -> Mesh:
+    return mesh.with_vertices(frame_of(mesh).coordinates(mesh.vertices))
+
+
+BODY = framed(limbed_body())
+
+
+@pytest.mark.parametrize("mesh", [BODY, sphere(2), framed(flat_grid(6))], ids=["body", "sphere", "grid"])
+@pytest.mark.kernels
+def test_numbering_leaves_no_trace(mesh):
+    """Not even where all distances tie, as on a grid."""
+    one, other = even_samples(mesh, 100), even_samples(relabelled(mesh, 1)[0], 100)
+    assert np.abs(one.points - other.points).max() < 1e-9
+    assert np.abs(one.normals - other.normals).max() < 1e-6
+
+
+def test_rounding_errors_leave_no_trace():
+    random = np.random.default_rng(0)
+    moved = BODY.with_vertices(BODY.vertices + 1e-13 * random.normal(size=BODY.vertices.shape))
+    assert np.abs(even_samples(BODY, 200).points - even_samples(moved, 200).points).max() < 1e-9
+
+
+def test_samples_of_a_sphere_lie_on_it_and_cover_it():
+    mesh = sphere(4)
+    samples = even_samples(mesh, 128)
+    assert np.linalg.norm(samples.points, axis=1) == pytest.approx(1, abs=0.01)
+    assert np.einsum("nk,nk->n", samples.points, samples.normals) == pytest.approx(1, abs=0.02)
+    # 128 discs that cover the sphere: no place is further away than about the distance of two points.
+    assert cdist(mesh.vertices, samples.points).min(axis=1).max() < 0.3
+    assert pdist(samples.points).min() > 0.2
+    # The first few are as even as all.
+    assert pdist(samples.points[:16]).min() > 0.6
+
+
+def test_how_a_surface_is_divided_hardly_matters():
+    """Of a square in two triangles and in 128."""
+    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    fine = flat_grid(9)
+    places = np.stack(np.meshgrid(*[np.linspace(0, 1, 20)] * 2), axis=-1).reshape(-1, 2)
+    for mesh in (square, fine):
+        low = mesh.vertices.min(axis=0)
+        points = (even_samples(mesh, 64).points - low) / np.ptp(mesh.vertices, axis=0).max()
+        assert cdist(places, points[:, :2]).min(axis=1).max() < 0.2
+
+
+def test_fewer_candidates_than_points_are_repeated():
+    sliver = Mesh([[0, 0, 0], [1, 0, 0], [0, 1e-5, 0]], [[0, 1, 2]])
+    samples = even_samples(sliver, 2000)
+    assert len(samples.points) == 2000
+    assert np.isfinite(samples.points).all()
+    assert np.isfinite(samples.normals).all()
+
+
+def test_random_samples_are_uniform_by_area():
+    """A large and a small triangle, 9 to 1."""
+    mesh = Mesh([[0, 0, 0], [3, 0, 0], [0, 3, 0], [9, 9, 9], [10, 9, 9], [9, 10, 9]], [[0, 1, 2], [3, 4, 5]])
+    samples = random_samples(mesh, 4000, np.random.default_rng(0))
+    assert (samples.points[:, 2] == 0).mean() == pytest.approx(0.9, abs=0.05)
+    assert np.array_equal(samples.points, random_samples(mesh, 4000, np.random.default_rng(0)).points)

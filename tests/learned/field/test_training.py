@@ -1,0 +1,247 @@
+"""A training of the field is the same however it is stopped, and its model treats any shape or says why not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
+from benchmark.learning import CARD, WEIGHTS, Learner, read_card
+from benchmark.methods import registry
+from benchmark.methods.conformance.checks import OF_THE_ANSWER
+from benchmark.methods.conformance.trial import Trial
+from learned import steps
+from learned.checkpoint import CHECKPOINT
+from learned.field import configuration, fitting, training
+from learned.field.fitting import fit
+from learned.field.methods import DeformationField
+from tests.geometry.surfaces import flat_grid, limbed_body
+from tests.learned.field.toy import OPTIONS, TOY, bent_spheroid, misfit
+from tests.learned.streamed.toy import Ellipsoids, toy_stream
+from tests.learned.toy import files, quiet, toy_data
+
+
+def settle(patch: pytest.MonkeyPatch) -> None:
+    """Give the toy field a name, and write a checkpoint every fourth step."""
+    patch.setitem(configuration.FIELDS, TOY.name, TOY)
+    patch.setattr(steps, "ROW", 4)
+    patch.setattr(steps, "CHECKPOINT_SECONDS", -1.0)
+    patch.setattr(training, "LOOKED_AT", 2)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    settle(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder of a finished toy model."""
+    folder = tmp_path_factory.mktemp("models") / "field-toy-seed0"
+    with pytest.MonkeyPatch.context() as patch:
+        settle(patch)
+        fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
+    yield folder
+
+
+def method(folder: Path) -> DeformationField:
+    return DeformationField(configuration="toy").load(folder)
+
+
+def shape_of(mesh: Mesh) -> Shape:
+    return Shape(identifier="x", mesh=mesh)
+
+
+def test_a_finished_model_has_weights_a_card_and_a_history(finished: Path) -> None:
+    assert files(finished) == {WEIGHTS, CARD, "history.csv"}
+    card = read_card(finished)
+    assert card["field"] == TOY.described()
+    assert card["bodies"] == 32
+    assert card["extra_data"] is True
+    assert {"validation position error", "validation edge loss", "validation isometry loss"} <= set(card["final"])
+
+
+class Interrupted(Ellipsoids):
+    """Ellipsoids of which Ctrl-C stops the sixth batch."""
+
+    def surfaces(self, number, bodies):
+        if number == 6:
+            raise KeyboardInterrupt
+        return super().surfaces(number, bodies)
+
+
+class Broken(Ellipsoids):
+    """Ellipsoids with NaN in the seventh batch."""
+
+    def surfaces(self, number, bodies):
+        made = super().surfaces(number, bodies)
+        if number == 7:
+            made.posed[:] = np.nan
+        return made
+
+
+def test_a_training_that_is_stopped_goes_on_and_ends_with_the_same_weights(tmp_path: Path, finished: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        fit("toy", 0, toy_stream(Interrupted()), tmp_path, OPTIONS, quiet)
+    assert files(tmp_path) == {CHECKPOINT}
+    with pytest.raises(TrainingError, match="batch 7 cannot be made: .*NaN"):
+        fit("toy", 0, toy_stream(Broken()), tmp_path, OPTIONS, quiet)
+    said: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, said.append)
+    assert "going on after step 7 of 16" in said
+    assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+
+
+def test_another_field_does_not_go_on_from_a_checkpoint(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        fit("toy", 0, toy_stream(Interrupted()), tmp_path, OPTIONS, quiet)
+    with pytest.raises(TrainingError, match="made with another plan"):
+        fit("toy", 0, toy_stream(), tmp_path, {**OPTIONS, "bodies": 3}, quiet)
+
+
+@pytest.mark.slow
+def test_workers_change_nothing(tmp_path: Path, finished: Path) -> None:
+    fit("toy", 0, toy_stream(), tmp_path, {**OPTIONS, "workers": 2}, quiet)
+    assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
+
+
+def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
+    for options, told in (
+        ({"epochs": 3}, "no body is seen twice"),
+        ({"batch": 3}, "bodies=N"),
+        ({"resolution": 64}, "leave --resolution out"),
+        ({"step": 3}, "did you mean steps"),
+        ({"bodies": 1}, "at least 2"),
+        ({"learning_rate": 0}, "learning_rate"),
+    ):
+        with pytest.raises(ConfigurationError, match=told):
+            fitting.checked_plan("toy", options)
+        with pytest.raises(ConfigurationError, match=told):
+            DeformationField().check_options(options)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="no GPU is here"):
+        DeformationField().check_options({"device": "cuda"})
+
+
+def test_data_that_is_no_stream_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="no stream of fresh bodies"):
+        fit("toy", 0, toy_data(), tmp_path, OPTIONS, quiet)
+
+
+def test_a_finished_model_is_left_alone(finished: Path) -> None:
+    said: list[str] = []
+    fit("toy", 0, toy_stream(), finished, OPTIONS, said.append)
+    assert said == [f"{finished} holds this model already"]
+    with pytest.raises(ConfigurationError, match="another training"):
+        fit("toy", 0, toy_stream(), finished, {**OPTIONS, "steps": 17}, quiet)
+
+
+# The model ---------------------------------------------------------------------------------------------------------
+
+
+def copied(finished: Path, to: Path) -> Path:
+    to.mkdir()
+    for name in (WEIGHTS, CARD):
+        (to / name).write_bytes((finished / name).read_bytes())
+    return to
+
+
+def test_damaged_and_foreign_weights_are_refused_by_name(finished: Path, tmp_path: Path) -> None:
+    damaged = copied(finished, tmp_path / "damaged")
+    (damaged / WEIGHTS).write_bytes((finished / WEIGHTS).read_bytes()[:-1])
+    with pytest.raises(ConfigurationError, match="digest"):
+        method(damaged)
+    (damaged / WEIGHTS).unlink()
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        method(damaged)
+
+    foreign = copied(finished, tmp_path / "foreign")
+    card = read_card(foreign)
+    (foreign / CARD).write_text(json.dumps({**card, "field": replace(TOY, width=48).described()}))
+    with pytest.raises(ConfigurationError, match="belong to another configuration than 'toy'"):
+        method(foreign)
+    (foreign / CARD).write_text(json.dumps({**card, "field": {**TOY.described(), "heads": 3}}))
+    with pytest.raises(ConfigurationError, match="width 32 for 3 heads"):
+        method(foreign)
+    with pytest.raises(ConfigurationError, match="holds 'toy', not 'plain'"):
+        DeformationField().load(finished)
+    with pytest.raises(ConfigurationError, match="not that of a deformation field"):
+        DeformationField().check_card({"streamed": {}}, tmp_path)
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        DeformationField(training="nowhere").canonicalise(shape_of(bent_spheroid()[1]))
+
+
+def test_the_method_answers_alike_wherever_a_shape_is(finished: Path) -> None:
+    assert isinstance(DeformationField(), Learner)
+    loaded = method(finished)
+    mesh = limbed_body(3)
+    form = loaded.canonicalise(shape_of(mesh))
+    assert form.mesh.area == pytest.approx(1)
+    assert np.array_equal(form.faces, mesh.faces)
+    upside_down = mesh.with_vertices(3 * mesh.vertices * [1, -1, -1] + 5)
+    assert np.abs(loaded.canonicalise(shape_of(upside_down)).vertices - form.vertices).max() < 1e-4
+    inside_out = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    assert np.abs(loaded.canonicalise(shape_of(inside_out)).vertices - form.vertices).max() < 1e-4
+    assert {"edge_strain", "mean_correction"} <= set(form.notes)
+
+
+@pytest.mark.parametrize("check", ["repeatable", "seed", "relabelling", "rigid motion", "scale", "awkward shapes"])
+def test_a_method_with_a_model_keeps_the_contract(check: str, finished: Path) -> None:
+    spec = registry.variant("deformation-field[configuration=toy]", registry.methods())
+    assert OF_THE_ANSWER[check](Trial(spec, finished))
+
+
+AWKWARD = {
+    "8 points": trimesh.creation.box((1, 1, 1)),
+    "42 points": trimesh.creation.icosphere(subdivisions=1),
+    "no person": trimesh.creation.torus(1.0, 0.1),
+    "needle": trimesh.creation.cylinder(radius=1e-4, height=1.0),
+}
+
+
+@pytest.mark.parametrize("name", [*AWKWARD, "sheet", "one triangle", "with a sliver", "two pieces"])
+def test_any_surface_has_a_finite_form_of_unit_area(name: str, finished: Path) -> None:
+    sheet = flat_grid(5)
+    meshes = {each: Mesh(mesh.vertices, mesh.faces) for each, mesh in AWKWARD.items()} | {
+        "sheet": sheet,
+        "one triangle": Mesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]]),
+        "with a sliver": Mesh([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0.5, 0, 0]], [[0, 1, 2], [0, 3, 1]]),
+        "two pieces": Mesh(
+            np.concatenate([sheet.vertices, sheet.vertices + 9, [[3, 3, 3]]]),
+            np.vstack([sheet.faces, sheet.faces + 25]),
+        ),
+    }
+    form = method(finished).canonicalise(shape_of(meshes[name]))
+    assert np.isfinite(form.vertices).all()
+    assert form.mesh.area == pytest.approx(1)
+
+
+def test_what_cannot_be_treated_is_refused_by_name(finished: Path) -> None:
+    loaded = method(finished)
+    with pytest.raises(UnsupportedShape, match="no area"):
+        loaded.canonicalise(shape_of(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])))
+    large = Mesh(np.random.default_rng(0).normal(size=(500_000, 3)), [[0, 1, 2]])
+    with pytest.raises(UnsupportedShape, match="500000 vertices takes too long; keep at most 50000"):
+        loaded.canonicalise(shape_of(large))
+    with pytest.raises(InvalidMesh, match="NaN"):
+        shape_of(Mesh([[0, 0, 0], [1, 0, 0], [0, np.nan, 0]], [[0, 1, 2]]))
+
+
+@pytest.mark.slow
+def test_an_unseen_bent_spheroid_is_straightened(tmp_path: Path) -> None:
+    fit("toy", 0, toy_stream(), tmp_path, {**OPTIONS, "steps": 300, "bodies": 8}, quiet)
+    straight, bent = bent_spheroid()
+    form = method(tmp_path).canonicalise(shape_of(bent))
+    before, after = (misfit(each, straight.vertices) for each in (bent.vertices, form.vertices * straight.area**0.5))
+    assert after < 0.7 * before
