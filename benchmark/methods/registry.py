@@ -42,6 +42,7 @@ BUILT_IN: dict[str, str] = {
     "learned-wide": "learned.paired.methods:Wide",
     "learned-wide-extra": "learned.paired.methods:WideExtra",
     "learned-streamed": "learned.streamed.methods:StreamedLearner",
+    "implicit-template": "learned.template.methods:ImplicitTemplate",
     "identity": "baselines.identity:Identity",
     "pca": "baselines.pca:PCA",
     "random": "baselines.random_form:RandomForm",

@@ -22,7 +22,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Learners with a shipped model for the first generated humans; without one of their own they have no form.
 LEARNERS = {"learned": "learned[training=humans-fold-0]", "learned-wide-extra": "learned-wide-extra"}
-NOT_SHIPPED = {"learned-without-srf", "learned-without-lrf", "learned-strict", "learned-wide", "learned-streamed"}
+NOT_SHIPPED = {
+    "learned-without-srf", "learned-without-lrf", "learned-strict", "learned-wide", "learned-streamed",
+    "implicit-template",
+}  # fmt: skip
 
 
 def small_rod(radius, bend):

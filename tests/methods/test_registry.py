@@ -257,6 +257,7 @@ UNFIT = {
     **{name: {} for name in ("gps", "identity", "pca", "random", "surface-area")},
     **{name: LEARNED for name in registry.BUILT_IN if name.startswith("learned")},
     "learned-streamed": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
+    "implicit-template": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
 }
 
 
