@@ -79,7 +79,7 @@ def deformed(network: TemplateNetwork, configuration: Template, mesh: Mesh) -> t
         )
     still = centred(mesh)
     standing = still.with_vertices(still.vertices @ principal_axes(still).T)
-    found = search(network, rays_around(standing, RAYS), configuration.code)
+    found = search(network, rays_around(standing, RAYS), configuration.code, ROUNDS)
     places, correction = _moved(network, standing.vertices, found)
     form = still.with_vertices(places) if np.isfinite(places).all() else None
     if form is None or not form.area > 0:

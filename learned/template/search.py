@@ -62,7 +62,7 @@ class Found:
     errors: Tensor
 
 
-def search(network: TemplateNetwork, rays: Rays, code_weight: float, rounds: tuple[Round, ...] = ROUNDS) -> Found:
+def search(network: TemplateNetwork, rays: Rays, code_weight: float, rounds: tuple[Round, ...]) -> Found:
     """Code and standing of one shape whose frame is known up to quarter turns; the answer has n = 1.
 
     Nothing is drawn at random: the points are the first of the rays, and the code begins at zero.

@@ -36,7 +36,7 @@ def test_the_frame_is_the_same_whatever_the_numbering() -> None:
 
 def test_a_box_stands_along_its_edges_the_longest_first() -> None:
     box = trimesh.creation.box((1, 3, 2))
-    still = centred(Mesh(box.vertices + [5, 5, 5], box.faces))
+    still = centred(Mesh(np.add(box.vertices, 5), box.faces))
     assert np.isclose(still.area, 1)
     np.testing.assert_allclose(still.vertices.mean(axis=0), 0, atol=1e-12)
     np.testing.assert_allclose(np.abs(principal_axes(still)), [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
