@@ -93,7 +93,7 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     say(f"training '{name}', seed {seed}: {in_words(chosen, plan)}; {data.title}")
     shapes = collected(data.surfaces, chosen.bodies, folder, data.digest, say)
-    validation = collected(data.validation_surfaces, TOGETHER)
+    validation = collected(data.validation_surfaces, TOGETHER, None, data.digest, say)
     trained = train_template(
         chosen, plan, shapes, validation, folder, recipe, seed=seed, device=device_named(machine.device), say=say
     )

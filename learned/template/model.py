@@ -73,9 +73,9 @@ def deformed(network: TemplateNetwork, configuration: Template, mesh: Mesh) -> t
     UnsupportedShape
         If there is no surface, it encloses nothing, or the deformation leaves no surface.
     """
-    if not mesh.n_faces or not mesh.area > 0:
+    if not 0 < mesh.area < np.inf:
         raise UnsupportedShape(
-            "there are points but no surface, and signed distances need one", "pass a closed triangle mesh"
+            "there is no surface with an area, and signed distances need one", "pass a closed triangle mesh"
         )
     still = centred(mesh)
     standing = still.with_vertices(still.vertices @ principal_axes(still).T)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load, save
 from torch import Tensor
 
 from benchmark.errors import BenchmarkError, TrainingError, one_line
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import MakesSurfaces
-from learned.checkpoint import write
+from learned.checkpoint import training_code, write
 from learned.template.distances import rays_around
 from learned.template.frame import centred
 
@@ -118,9 +119,7 @@ class DrawsPoints:
         return int(np.random.default_rng([self.seed, 0, turn]).permutation(len(self.shapes))[within])
 
 
-def collected(
-    make: MakesSurfaces, bodies: int, folder: Path | None = None, digest: str = "", say: Callable[[str], None] = print
-) -> Shapes:
+def collected(make: MakesSurfaces, bodies: int, folder: Path | None, digest: str, say: Callable[[str], None]) -> Shapes:
     """Make the first bodies of a stream, each in the canonical pose and then in its poses.
 
     Parameters
@@ -132,7 +131,7 @@ def collected(
     folder
         Where files are kept that a training which is resumed reads again; None for no files.
     digest
-        Names the data; a file of other data is made again.
+        Names the data; a file of other data, or made by other code, is made again.
     say
         Told about progress.
 
@@ -142,10 +141,11 @@ def collected(
         If a body cannot be made or a file cannot be written. What was made before is kept.
     """
     parts = []
+    told = {"digest": digest, "rays": str(KEPT), "code": json.dumps(training_code(__name__))}
     for number, first in enumerate(range(0, bodies, TOGETHER)):
         path = folder / SAMPLES / f"{number}.safetensors" if folder is not None else None
         count = min(TOGETHER, bodies - first)
-        part = _read(path, digest, count) if path is not None else None
+        part = _read(path, told | {"bodies": str(count)}) if path is not None else None
         if part is None:
             try:
                 part = _made(make, number, count)
@@ -156,7 +156,7 @@ def collected(
                 ) from error
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                write(path, save(vars(part), {"digest": digest, "bodies": str(count)}))
+                write(path, save(vars(part), told | {"bodies": str(count)}))
                 say(f"distances around {first + count} of {bodies} bodies")
         parts.append(part)
     return Shapes(*(torch.cat([vars(part)[name] for part in parts]) for name in ("feet", "directions", "lengths")))
@@ -175,16 +175,13 @@ def _made(make: MakesSurfaces, number: int, bodies: int) -> Shapes:
     return Shapes(feet, directions, lengths)
 
 
-def _read(path: Path, digest: str, bodies: int) -> Shapes | None:
-    """What a file keeps; None if there is none, or it is damaged or of other data."""
-    from safetensors import safe_open
-
+def _read(path: Path, told: Mapping[str, str]) -> Shapes | None:
+    """What a file keeps; None if there is none, it is damaged, or it does not tell what it should."""
     try:
         content = path.read_bytes()
         with safe_open(str(path), framework="pt") as file:
-            told = file.metadata() or {}
-        if told != {"digest": digest, "bodies": str(bodies)}:
-            return None
+            if file.metadata() != told:
+                return None
         return Shapes(**load(content))
     except (OSError, SafetensorError, TypeError):
         return None

@@ -105,12 +105,15 @@ def test_a_candidate_does_not_depend_on_the_others(folder: Path) -> None:
     torch.testing.assert_close(both.turns @ both.turns.transpose(1, 2), turns)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_points_without_a_surface_are_refused(method: ImplicitTemplate) -> None:
     cloud = np.random.default_rng(0).normal(size=(50, 3))
     with pytest.raises(UnsupportedShape, match="no surface"):
         form(method, Mesh(cloud, np.empty((0, 3), dtype=np.int32)))
     with pytest.raises(UnsupportedShape, match="no surface"):
         form(method, Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
+    with pytest.raises(UnsupportedShape, match="no surface"):
+        form(method, rod().with_vertices(rod().vertices * 1e200))
 
 
 def test_what_is_no_rod_and_what_has_fifty_vertices_get_finite_forms(method: ImplicitTemplate) -> None:
