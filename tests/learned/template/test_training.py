@@ -176,7 +176,7 @@ def unbent(tmp_path_factory: pytest.TempPathFactory) -> TemplateNetwork:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(samples, "KEPT", 1024)
         shapes = collected(Rods().surfaces, 8, None, "", quiet)
-    plan = Plan(steps=1200, bodies=8, learning_rate=5e-3, warm_up=20, precision="float32")
+    plan = Plan(steps=800, bodies=8, learning_rate=5e-3, warm_up=20, precision="float32")
     folder, cpu = tmp_path_factory.mktemp("rods"), torch.device("cpu")
     network = train_template(UNBENDING, plan, shapes, None, folder, {}, seed=0, device=cpu, say=quiet).network
     return network.double().requires_grad_(False)
