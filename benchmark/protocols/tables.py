@@ -171,7 +171,7 @@ TRAINING_SEEDS = (0, 1, 2)
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
 #: Methods that no model is shipped for, which have rows where they are asked for by name.
-WITHOUT_MODEL = frozenset({"learned-streamed", "deformation-field"})
+WITHOUT_MODEL = frozenset({"learned-streamed", "deformation-field", "implicit-template"})
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:

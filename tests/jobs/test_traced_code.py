@@ -29,6 +29,7 @@ NOT_SHIPPED = {
     "learned-wide",
     "learned-streamed",
     "deformation-field",
+    "implicit-template",
 }
 
 

@@ -1,0 +1,111 @@
+"""How the template, the deformations and the codes of the shapes are trained together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from learned.checkpoint import Progress
+from learned.steps import Plan, Steps
+from learned.template.configuration import Template
+from learned.template.losses import NAMES, losses, weighted
+from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder
+from learned.template.samples import DrawsPoints, PointBatch, Shapes
+from learned.template.search import descended
+
+LOOKED_AT = 4
+"""Validation bodies that are looked at."""
+
+LOOK_RAYS, LOOK_STEPS = 256, 60
+"""Points around each of them, and steps to find its code."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """Trained fields and how they came about."""
+
+    network: TemplateNetwork
+    progress: Progress
+    device: str
+
+
+def train_template(
+    configuration: Template,
+    plan: Plan,
+    shapes: Shapes,
+    validation: Shapes | None,
+    folder: Path,
+    recipe: Mapping[str, Any],
+    *,
+    seed: int,
+    device: torch.device,
+    say: Callable[[str], None],
+) -> Trained:
+    """Train a template, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
+
+    Parameters
+    ----------
+    configuration, plan
+        What is trained, and how.
+    shapes
+        What it is trained on; each has a code.
+    validation
+        Shapes for the curves; None for no curves.
+    folder
+        Where checkpoints go.
+    recipe
+        Everything that determines the result.
+    seed
+        Seed of the weights, of the first codes and of the points that are drawn.
+    device
+        Where to compute.
+    say
+        Told about progress.
+
+    Raises
+    ------
+    TrainingError
+        If a loss is not a number, or the checkpoint does not fit.
+    """
+    network = build_auto_decoder(configuration, len(shapes), seed).to(device)
+    teacher = _Teacher(network, configuration, device, validation)
+    draws = DrawsPoints(shapes, plan.bodies, configuration.rays, seed)
+    progress, _ = Steps(network, teacher, draws, plan, folder, recipe, __name__, say).run(device, 0)
+    return Trained(network.fields, progress, device.type)
+
+
+@dataclass
+class _Teacher:
+    network: AutoDecoder
+    configuration: Template
+    device: torch.device
+    validation: Shapes | None
+    terms: tuple[str, ...] = NAMES
+    watched: str = "distance error"
+
+    def losses(self, batch: PointBatch, half: bool) -> Tensor:
+        codes = self.network.codes(batch.shapes.to(self.device))
+        points, directions, distances = (
+            values.to(self.device) for values in (batch.points, batch.directions, batch.distances)
+        )
+        return losses(self.network.fields, codes, points, directions, distances)
+
+    def total(self, losses: Tensor) -> Tensor:
+        return weighted(losses, self.configuration)
+
+    def measured(self, half: bool) -> Mapping[str, float]:
+        if self.validation is None:
+            return {}
+        chosen = DrawsPoints(self.validation, min(LOOKED_AT, len(self.validation)), LOOK_RAYS, 0)(0)
+        points, distances = chosen.points.to(self.device), chosen.distances.to(self.device)
+        codes = points.new_zeros(len(points), self.configuration.code_size)
+        standing = torch.eye(3, device=self.device).expand(len(points), 3, 3)
+        found = descended(
+            self.network.fields, points, distances, codes, standing, self.configuration.code, LOOK_STEPS, turning=False
+        )
+        return {self.watched: float(found.errors.mean())}
