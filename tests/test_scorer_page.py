@@ -1,0 +1,64 @@
+"""What docs/scorer.md says of the two scorers is what the committed records say."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.methods.registry import methods
+from benchmark.reference.paper import PRINTED
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "scorer.md").read_text(encoding="utf-8")
+
+
+def told(*arguments: str) -> str:
+    done = CliRunner().invoke(cli, [*arguments, "--results", str(ROOT / "results")])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def agreement() -> list[str]:
+    """Lines of the table of Kendall's tau."""
+    return [line for line in told("compare", "cm-bof", "spherical-harmonics").splitlines() if line.startswith("|")]
+
+
+def test_the_table_is_that_of_the_command(agreement: list[str]) -> None:
+    assert "\n".join(agreement) in PAGE
+
+
+def test_all_orders_are_alike_and_none_is_the_same(agreement: list[str]) -> None:
+    taus = [float(each) for line in agreement[2:] for each in re.findall(r"(-?[\d.]+) \(", line)]
+    assert len(taus) == 4 * 8
+    assert (min(taus), max(taus)) == (0.16, 0.69)
+    assert f"{sum(float(p) < 0.05 for p in re.findall(r'[(]([.0-9]+)[)]', ' '.join(agreement)))} of the 32" in PAGE
+
+
+def scores(table: str, input_: str) -> dict[str, dict[str, float]]:
+    """Scores by spherical harmonics of each row."""
+    text = told("tables", "--scorer", "spherical-harmonics", "-t", table, "--input", input_, "--format", "json")
+    rows = json.loads(text)
+    return {row["method"]: row for row in rows if row["table"] == table and row["NN"] is not None}
+
+
+@pytest.mark.parametrize(
+    ("winner", "table", "input_"),
+    [("learned", "I", "view"), ("surface-area", "I", "mesh"), ("surface-area", "III", "mesh")],
+)
+def test_what_the_readme_says_of_two_rows_holds_by_the_other_scorer(winner: str, table: str, input_: str) -> None:
+    found, known = scores(table, input_), methods()
+    forms = [
+        name
+        for name in found
+        if (method := known[name.partition("[")[0]]).info.family != "control"
+        and not name.startswith("learned")
+        and hasattr(method.create(), "canonicalise")
+    ]
+    assert len(forms) >= 20
+    assert all(found[winner][measure] > found[name][measure] for name in forms for measure in PRINTED)
