@@ -96,7 +96,7 @@ def tables_in(text: str) -> list[str]:
     return [block for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE) if re.search(r"\| *[\d.]+ *\|", block)]
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/reproduction.md"])
+@pytest.mark.parametrize("name", ["README.md", "docs/reproduction.md", "docs/robustness.md"])
 def test_the_tables_are_those_of_the_results_folder(name):
     shown = tables_in((ROOT / name).read_text(encoding="utf-8"))
     assert shown

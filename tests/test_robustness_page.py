@@ -1,0 +1,75 @@
+"""What docs/robustness.md reads from the curves is what the committed figures say."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmark.methods.registry import methods
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "robustness.md").read_text(encoding="utf-8")
+CURVES = json.loads((ROOT / "results" / "tables" / "robustness.json").read_text(encoding="utf-8"))
+
+Point = Mapping[str, Any]
+
+
+def halves(input_: str, points: Iterable[Point]) -> dict[tuple[str, str], float]:
+    """First amount at which a method has less than half of its clean NN, by method and nuisance."""
+    return {
+        (each["method"], each["nuisance"]): each["half_at"]
+        for each in points
+        if each["input"] == input_ and each["half_at"] is not None
+    }
+
+
+def forms() -> list[Point]:
+    """The points of canonical forms: no descriptors, no controls."""
+    known = methods()
+    return [
+        each
+        for each in CURVES
+        if (method := known[each["method"].partition("[")[0]]).info.family != "control"
+        and hasattr(method.create(), "canonicalise")
+    ]
+
+
+def test_only_forms_of_the_spectrum_fall_below_half_on_complete_surfaces_and_only_by_missing_parts() -> None:
+    assert halves("mesh", forms()) == {
+        ("classic-mds[metric=biharmonic]", "missing-parts"): 0.1,
+        ("gps", "missing-parts"): 0.2,
+    }
+
+
+def test_what_breaks_the_descriptors_of_complete_surfaces() -> None:
+    others = [each for each in CURVES if each not in forms()]
+    assert halves("mesh", others) == {
+        ("shape-dna", "missing-parts"): 0.05,
+        ("surface-area", "scale"): 1.1,
+        ("surface-area", "noise"): 0.008,
+        ("surface-area", "shortcuts"): 5,
+    }
+
+
+def test_what_breaks_the_rows_of_single_views() -> None:
+    assert halves("view", CURVES) == {
+        ("fast-mds", "view-angle"): 45,
+        ("shape-dna", "view-angle"): 45,
+        ("classic-mds[metric=biharmonic]", "depth-noise"): 0.008,
+    }
+    moved = [
+        abs(each["NN"] - each["clean_NN"])
+        for each in CURVES
+        if (each["method"], each["input"]) == ("mesh-unfolding", "view")
+    ]
+    assert max(moved) < 0.12
+
+
+def test_how_far_scale_moves_what_it_does_not_change() -> None:
+    moved = [abs(each["NN"] - each["clean_NN"]) for each in forms() if each["nuisance"] == "scale"]
+    assert max(moved) == pytest.approx(0.28, abs=0.005)
+    assert "up to .28" in PAGE
