@@ -19,9 +19,9 @@ from learned.template import configuration, fitting, samples, training
 from learned.template.fitting import fit
 from learned.template.model import deformed
 from learned.template.network import TemplateNetwork
-from learned.template.samples import DrawsPoints, collected
+from learned.template.samples import DrawsPoints, Shapes, collected
 from learned.template.training import train_template
-from tests.learned.template.toy import OPTIONS, TOY, Rods, rod, rods, shapes_of
+from tests.learned.template.toy import OPTIONS, TOY, Rods, rod, rods
 from tests.learned.toy import files, quiet, toy_data
 
 UNBENDING = replace(TOY, bodies=8, width=32, template_layers=3, rays=64, deformation_frequency=3.0)
@@ -103,7 +103,7 @@ def test_distances_that_are_damaged_or_of_other_data_are_made_again(tmp_path: Pa
 
 
 def test_a_batch_is_a_matter_of_its_number_and_shows_all_shapes_equally_often() -> None:
-    draws = DrawsPoints(shapes_of([rod(), rod(1.0), rod(2.0)], 64), n_shapes=2, rays=16, seed=0)
+    draws = DrawsPoints(Shapes.around([rod(), rod(1.0), rod(2.0)], 64), n_shapes=2, rays=16, seed=0)
     made = [draws(number) for number in range(6)]
     assert np.bincount(np.concatenate([batch.shapes.numpy() for batch in made])).tolist() == [4, 4, 4]
     assert torch.equal(draws(3).points, made[3].points)
@@ -145,7 +145,7 @@ def test_a_finished_model_of_another_plan_is_left_alone(finished: Path) -> None:
 
 
 def test_one_shape_alone_is_its_own_template(tmp_path: Path) -> None:
-    shapes = shapes_of([rod(1.0)], 1024)
+    shapes = Shapes.around([rod(1.0)], 1024)
     chosen = replace(TOY, bodies=1, width=32, rays=32)
     plan = Plan(steps=250, bodies=2, learning_rate=5e-3, warm_up=10, precision="float32")
     cpu = torch.device("cpu")
