@@ -12,11 +12,12 @@ import torch
 from torch import Tensor
 
 from benchmark.contracts import FloatArray, Shape
-from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.errors import UnsupportedShape
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.learning import card_digest, read_card
+from learned.described import described_in
 from learned.field.configuration import Field, from_card
 from learned.field.detail import Rest, with_detail
 from learned.field.network import FieldNetwork, build_field
@@ -42,9 +43,7 @@ def configuration_of(card: Mapping[str, Any], folder: Path) -> Field:
     ConfigurationError
         If it is the card of another kind of model.
     """
-    if not isinstance(card.get("field"), dict):
-        raise ConfigurationError(f"the card in {folder} is not that of a deformation field", "train the model again")
-    return from_card(card["field"])
+    return from_card(described_in(card, "field", folder, "a deformation field"))
 
 
 def load_field(folder: Path) -> FieldNetwork:

@@ -49,7 +49,7 @@ class ImplicitTemplate(TrainedMethod):
         return f"template-{self.configuration}-seed{self.training_seed}"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train the model; see :class:`learned.steps.Plan`."""
+        """Train the model; see :class:`learned.template.training.TemplatePlan`."""
         from learned.template.fitting import fit
 
         fit(self.configuration, self.training_seed, data, folder, options, say)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.learning import card_digest, read_card
+from learned.described import described_in
 from learned.frame import frame_of, of_unit_area
 from learned.template.configuration import Template, from_card
 from learned.template.distances import rays_around
@@ -35,9 +35,7 @@ def configuration_of(card: Mapping[str, Any], folder: Path) -> Template:
     ConfigurationError
         If it is the card of another kind of model.
     """
-    if not isinstance(card.get("template"), dict):
-        raise ConfigurationError(f"the card in {folder} is not that of a template", "train the model again")
-    return from_card(card["template"])
+    return from_card(described_in(card, "template", folder, "a template"))
 
 
 def load_template(folder: Path) -> tuple[TemplateNetwork, Template]:

@@ -21,15 +21,17 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.learning import CARD, WEIGHTS, ChecksOptions, Learner
 from benchmark.methods.conformance.shapes import awkward
 from learned.checkpoint import Progress
-from learned.steps import Plan
+from learned.fitting import Fitting
+from learned.machine import Machine
+from learned.steps import Trained
 from learned.template import configuration, model, search
-from learned.template.fitting import saved
 from learned.template.methods import ImplicitTemplate
 from learned.template.network import build_auto_decoder
 from learned.template.search import Round
-from learned.template.training import Trained
+from learned.template.training import TemplatePlan
 from tests.geometry.surfaces import limbed_body, relabelled
 from tests.learned.template.toy import TOY, rod, rods
+from tests.learned.toy import quiet
 
 
 @pytest.fixture(autouse=True)
@@ -46,10 +48,20 @@ def folder(tmp_path: Path) -> Path:
     network = build_auto_decoder(TOY, 1, 0).fields
     with torch.no_grad():
         network.deformation.last.weight.normal_(generator=torch.Generator().manual_seed(0), std=0.05)
-    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "cpu")
+    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "cpu", "float32", {})
+    fitting = Fitting(
+        kind="template",
+        name="toy",
+        described=TOY.described(),
+        plan=TemplatePlan(),
+        words="",
+        data=rods(),
+        seed=0,
+        train=lambda *_: trained,
+        load=lambda _: None,  # so that each test is the first to read the files
+    )
     place = tmp_path / "template-toy-seed0"
-    place.mkdir()
-    saved(place, trained, rods(), TOY, Plan(), n_shapes=1, seed=0, recipe={})
+    fitting.into(place, Machine(threads=1), quiet)
     return place
 
 
