@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -27,6 +28,31 @@ def configuration_named(name: str, known: Mapping[str, C]) -> C:
     if name not in known:
         raise did_you_mean("configuration", name, known)
     return known[name]
+
+
+def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -> Mapping[str, Any]:
+    """What the card of the model in ``folder`` tells of its configuration.
+
+    Parameters
+    ----------
+    card
+        The card.
+    kind
+        What it calls the configurations of this kind of network.
+    folder
+        Folder of the model.
+    title
+        This kind of network in words.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is the card of another kind of model.
+    """
+    described = card.get(kind)
+    if not isinstance(described, dict):
+        raise ConfigurationError(f"the card in {folder} is not that of {title}", "train the model again")
+    return described
 
 
 def described_by(described: object, plain: C) -> C:

@@ -1,4 +1,4 @@
-"""From a stream of fresh bodies to a folder with a finished model, whatever network it is."""
+"""From a stream of bodies to a folder with a finished model, whatever network it is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from learned.arithmetic import device_named
 from learned.checkpoint import CHECKPOINT
 from learned.machine import Machine, machine_among
 from learned.saving import check_finished, hardware, write_model
-from learned.steps import N, Plan, Trained, drawn_again
+from learned.steps import N, Plan, Trained
 from learned.weights import as_stored, n_parameters, stored
 
 
@@ -37,12 +37,17 @@ class MachineWithWorkers(Machine):
 
     workers: Annotated[int, Interval(0, 64)] = 1
 
+    @property
+    def cores(self) -> int:
+        """Threads to compute with on the CPU: the workers need the others."""
+        return self.threads or max(1, available_cores() - self.workers)
+
 
 P = TypeVar("P", bound=Plan)
 
 
 def plan_among(kind: type[P], options: Mapping[str, Any]) -> tuple[P, MachineWithWorkers]:
-    """The plan and the machine that options describe.
+    """The plan and the machine that options of a training describe which sees no body twice.
 
     Parameters
     ----------
@@ -91,8 +96,8 @@ class Fitting(Generic[N]):
     seed
         Seed of the weights.
     train
-        Trains, going on from the checkpoint in the folder; takes folder, recipe, device, processes that make bodies,
-        and who is told about progress.
+        Trains, going on from the checkpoint in the folder; takes folder, recipe, device, and who is told about
+        progress.
     load
         Loads the finished model, and raises ``ConfigurationError`` if it cannot be used.
     """
@@ -104,7 +109,7 @@ class Fitting(Generic[N]):
     words: str
     data: StreamedData
     seed: int
-    train: Callable[[Path, Mapping[str, Any], torch.device, int, Callable[[str], None]], Trained[N]]
+    train: Callable[[Path, Mapping[str, Any], torch.device, Callable[[str], None]], Trained[N]]
     load: Callable[[Path], object]
 
     @property
@@ -117,7 +122,7 @@ class Fitting(Generic[N]):
             "seed": self.seed,
         }
 
-    def into(self, folder: Path, machine: MachineWithWorkers, say: Callable[[str], None]) -> None:
+    def into(self, folder: Path, machine: Machine, say: Callable[[str], None]) -> None:
         """Train a model into a folder, or go on where a training was stopped; a finished one is left alone.
 
         Parameters
@@ -141,14 +146,15 @@ class Fitting(Generic[N]):
             check_finished(folder, recipe, self.words)
             say(f"{folder} holds this model already")
             return
-        torch.set_num_threads(machine.threads or max(1, available_cores() - machine.workers))
+        torch.set_num_threads(machine.cores)
         folder.mkdir(parents=True, exist_ok=True)
         say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.data.title}")
-        trained = self.train(folder, recipe, device_named(machine.device), machine.workers, say)
+        trained = self.train(folder, recipe, device_named(machine.device), say)
         card = self._saved(folder, trained, recipe)
         self.load(folder)
         (folder / CHECKPOINT).unlink(missing_ok=True)
-        say(f"finished in {card['seconds']:.0f} s; {card['drawn_again']} bodies and poses were drawn again")
+        seen = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in trained.seen.items())
+        say(f"finished in {card['seconds']:.0f} s; {seen}")
 
     def _saved(self, folder: Path, trained: Trained[N], recipe: Mapping[str, Any]) -> dict[str, Any]:
         """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
@@ -162,8 +168,7 @@ class Fitting(Generic[N]):
             "data": data.name,
             "data_title": data.title,
             "data_digest": data.digest,
-            "bodies": self.plan.steps * self.plan.bodies,
-            "drawn_again": drawn_again(progress.history),
+            **trained.seen,
             "subjects": list(data.subjects),
             "identifiers": list(data.identifiers),
             "extra_data": True,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from benchmark.contracts import Interval
 from benchmark.parameters.values import checked
+from benchmark.threads import available_cores
 from learned.arithmetic import device_named
 
 
@@ -25,6 +26,11 @@ class Machine:
 
     device: Literal["auto", "cpu", "cuda"] = "auto"
     threads: Annotated[int, Interval(1)] | None = None
+
+    @property
+    def cores(self) -> int:
+        """Threads to compute with on the CPU."""
+        return self.threads or available_cores()
 
 
 M = TypeVar("M", bound=Machine)

@@ -69,12 +69,25 @@ N = TypeVar("N", bound=nn.Module)
 
 @dataclass(frozen=True)
 class Trained(Generic[N]):
-    """A trained network and how it came about."""
+    """A trained network and how it came about.
+
+    Parameters
+    ----------
+    network
+        The network.
+    progress
+        Where the training ended.
+    device, precision
+        What computed it, and how.
+    seen
+        What it was trained on, in numbers by name, for the card.
+    """
 
     network: N
     progress: Progress
     device: str
     precision: str
+    seen: Mapping[str, int]
 
 
 B = TypeVar("B", bound=Batch)
@@ -255,6 +268,7 @@ class Steps(Generic[B]):
         return f"{done}  {terms}{seen}  {progress.seconds:.0f} s, about {left:.0f} s left"
 
 
-def drawn_again(history: Sequence[Mapping[str, float]]) -> int:
-    """How many bodies and poses were drawn again in the rows of a history."""
-    return round(sum(row["drawn again"] for row in history))
+def fresh_bodies(plan: Plan, progress: Progress) -> dict[str, int]:
+    """How many bodies a training saw in which none comes twice, and how often something of them was drawn again."""
+    again = sum(row["drawn again"] for row in progress.history)
+    return {"bodies": plan.steps * plan.bodies, "drawn_again": round(again)}

@@ -15,8 +15,8 @@ from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.streaming import MakesSurfaces
 from learned.field.configuration import Field
-from learned.field.frame import frame_of
 from learned.field.sampling import random_samples
+from learned.frame import centred, frame_of
 
 EDGES = 192
 """Edges of each body whose two ends are asked for."""
@@ -91,7 +91,7 @@ class MakesSurfaceBatches:
         rows = []
         for place, (canonical, posed) in enumerate(zip(surfaces.canonical, surfaces.posed, strict=True)):
             random = np.random.default_rng([number, place])
-            target = _at_rest(Mesh(canonical, surfaces.faces))
+            target = centred(Mesh(canonical, surfaces.faces))
             height = np.array(np.ptp(target.vertices[:, 2]))
             for vertices in posed:
                 seen, asked = self._of_pose(Mesh(vertices, surfaces.faces), over, random)
@@ -116,8 +116,7 @@ class MakesSurfaceBatches:
         self, mesh: Mesh, over: _Over, random: np.random.Generator
     ) -> tuple[tuple[Points, Points, Points, Points], NDArray[np.int64]]:
         """Points and positions with their normals in the frame of a body, and which vertices the positions are."""
-        frame = frame_of(mesh, random if self.disturbed else None)
-        inside = mesh.with_vertices(frame.coordinates(mesh.vertices))
+        inside = frame_of(mesh, random if self.disturbed else None).seen(mesh)
         samples = random_samples(inside, self.configuration.points, random)
         starts = random.choice(mesh.n_vertices, EDGES, p=_shares(inside))
         asked = np.concatenate([starts, over.walked(starts, random)])
@@ -164,13 +163,6 @@ class _Over:
         a, b, c = (mesh.vertices[mesh.faces[around.indices, k]] for k in range(3))
         summed = csr_array((around.data, np.arange(around.nnz), around.indptr)) @ np.cross(b - a, c - a)
         return np.asarray(summed / np.linalg.norm(summed, axis=1, keepdims=True).clip(min=np.finfo(float).tiny))
-
-
-def _at_rest(mesh: Mesh) -> Mesh:
-    """The canonical pose with its centroid at the origin and unit area; how it stands and faces stays."""
-    areas = mesh.face_areas
-    centroid = areas @ sum(mesh.vertices[mesh.faces[:, k]] for k in range(3)) / (3 * areas.sum())
-    return mesh.with_vertices((mesh.vertices - centroid) / areas.sum() ** 0.5)
 
 
 def _shares(mesh: Mesh) -> NDArray[np.float64]:

@@ -68,11 +68,11 @@ def fit(
     stream = stream_of(data)
 
     def train(
-        folder: Path, recipe: Mapping[str, Any], device: torch.device, workers: int, say: Callable[[str], None]
+        folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
     ) -> Trained[FieldNetwork]:
         return train_field(
             chosen, plan, stream.surfaces, stream.validation_surfaces, folder, recipe,
-            seed=seed, device=device, workers=workers, say=say,
+            seed=seed, device=device, workers=machine.workers, say=say,
         )  # fmt: skip
 
     fitting = Fitting(

@@ -12,16 +12,17 @@ import torch
 from torch import Tensor
 
 from benchmark.contracts import FloatArray, Shape
-from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.errors import UnsupportedShape
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.learning import card_digest, read_card
+from learned.described import described_in
 from learned.field.configuration import Field, from_card
 from learned.field.detail import Rest, with_detail
-from learned.field.frame import frame_of
 from learned.field.network import FieldNetwork, build_field
 from learned.field.sampling import even_samples
+from learned.frame import frame_of, of_unit_area
 from learned.weights import with_weights
 
 MOST_VERTICES = 50_000
@@ -42,9 +43,7 @@ def configuration_of(card: Mapping[str, Any], folder: Path) -> Field:
     ConfigurationError
         If it is the card of another kind of model.
     """
-    if not isinstance(card.get("field"), dict):
-        raise ConfigurationError(f"the card in {folder} is not that of a deformation field", "train the model again")
-    return from_card(card["field"])
+    return from_card(described_in(card, "field", folder, "a deformation field"))
 
 
 def load_field(folder: Path) -> FieldNetwork:
@@ -114,13 +113,10 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
         raise UnsupportedShape(
             f"a deformation field of {mesh.n_vertices} vertices takes too long", f"keep at most {MOST_VERTICES}"
         )
-    inside = mesh.with_vertices(frame_of(mesh).coordinates(mesh.vertices))
+    inside = frame_of(mesh).seen(mesh)
     positions, rotations = predicted(network, _outward(inside))
-    vertices = with_detail(Rest.of(inside.vertices, shape.laplacian()), positions, rotations, reach, rounds)
-    area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
-    if not area > 0:
-        raise UnsupportedShape("the field leaves no surface of this shape", "pass one like those it was trained on")
-    vertices = vertices / area**0.5
+    rest = Rest.of(inside.vertices, shape.laplacian())
+    vertices = of_unit_area(mesh, with_detail(rest, positions, rotations, reach, rounds))
     before, after = (_edge_lengths(each, mesh) for each in (inside.vertices, vertices))
     moved = np.linalg.norm(vertices - positions, axis=1)
     notes: dict[str, float | str] = {

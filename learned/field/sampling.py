@@ -52,7 +52,7 @@ def even_samples(mesh: Mesh, count: int) -> Samples:
     Parameters
     ----------
     mesh
-        A surface with area, in its own frame (:func:`learned.field.frame.frame_of`).
+        A surface with area, in its own frame (:func:`learned.frame.frame_of`).
     count
         Points, m.
     """

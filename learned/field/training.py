@@ -16,7 +16,7 @@ from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field
 from learned.field.losses import NAMES, losses, weighted
 from learned.field.network import FieldNetwork, Unbent, build_field
-from learned.steps import Plan, Steps, Trained
+from learned.steps import Plan, Steps, Trained, fresh_bodies
 
 LOOKED_AT = 16
 """Validation bodies that are looked at."""
@@ -79,7 +79,7 @@ def train_field(
     batches = MakesSurfaceBatches(make, configuration, plan.bodies)
     steps = Steps(network, teacher, batches, plan, folder, recipe, __name__, say)
     progress, precision = steps.run(device, workers)
-    return Trained(network, progress, device.type, precision)
+    return Trained(network, progress, device.type, precision, fresh_bodies(plan, progress))
 
 
 @dataclass

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 
 from benchmark.learning import CARD, TrainingData
-from benchmark.threads import available_cores
 from learned.arithmetic import device_named
 from learned.checkpoint import CHECKPOINT
 from learned.machine import Machine, machine_among
@@ -90,7 +89,7 @@ def fit(
         say(f"{folder} holds this model already")
         return
     device = device_named(machine.device)
-    torch.set_num_threads(machine.threads or available_cores())
+    torch.set_num_threads(machine.cores)
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
     pairs, unseen = gather_kept(data, plan.resolution, folder, say), gather(data.unseen(), plan.resolution)

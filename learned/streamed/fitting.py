@@ -71,11 +71,11 @@ def fit(
     stream = stream_of(data)
 
     def train(
-        folder: Path, recipe: Mapping[str, Any], device: torch.device, workers: int, say: Callable[[str], None]
+        folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
     ) -> Trained[StreamedNetwork]:
         return train_streamed(
             chosen, plan, stream.fresh, stream.validation, folder, recipe,
-            seed=seed, device=device, workers=workers, say=say,
+            seed=seed, device=device, workers=machine.workers, say=say,
         )  # fmt: skip
 
     fitting = Fitting(

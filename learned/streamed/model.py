@@ -10,10 +10,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
 from benchmark.learning import card_digest, read_card
+from learned.described import described_in
 from learned.images import checked_image, enlarge
 from learned.streamed.configuration import Streamed, from_card
 from learned.streamed.crop import seen_by
@@ -31,9 +31,7 @@ def configuration_of(card: Mapping[str, Any], folder: Path) -> Streamed:
     ConfigurationError
         If it is the card of another kind of model.
     """
-    if not isinstance(card.get("streamed"), dict):
-        raise ConfigurationError(f"the card in {folder} is not that of a streamed network", "train the model again")
-    return from_card(card["streamed"])
+    return from_card(described_in(card, "streamed", folder, "a streamed network"))
 
 
 def load_streamed(folder: Path) -> tuple[StreamedNetwork, Streamed]:

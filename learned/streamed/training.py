@@ -12,7 +12,7 @@ from torch import Tensor
 
 from benchmark.streaming import MakesFresh
 from learned.measures import measures
-from learned.steps import Plan, Steps, Trained
+from learned.steps import Plan, Steps, Trained, fresh_bodies
 from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
@@ -70,7 +70,7 @@ def train_streamed(
     images = MakesImages(make, configuration, plan.bodies)
     steps = Steps(network, teacher, images, plan, folder, recipe, __name__, say)
     progress, precision = steps.run(device, workers)
-    return Trained(network, progress, device.type, precision)
+    return Trained(network, progress, device.type, precision, fresh_bodies(plan, progress))
 
 
 @dataclass

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 from benchmark.contracts import Interval
-from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.parameters.values import checked
+from learned.described import configuration_named, described_by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +83,10 @@ TEMPLATES: dict[str, Template] = {
 
 def template(name: str) -> Template:
     """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
-    if name not in TEMPLATES:
-        raise did_you_mean("configuration", name, TEMPLATES)
-    return TEMPLATES[name]
+    return configuration_named(name, TEMPLATES)
 
 
-def from_card(described: Mapping[str, Any]) -> Template:
+def from_card(described: object) -> Template:
     """Configuration that a card describes.
 
     Raises
@@ -98,8 +94,4 @@ def from_card(described: Mapping[str, Any]) -> Template:
     ConfigurationError
         If it is not one.
     """
-    known = {entry.name for entry in fields(Template)}
-    if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
-        raise ConfigurationError("the card describes another kind of network", "train the model again")
-    values = {name: value for name, value in described.items() if name != "name"}
-    return replace(PLAIN, name=described["name"], **checked(Template, values, "the network"))
+    return described_by(described, PLAIN)

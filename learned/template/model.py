@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.learning import card_digest, read_card
+from learned.described import described_in
+from learned.frame import frame_of, of_unit_area
 from learned.template.configuration import Template, from_card
 from learned.template.distances import rays_around
-from learned.template.frame import centred, principal_axes
 from learned.template.network import TemplateNetwork
 from learned.template.search import ROUNDS, Found, search
 from learned.weights import with_weights
@@ -35,9 +35,7 @@ def configuration_of(card: Mapping[str, Any], folder: Path) -> Template:
     ConfigurationError
         If it is the card of another kind of model.
     """
-    if not isinstance(card.get("template"), dict):
-        raise ConfigurationError(f"the card in {folder} is not that of a template", "train the model again")
-    return from_card(card["template"])
+    return from_card(described_in(card, "template", folder, "a template"))
 
 
 def load_template(folder: Path) -> tuple[TemplateNetwork, Template]:
@@ -73,24 +71,16 @@ def deformed(network: TemplateNetwork, configuration: Template, mesh: Mesh) -> t
     UnsupportedShape
         If there is no surface, it encloses nothing, or the deformation leaves no surface.
     """
-    if not 0 < mesh.area < np.inf:
-        raise UnsupportedShape(
-            "there is no surface with an area, and signed distances need one", "pass a closed triangle mesh"
-        )
-    still = centred(mesh)
-    standing = still.with_vertices(still.vertices @ principal_axes(still).T)
+    standing = frame_of(mesh).seen(mesh)
     found = search(network, rays_around(standing, RAYS), configuration.code, ROUNDS)
     places, correction = _moved(network, standing.vertices, found)
-    form = still.with_vertices(places) if np.isfinite(places).all() else None
-    if form is None or not form.area > 0:
-        raise UnsupportedShape("the deformation leaves no surface", "train the model for longer")
     notes: dict[str, float | str] = {
         "distance_error": float(found.errors[0]),
         "correction": correction,
         "code_norm": float(found.codes[0].norm()),
         "steps": float(sum(each.steps for each in ROUNDS)),
     }
-    return form.vertices / np.sqrt(form.area), notes
+    return of_unit_area(mesh, places), notes
 
 
 @torch.no_grad()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import torch
@@ -17,8 +18,8 @@ from benchmark.errors import BenchmarkError, TrainingError, one_line
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import MakesSurfaces
 from learned.checkpoint import training_code, write
+from learned.frame import centred
 from learned.template.distances import rays_around
-from learned.template.frame import centred
 
 KEPT = 8192
 """Rays that are kept of each shape."""
@@ -28,6 +29,8 @@ TOGETHER = 8
 
 SAMPLES = "samples"
 """Folder of the files, inside that of the model; it goes when the training ends."""
+
+_NAMES = ("feet", "directions", "lengths")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,12 @@ class Shapes:
     feet: Tensor
     directions: Tensor
     lengths: Tensor
+
+    @classmethod
+    def around(cls, meshes: Iterable[Mesh], rays: int) -> Self:
+        """So many rays around each of some closed surfaces, centred and of unit area."""
+        found = [vars(rays_around(centred(mesh), rays)) for mesh in meshes]
+        return cls(*(torch.from_numpy(np.stack([each[name] for each in found])) for name in _NAMES))
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -159,20 +168,14 @@ def collected(make: MakesSurfaces, bodies: int, folder: Path | None, digest: str
                 write(path, save(vars(part), told | {"bodies": str(count)}))
                 say(f"distances around {first + count} of {bodies} bodies")
         parts.append(part)
-    return Shapes(*(torch.cat([vars(part)[name] for part in parts]) for name in ("feet", "directions", "lengths")))
+    return Shapes(*(torch.cat([vars(part)[name] for part in parts]) for name in _NAMES))
 
 
 def _made(make: MakesSurfaces, number: int, bodies: int) -> Shapes:
     found = make(number, bodies)
-    rays = [
-        rays_around(centred(Mesh(vertices, found.faces)), KEPT)
-        for canonical, posed in zip(found.canonical, found.posed, strict=True)
-        for vertices in (canonical, *posed)
-    ]
-    feet, directions, lengths = (
-        torch.from_numpy(np.stack([vars(each)[name] for each in rays])) for name in ("feet", "directions", "lengths")
-    )
-    return Shapes(feet, directions, lengths)
+    of_bodies = zip(found.canonical, found.posed, strict=True)
+    meshes = (Mesh(each, found.faces) for canonical, posed in of_bodies for each in (canonical, *posed))
+    return Shapes.around(meshes, KEPT)
 
 
 def _read(path: Path, told: Mapping[str, str]) -> Shapes | None:

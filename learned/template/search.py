@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from learned.template.distances import Rays
-from learned.template.frame import quarter_turns
 from learned.template.losses import FARTHEST
 from learned.template.network import TemplateNetwork
 
@@ -88,6 +89,18 @@ def search(network: TemplateNetwork, rays: Rays, code_weight: float, rounds: tup
         found = descended(network, points, distances, found.codes[best], found.turns[best], code_weight, each.steps)
     best = torch.argsort(found.errors, stable=True)[:1]
     return Found(found.codes[best], found.turns[best], found.errors[best])
+
+
+def quarter_turns() -> NDArray[np.float64]:
+    """The 24 rotations that bring a cube onto itself, shape (24, 3, 3)."""
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            turn = np.zeros((3, 3))
+            turn[range(3), order] = signs
+            if np.linalg.det(turn) > 0:
+                found.append(turn)
+    return np.stack(found)
 
 
 def points_on(rays: Rays, count: int) -> tuple[Tensor, Tensor]:

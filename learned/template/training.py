@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from torch import Tensor
 
-from learned.checkpoint import Progress
-from learned.steps import Plan, Steps
+from benchmark.contracts import Interval
+from learned.arithmetic import Precision
+from learned.steps import Plan, Steps, Trained
 from learned.template.configuration import Template
 from learned.template.losses import NAMES, losses, weighted
 from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder
@@ -25,13 +26,14 @@ LOOK_RAYS, LOOK_STEPS = 256, 60
 """Points around each of them, and steps to find its code."""
 
 
-@dataclass(frozen=True)
-class Trained:
-    """Trained fields and how they came about."""
+@dataclass(frozen=True, kw_only=True)
+class TemplatePlan(Plan):
+    """How a template is trained; see :class:`learned.steps.Plan`. Its ``bodies`` are the shapes of a step."""
 
-    network: TemplateNetwork
-    progress: Progress
-    device: str
+    steps: Annotated[int, Interval(1)] = 20_000
+    bodies: Annotated[int, Interval(2)] = 8
+    learning_rate: Annotated[float, Interval(0, closed="neither")] = 5e-4
+    precision: Precision = "float32"
 
 
 def train_template(
@@ -45,7 +47,7 @@ def train_template(
     seed: int,
     device: torch.device,
     say: Callable[[str], None],
-) -> Trained:
+) -> Trained[TemplateNetwork]:
     """Train a template, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
 
     Parameters
@@ -75,8 +77,9 @@ def train_template(
     network = build_auto_decoder(configuration, len(shapes), seed).to(device)
     teacher = _Teacher(network, configuration, device, validation)
     draws = DrawsPoints(shapes, plan.bodies, configuration.rays, seed)
-    progress, _ = Steps(network, teacher, draws, plan, folder, recipe, __name__, say).run(device, 0)
-    return Trained(network.fields, progress, device.type)
+    progress, precision = Steps(network, teacher, draws, plan, folder, recipe, __name__, say).run(device, 0)
+    seen = {"bodies": configuration.bodies, "shapes": len(shapes)}
+    return Trained(network.fields, progress, device.type, precision, seen)
 
 
 @dataclass

@@ -22,6 +22,8 @@ PAIRED_IN_TRAINING = {
 FORMS, TRAINING = SHARED | PAIRED, SHARED_IN_TRAINING | PAIRED_IN_TRAINING
 #: Of trainings over a stream.
 STREAMS = {"described", "fitting", "steps", "stream"}
+#: Of networks that are given surfaces.
+SURFACES = {"frame"}
 
 
 def of_package(names: object) -> set[str]:
@@ -34,7 +36,7 @@ def test_forms_need_nothing_that_only_trains() -> None:
     assert of_package(fingerprint("learned.paired.methods", without=("train", "check_options")).code) == FORMS
     assert of_package(fingerprint("learned.paired.methods").code) == FORMS | TRAINING
     shared, paired = ({path.stem for path in folder.glob("*.py")} - {"__init__"} for folder in (PACKAGE, PAIRED_ROOM))
-    assert shared == SHARED | SHARED_IN_TRAINING | STREAMS
+    assert shared == SHARED | SHARED_IN_TRAINING | STREAMS | SURFACES
     assert {f"paired.{name}" for name in paired} == PAIRED | PAIRED_IN_TRAINING
 
 

@@ -91,3 +91,15 @@ def quiet(_: str) -> None:
 def files(folder: Path) -> set[str]:
     """Names in a folder."""
     return {path.name for path in folder.iterdir()}
+
+
+def misfit(form: np.ndarray, target: np.ndarray) -> float:
+    """Mean distance of corresponding points after the best rigid motion, over the mean distance from the centre.
+
+    The motion is that of Kabsch (1976), without mirroring.
+    """
+    form, target = form - form.mean(axis=0), target - target.mean(axis=0)
+    left, _, right = np.linalg.svd(target.T @ form)
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    distances = np.linalg.norm(form @ (left @ right).T - target, axis=1)
+    return float(distances.mean() / np.linalg.norm(target, axis=1).mean())

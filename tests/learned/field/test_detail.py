@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from benchmark.geometry.laplacian import cotangent_laplacian
 from learned.field.detail import Rest, with_detail
 from tests.geometry.surfaces import limbed_body
-from tests.learned.field.toy import misfit
+from tests.learned.toy import misfit
 
 BODY = limbed_body(3)
 BODY = BODY.with_vertices(BODY.vertices / BODY.area**0.5)

@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.distance import cdist, pdist
 
 from benchmark.geometry.mesh import Mesh
-from learned.field.frame import frame_of
 from learned.field.sampling import even_samples, random_samples
+from learned.frame import frame_of
 from tests.geometry.surfaces import flat_grid, limbed_body, relabelled, sphere
 
 
 def framed(mesh: Mesh) -> Mesh:
-    return mesh.with_vertices(frame_of(mesh).coordinates(mesh.vertices))
+    return frame_of(mesh).seen(mesh)
 
 
 BODY = framed(limbed_body())

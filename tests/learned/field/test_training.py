@@ -24,9 +24,9 @@ from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
 from tests.geometry.surfaces import flat_grid, limbed_body
-from tests.learned.field.toy import OPTIONS, TOY, bent_spheroid, misfit
+from tests.learned.field.toy import OPTIONS, TOY, bent_spheroid
 from tests.learned.streamed.toy import Ellipsoids, toy_stream
-from tests.learned.toy import files, quiet, toy_data
+from tests.learned.toy import files, misfit, quiet, toy_data
 
 
 def settle(patch: pytest.MonkeyPatch) -> None:

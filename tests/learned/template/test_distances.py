@@ -6,8 +6,8 @@ import trimesh
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+from learned.frame import centred
 from learned.template.distances import NEAR, rays_around
-from learned.template.frame import centred
 
 RADIUS = 1 / np.sqrt(4 * np.pi)
 """Of the sphere whose area is 1."""

@@ -21,15 +21,17 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.learning import CARD, WEIGHTS, ChecksOptions, Learner
 from benchmark.methods.conformance.shapes import awkward
 from learned.checkpoint import Progress
-from learned.steps import Plan
+from learned.fitting import Fitting
+from learned.machine import Machine
+from learned.steps import Trained
 from learned.template import configuration, model, search
-from learned.template.fitting import saved
 from learned.template.methods import ImplicitTemplate
 from learned.template.network import build_auto_decoder
 from learned.template.search import Round
-from learned.template.training import Trained
-from tests.learned.template.test_frame import lump
+from learned.template.training import TemplatePlan
+from tests.geometry.surfaces import limbed_body, relabelled
 from tests.learned.template.toy import TOY, rod, rods
+from tests.learned.toy import quiet
 
 
 @pytest.fixture(autouse=True)
@@ -46,10 +48,20 @@ def folder(tmp_path: Path) -> Path:
     network = build_auto_decoder(TOY, 1, 0).fields
     with torch.no_grad():
         network.deformation.last.weight.normal_(generator=torch.Generator().manual_seed(0), std=0.05)
-    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "cpu")
+    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "cpu", "float32", {})
+    fitting = Fitting(
+        kind="template",
+        name="toy",
+        described=TOY.described(),
+        plan=TemplatePlan(),
+        words="",
+        data=rods(),
+        seed=0,
+        train=lambda *_: trained,
+        load=lambda _: None,  # so that each test is the first to read the files
+    )
     place = tmp_path / "template-toy-seed0"
-    place.mkdir()
-    saved(place, trained, rods(), TOY, Plan(), n_shapes=1, seed=0, recipe={})
+    fitting.into(place, Machine(threads=1), quiet)
     return place
 
 
@@ -77,13 +89,11 @@ def test_the_form_has_the_vertices_of_the_shape_unit_area_and_notes(method: Impl
 
 
 def test_upside_down_or_elsewhere_or_larger_or_renumbered_the_form_is_the_same(method: ImplicitTemplate) -> None:
-    mesh = lump()
+    mesh = limbed_body(3)
     expected = pdist(form(method, mesh))
-    order = np.random.default_rng(0).permutation(mesh.n_vertices)
-    renumbered = Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces][::-1])
-    restored = np.empty_like(mesh.vertices)
-    restored[order] = form(method, renumbered)
-    np.testing.assert_allclose(pdist(restored), expected, atol=1e-5)
+    renumbered, new = relabelled(mesh)
+    renumbered = Mesh(renumbered.vertices, renumbered.faces[::-1])
+    np.testing.assert_allclose(pdist(form(method, renumbered)[new]), expected, atol=1e-5)
     for angles in ([np.pi, 0, 0], [0.4, -1.1, 2.3]):
         turn = Rotation.from_euler("xyz", angles).as_matrix()
         moved = mesh.with_vertices(3 * mesh.vertices @ turn.T + [1, 2, 3])
@@ -108,11 +118,11 @@ def test_a_candidate_does_not_depend_on_the_others(folder: Path) -> None:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_points_without_a_surface_are_refused(method: ImplicitTemplate) -> None:
     cloud = np.random.default_rng(0).normal(size=(50, 3))
-    with pytest.raises(UnsupportedShape, match="no surface"):
+    with pytest.raises(UnsupportedShape, match="no area"):
         form(method, Mesh(cloud, np.empty((0, 3), dtype=np.int32)))
-    with pytest.raises(UnsupportedShape, match="no surface"):
+    with pytest.raises(UnsupportedShape, match="no area"):
         form(method, Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
-    with pytest.raises(UnsupportedShape, match="no surface"):
+    with pytest.raises(UnsupportedShape, match="scale the mesh"):
         form(method, rod().with_vertices(rod().vertices * 1e200))
 
 

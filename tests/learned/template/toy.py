@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import torch
 import trimesh
 
 from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import StreamedData, Surfaces
 from learned.template.configuration import PLAIN
-from learned.template.distances import rays_around
-from learned.template.frame import centred
-from learned.template.samples import Shapes
 from tests.learned.streamed.toy import Ellipsoids, bent
 from tests.learned.toy import toy_data
 
@@ -74,9 +69,3 @@ def rods(make: Rods | None = None) -> StreamedData:
         surfaces=(make or Rods()).surfaces,
         validation_surfaces=Rods().surfaces,
     )
-
-
-def shapes_of(meshes: Sequence[Mesh], count: int) -> Shapes:
-    """Rays around some surfaces."""
-    rays = [vars(rays_around(centred(mesh), count)) for mesh in meshes]
-    return Shapes(*(torch.from_numpy(np.stack([each[name] for each in rays])) for name in rays[0]))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from learned.field.frame import frame_of
+from learned.frame import centred, frame_of, of_unit_area
 from tests.geometry.surfaces import limbed_body, relabelled
 
 BODY = limbed_body()
@@ -28,7 +28,7 @@ def symmetric_shapes() -> dict[str, Mesh]:
 
 
 def inside(mesh: Mesh) -> np.ndarray:
-    return frame_of(mesh).coordinates(mesh.vertices)
+    return frame_of(mesh).seen(mesh).vertices
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -40,7 +40,9 @@ def test_motions_and_sizes_leave_no_trace(seed):
 
 
 def test_numbering_and_division_leave_no_trace():
-    assert np.abs(frame_of(relabelled(BODY, 3)[0]).axes - frame_of(BODY).axes).max() < 1e-9
+    other, new = relabelled(BODY, 3)
+    other = Mesh(other.vertices, np.roll(other.faces[::-1], 1, axis=1))
+    assert np.abs(inside(other)[new] - inside(BODY)).max() < 1e-9
     fine = trimesh.Trimesh(BODY.vertices, BODY.faces, process=False).subdivide()
     frame = frame_of(Mesh(fine.vertices, fine.faces))
     assert np.abs(frame.axes - frame_of(BODY).axes).max() < 1e-9
@@ -53,9 +55,25 @@ def test_a_symmetric_shape_has_a_proper_frame_and_lies_at_the_origin(name):
     frame = frame_of(mesh)
     assert np.linalg.det(frame.axes) == pytest.approx(1)
     assert frame.axes @ frame.axes.T == pytest.approx(np.eye(3), abs=1e-12)
-    again = mesh.with_vertices(frame.coordinates(mesh.vertices))
-    assert again.area == pytest.approx(1)
-    assert again.face_areas @ again.vertices[again.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert_centred(frame.seen(mesh))
+
+
+def assert_centred(mesh: Mesh) -> None:
+    assert mesh.area == pytest.approx(1)
+    assert mesh.face_areas @ mesh.vertices[mesh.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_box_stands_along_its_edges_the_longest_first():
+    box = trimesh.creation.box((1, 3, 2))
+    axes = frame_of(Mesh(np.add(box.vertices, 5), box.faces)).axes
+    assert np.abs(axes) == pytest.approx(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), abs=1e-9)
+
+
+def test_what_is_centred_is_moved_and_scaled_but_not_turned():
+    found = centred(BODY.with_vertices(7 * BODY.vertices + [3, -1, 2]))
+    assert_centred(found)
+    edges, before = (np.diff(mesh.vertices[mesh.faces[:, :2]], axis=1) for mesh in (found, BODY))
+    assert np.abs(edges - before / BODY.area**0.5).max() < 1e-12
 
 
 def test_a_mirrored_shape_is_another_one():
@@ -89,7 +107,19 @@ def test_training_turns_a_frame_a_little_and_flips_it_where_it_nearly_ties():
 
 def test_what_has_no_frame_is_refused():
     flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    with pytest.raises(UnsupportedShape, match="no area"):
-        frame_of(flat)
-    with np.errstate(all="ignore"), pytest.raises(UnsupportedShape, match="scale the mesh"):
-        frame_of(BODY.with_vertices(BODY.vertices * 1e160))
+    cloud = Mesh(BODY.vertices, np.empty((0, 3), dtype=np.int32))
+    infinite = BODY.with_vertices(BODY.vertices * 1e160)
+    for place in (frame_of, centred):
+        for mesh in (flat, cloud):
+            with pytest.raises(UnsupportedShape, match="no area"):
+                place(mesh)
+        with np.errstate(all="ignore"), pytest.raises(UnsupportedShape, match="scale the mesh"):
+            place(infinite)
+
+
+def test_what_a_network_makes_is_scaled_or_refused():
+    found = BODY.with_vertices(of_unit_area(BODY, 3 * BODY.vertices))
+    assert found.area == pytest.approx(1)
+    for vertices in (np.zeros_like(BODY.vertices), np.full_like(BODY.vertices, np.nan)):
+        with pytest.raises(UnsupportedShape, match="leaves no surface"):
+            of_unit_area(BODY, vertices)

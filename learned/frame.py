@@ -1,4 +1,4 @@
-"""A frame that belongs to a surface: its pose in space and its size are of no account in it."""
+"""Where a surface lies, which way it stands and how large it is: what a network of surfaces is told nothing of."""
 
 from __future__ import annotations
 
@@ -44,13 +44,21 @@ class Frame:
     axes: FloatArray
     unit: float
 
-    def coordinates(self, points: Points) -> Points:
-        """Return points of space, shape (n, 3), in this frame."""
-        return np.asarray((points - self.origin) @ self.axes.T / self.unit)
+    def seen(self, mesh: Mesh) -> Mesh:
+        """Return a surface of space in this frame."""
+        return mesh.with_vertices((mesh.vertices - self.origin) @ self.axes.T / self.unit)
 
-    def directions(self, vectors: Points) -> Points:
-        """Return directions of space, shape (n, 3), in this frame."""
-        return np.asarray(vectors @ self.axes.T)
+
+def centred(mesh: Mesh) -> Mesh:
+    """The surface with its centroid at the origin and unit area; how it stands and faces stays.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the surface has no area, or coordinates so large that it is infinite.
+    """
+    _, origin, unit = _spread(mesh)
+    return mesh.with_vertices((mesh.vertices - origin) / unit)
 
 
 def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
@@ -74,23 +82,14 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
     UnsupportedShape
         If the surface has no area, or coordinates so large that it is infinite.
     """
-    corners = [mesh.vertices[mesh.faces[:, k]] for k in range(3)]
-    areas = mesh.face_areas
-    total = float(areas.sum())
-    if not np.isfinite(total):
-        raise UnsupportedShape("the coordinates are too large to compute with", "scale the mesh")
-    if not total > 0:
-        raise UnsupportedShape("the mesh has no area", "pass a surface with at least one proper triangle")
-    unit = total**0.5
-    areas = areas / total
-    origin = areas @ (corners[0] + corners[1] + corners[2]) / 3
-    corners = [(each - origin) / unit for each in corners]
-    covariance = _covariance(corners, areas)
+    shares, origin, unit = _spread(mesh)
+    corners = [(mesh.vertices[mesh.faces[:, k]] - origin) / unit for k in range(3)]
+    covariance = _covariance(corners, shares)
     if random is not None:
         noise = random.normal(scale=SECOND_DISTURBANCE * np.trace(covariance), size=(3, 3))
         covariance = covariance + (noise + noise.T) / 2
     axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
-    skewness = _skewness([each @ axes.T for each in corners], areas)
+    skewness = _skewness([each @ axes.T for each in corners], shares)
     if random is not None:
         skewness = skewness + random.normal(scale=THIRD_DISTURBANCE, size=3)
     axes[skewness < 0] *= -1
@@ -99,6 +98,35 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
     if random is not None:
         axes = _tilt(random) @ axes
     return Frame(origin, axes, unit)
+
+
+def of_unit_area(mesh: Mesh, vertices: Points) -> Points:
+    """Where a network puts the vertices of a surface, shape (n, 3), scaled so that its area is 1.
+
+    Raises
+    ------
+    UnsupportedShape
+        If that is no surface.
+    """
+    area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
+    if not area > 0:
+        raise UnsupportedShape(
+            "the network leaves no surface of this shape", "pass one like those it was trained on, or train it longer"
+        )
+    return np.asarray(vertices / area**0.5)
+
+
+def _spread(mesh: Mesh) -> tuple[FloatArray, FloatArray, float]:
+    """Shares of the area of all triangles, shape (m,), the centroid, shape (3,), and the root of the area."""
+    areas = mesh.face_areas
+    total = float(areas.sum())
+    if not np.isfinite(total):
+        raise UnsupportedShape("the coordinates are too large to compute with", "scale the mesh")
+    if not total > 0:
+        raise UnsupportedShape("the mesh has no area", "pass a surface with at least one proper triangle")
+    shares = areas / total
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return shares, shares @ (a + b + c) / 3, total**0.5
 
 
 def _covariance(corners: Sequence[Points], areas: FloatArray) -> FloatArray:
