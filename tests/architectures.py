@@ -28,11 +28,11 @@ from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.varied_pairs import TRAINED  # noqa: E402
 from benchmark.streaming import MakesFresh  # noqa: E402
-from learned.steps import Plan  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
 from learned.streamed.model import form_of, predicted  # noqa: E402
 from learned.streamed.network import StreamedNetwork  # noqa: E402
 from learned.streamed.training import train_streamed  # noqa: E402
+from learned.training.steps import Plan  # noqa: E402
 from learned.weights import n_parameters  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
 from tests.learning_curve import ranked  # noqa: E402

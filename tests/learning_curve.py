@@ -27,13 +27,13 @@ from benchmark.jobs.training_pairs import training_data  # noqa: E402
 from benchmark.protocols.trainings import TRAININGS, fold_name, with_validation  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
 from learned.images import enlarge  # noqa: E402
-from learned.measures import measures  # noqa: E402
 from learned.paired.configuration import LITERAL  # noqa: E402
 from learned.paired.model import predict  # noqa: E402
 from learned.paired.pairs import Pairs, gather  # noqa: E402
 from learned.paired.schedule import Schedule  # noqa: E402
 from learned.paired.training import train  # noqa: E402
 from learned.surface import surface_behind  # noqa: E402
+from learned.training.measures import measures  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
 

@@ -14,8 +14,8 @@ from learned.field.configuration import Field, field_named
 from learned.field.model import load_field
 from learned.field.network import FieldNetwork
 from learned.field.training import FieldPlan, train_field
-from learned.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
-from learned.steps import Trained
+from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
+from learned.training.steps import Trained
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Field, FieldPlan, MachineWithWorkers]:
@@ -40,7 +40,7 @@ def fit(
     options: Mapping[str, Any],
     say: Callable[[str], None],
 ) -> None:
-    """Train a model into a folder; see :meth:`learned.fitting.Fitting.into`.
+    """Train a model into a folder; see :meth:`learned.training.fitting.Fitting.into`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.fitting.MachineWithWorkers`.
+        Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.training.fitting.MachineWithWorkers`.
     say
         Told about progress.
 

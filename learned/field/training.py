@@ -16,7 +16,7 @@ from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field
 from learned.field.losses import NAMES, losses, weighted
 from learned.field.network import FieldNetwork, Unbent, build_field
-from learned.steps import Plan, Steps, Trained, fresh_bodies
+from learned.training.steps import Plan, Steps, Trained, fresh_bodies
 
 LOOKED_AT = 16
 """Validation bodies that are looked at."""
@@ -24,7 +24,7 @@ LOOKED_AT = 16
 
 @dataclass(frozen=True, kw_only=True)
 class FieldPlan(Plan):
-    """How a field is trained; see :class:`learned.steps.Plan`."""
+    """How a field is trained; see :class:`learned.training.steps.Plan`."""
 
     steps: Annotated[int, Interval(1)] = 12_000
     bodies: Annotated[int, Interval(2)] = 8
@@ -44,7 +44,7 @@ def train_field(
     workers: int,
     say: Callable[[str], None],
 ) -> Trained[FieldNetwork]:
-    """Train a field, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
+    """Train a field, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
 
     Parameters
     ----------

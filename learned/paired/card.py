@@ -41,7 +41,7 @@ class Network:
 
 
 def network_of(card: Mapping[str, Any], folder: Path) -> Network:
-    """What a card says of its network, after checking every field that :func:`learned.saving.save_model` writes.
+    """What a card says of its network, after checking every field that :func:`learned.paired.saving.save_model` writes.
 
     A field more or less is an error, for nobody knows what a card of another version means.
 

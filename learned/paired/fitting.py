@@ -10,10 +10,6 @@ import numpy as np
 import torch
 
 from benchmark.learning import CARD, TrainingData
-from learned.arithmetic import device_named
-from learned.checkpoint import CHECKPOINT
-from learned.machine import Machine, machine_among
-from learned.measures import measures
 from learned.paired import pictures
 from learned.paired.configuration import Configuration
 from learned.paired.configuration import configuration as configuration_named
@@ -23,7 +19,11 @@ from learned.paired.pairs import gather
 from learned.paired.saving import save_model
 from learned.paired.schedule import Schedule, schedule
 from learned.paired.training import check_resolution, train
-from learned.saving import check_finished
+from learned.training.arithmetic import device_named
+from learned.training.checkpoint import CHECKPOINT
+from learned.training.machine import Machine, machine_among
+from learned.training.measures import measures
+from learned.training.saving import check_finished
 from learned.weights import as_stored
 
 SAMPLES = 60
@@ -66,7 +66,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.paired.schedule.Schedule` and of :class:`learned.machine.Machine`.
+        Fields of :class:`learned.paired.schedule.Schedule` and of :class:`learned.training.machine.Machine`.
     say
         Told about progress.
 

@@ -16,8 +16,8 @@ import torch
 
 from benchmark.learning import TrainingData
 from benchmark.system.fingerprints import fingerprint
-from learned.checkpoint import write
 from learned.paired.pairs import Pairs, gather, joined
+from learned.training.checkpoint import write
 
 RUN = 512
 """Pairs in a file: what an interruption costs at most, a few seconds; fewer than that are gathered without a file."""

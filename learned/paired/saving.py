@@ -14,7 +14,7 @@ from benchmark.learning import TrainingData
 from learned.paired.configuration import Configuration
 from learned.paired.schedule import Schedule
 from learned.paired.training import Result
-from learned.saving import hardware, write_model
+from learned.training.saving import hardware, write_model
 from learned.weights import n_parameters, stored
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from benchmark.contracts import Interval
 from benchmark.parameters.values import checked
-from learned.arithmetic import Precision
+from learned.training.arithmetic import Precision
 
 DepthLoss = Literal["all", "masked"]
 

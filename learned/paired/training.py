@@ -14,14 +14,14 @@ from torch import Tensor, nn
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import SIZE
-from learned import checkpoint
-from learned.arithmetic import has_bfloat16, keep_freed_memory
-from learned.checkpoint import Progress
-from learned.measures import measures
 from learned.paired.configuration import Configuration
 from learned.paired.network import RESOLUTIONS, build
 from learned.paired.pairs import Pairs
 from learned.paired.schedule import Schedule, losses, step_size
+from learned.training import checkpoint
+from learned.training.arithmetic import has_bfloat16, keep_freed_memory
+from learned.training.checkpoint import Progress
+from learned.training.measures import measures
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints: what a crash costs at most, besides the epoch that runs."""

@@ -10,12 +10,12 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import TrainingData
-from learned.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
-from learned.steps import Plan, Trained
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
 from learned.streamed.training import train_streamed
+from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
+from learned.training.steps import Plan, Trained
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, MachineWithWorkers]:
@@ -43,7 +43,7 @@ def fit(
     options: Mapping[str, Any],
     say: Callable[[str], None],
 ) -> None:
-    """Train a model into a folder; see :meth:`learned.fitting.Fitting.into`.
+    """Train a model into a folder; see :meth:`learned.training.fitting.Fitting.into`.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.steps.Plan` and of :class:`learned.fitting.MachineWithWorkers`.
+        Fields of :class:`learned.training.steps.Plan` and of :class:`learned.training.fitting.MachineWithWorkers`.
     say
         Told about progress.
 

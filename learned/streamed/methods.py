@@ -51,7 +51,7 @@ class StreamedLearner(DepthImageLearner):
         return f"streamed-{self.configuration}-seed{self.training_seed}"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train the model; see :class:`learned.steps.Plan`."""
+        """Train the model; see :class:`learned.training.steps.Plan`."""
         from learned.streamed.fitting import fit
 
         fit(self.configuration, self.training_seed, data, folder, options, say)

@@ -11,12 +11,12 @@ import torch
 from torch import Tensor
 
 from benchmark.streaming import MakesFresh
-from learned.measures import measures
-from learned.steps import Plan, Steps, Trained, fresh_bodies
 from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
 from learned.streamed.network import StreamedNetwork, build_streamed
+from learned.training.measures import measures
+from learned.training.steps import Plan, Steps, Trained, fresh_bodies
 
 LOOKED_AT = 32
 """Validation bodies that are looked at."""
@@ -35,7 +35,7 @@ def train_streamed(
     workers: int,
     say: Callable[[str], None],
 ) -> Trained[StreamedNetwork]:
-    """Train a network, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
+    """Train a network, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
 
     Parameters
     ----------

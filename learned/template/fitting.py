@@ -12,14 +12,14 @@ import torch
 from benchmark.errors import ConfigurationError
 from benchmark.learning import TrainingData
 from benchmark.parameters.values import checked
-from learned.fitting import Fitting, stream_of
-from learned.machine import Machine, machine_among
-from learned.steps import Trained
 from learned.template.configuration import Template, template
 from learned.template.model import load_template
 from learned.template.network import TemplateNetwork
 from learned.template.samples import SAMPLES, TOGETHER, collected
 from learned.template.training import TemplatePlan, train_template
+from learned.training.fitting import Fitting, stream_of
+from learned.training.machine import Machine, machine_among
+from learned.training.steps import Trained
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Template, TemplatePlan, Machine]:
@@ -47,7 +47,7 @@ def fit(
     options: Mapping[str, Any],
     say: Callable[[str], None],
 ) -> None:
-    """Train a model into a folder; see :meth:`learned.fitting.Fitting.into`. The codes of the shapes are not kept.
+    """Train a model into a folder, without the codes; see :meth:`learned.training.fitting.Fitting.into`.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.template.training.TemplatePlan` and of :class:`learned.machine.Machine`.
+        Fields of :class:`learned.template.training.TemplatePlan` and of :class:`learned.training.machine.Machine`.
     say
         Told about progress.
 

@@ -17,9 +17,9 @@ from torch import Tensor
 from benchmark.errors import BenchmarkError, TrainingError, one_line
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import MakesSurfaces
-from learned.checkpoint import training_code, write
 from learned.frame import centred
 from learned.template.distances import rays_around
+from learned.training.checkpoint import training_code, write
 
 KEPT = 8192
 """Rays that are kept of each shape."""

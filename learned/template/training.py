@@ -11,13 +11,13 @@ import torch
 from torch import Tensor
 
 from benchmark.contracts import Interval
-from learned.arithmetic import Precision
-from learned.steps import Plan, Steps, Trained
 from learned.template.configuration import Template
 from learned.template.losses import NAMES, losses, weighted
 from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder
 from learned.template.samples import DrawsPoints, PointBatch, Shapes
 from learned.template.search import descended
+from learned.training.arithmetic import Precision
+from learned.training.steps import Plan, Steps, Trained
 
 LOOKED_AT = 4
 """Validation bodies that are looked at."""
@@ -28,7 +28,7 @@ LOOK_RAYS, LOOK_STEPS = 256, 60
 
 @dataclass(frozen=True, kw_only=True)
 class TemplatePlan(Plan):
-    """How a template is trained; see :class:`learned.steps.Plan`. Its ``bodies`` are the shapes of a step."""
+    """How a template is trained; see :class:`learned.training.steps.Plan`. Its ``bodies`` are the shapes of a step."""
 
     steps: Annotated[int, Interval(1)] = 20_000
     bodies: Annotated[int, Interval(2)] = 8
@@ -48,7 +48,7 @@ def train_template(
     device: torch.device,
     say: Callable[[str], None],
 ) -> Trained[TemplateNetwork]:
-    """Train a template, going on from the checkpoint in ``folder`` if there is one; see :class:`learned.steps.Steps`.
+    """Train a template, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ import torch
 from torch import nn
 
 from benchmark.errors import TrainingError
-from learned import checkpoint
-from learned.checkpoint import CHECKPOINT, Progress, keep, resume, training_code, write
+from learned.training import checkpoint
+from learned.training.checkpoint import CHECKPOINT, Progress, keep, resume, training_code, write
 from tests.learned.toy import files
 
 LOOP = "learned.paired.training"
@@ -125,7 +125,9 @@ def test_a_checkpoint_that_does_not_tell_its_code_is_refused(tmp_path: Path, mon
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint, "training_code", lambda loop: {})
         keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
-    with pytest.raises(TrainingError, match="by other code: .*learned.checkpoint, .*learned.paired.training changed"):
+    with pytest.raises(
+        TrainingError, match="by other code: .*learned.paired.training, .*learned.training.checkpoint, .*changed"
+    ):
         resume(tmp_path, *stepped(0), RECIPE, LOOP)
 
 

@@ -6,42 +6,48 @@ from pathlib import Path
 
 import learned
 from benchmark.system.fingerprints import fingerprint
-from learned.checkpoint import training_code
+from learned.training.checkpoint import training_code
 
 PACKAGE = Path(learned.__file__).parent
-PAIRED_ROOM = PACKAGE / "paired"
+ROOMS = {"field", "paired", "streamed", "template", "training"}
 LOOP = "learned.paired.training"
 
 #: What makes forms of a model, and what only trains one.
 SHARED = {"images", "learner", "surface", "weights"}
-SHARED_IN_TRAINING = {"arithmetic", "checkpoint", "machine", "measures", "saving"}
+SHARED_IN_TRAINING = {f"training.{name}" for name in ("arithmetic", "checkpoint", "machine", "measures", "saving")}
 PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network", "prediction")}
 PAIRED_IN_TRAINING = {
     f"paired.{name}" for name in ("fitting", "gathering", "pairs", "pictures", "saving", "schedule", "training")
 }
 FORMS, TRAINING = SHARED | PAIRED, SHARED_IN_TRAINING | PAIRED_IN_TRAINING
-#: Of trainings over a stream.
-STREAMS = {"described", "fitting", "steps", "stream"}
-#: Of networks that are given surfaces.
-SURFACES = {"frame"}
+#: What networks that are given surfaces or a stream of bodies share.
+OTHERS = {"described", "frame"} | {f"training.{name}" for name in ("fitting", "steps", "stream")}
 
 
 def of_package(names: object) -> set[str]:
     """Modules below the package, without the packages themselves."""
     found = {str(name).partition(".")[2] for name in names if str(name).startswith("learned.")}
-    return found - {"field", "paired", "streamed"}
+    return found - ROOMS
+
+
+def below(room: str) -> set[str]:
+    """Modules that lie in a room."""
+    prefix = f"{room}." if room else ""
+    return {f"{prefix}{path.stem}" for path in (PACKAGE / room).glob("*.py")} - {f"{prefix}__init__"}
 
 
 def test_forms_need_nothing_that_only_trains() -> None:
     assert of_package(fingerprint("learned.paired.methods", without=("train", "check_options")).code) == FORMS
     assert of_package(fingerprint("learned.paired.methods").code) == FORMS | TRAINING
-    shared, paired = ({path.stem for path in folder.glob("*.py")} - {"__init__"} for folder in (PACKAGE, PAIRED_ROOM))
-    assert shared == SHARED | SHARED_IN_TRAINING | STREAMS | SURFACES
-    assert {f"paired.{name}" for name in paired} == PAIRED | PAIRED_IN_TRAINING
+    assert below("") | below("training") == SHARED | SHARED_IN_TRAINING | OTHERS
+    assert below("paired") == PAIRED | PAIRED_IN_TRAINING
 
 
 def test_a_checkpoint_tells_all_that_the_training_loop_imports_but_what_the_recipe_tells() -> None:
     told = of_package(training_code(LOOP))
-    assert {"checkpoint", "images", "paired.network", "paired.pairs", "paired.schedule", "paired.training"} <= told
+    expected = {"training.checkpoint", "images"} | {
+        f"paired.{name}" for name in ("network", "pairs", "schedule", "training")
+    }
+    assert expected <= told
     assert not told & {f"paired.{name}" for name in ("configuration", "pictures", "saving", "fitting", "methods")}
     assert "benchmark.geometry.depth" in training_code(LOOP)

@@ -15,7 +15,6 @@ from typing import Any
 
 import torch
 
-from learned.arithmetic import Precision
 from learned.images import enlarge, shrink
 from learned.paired.configuration import LITERAL
 from learned.paired.model import predict
@@ -23,6 +22,7 @@ from learned.paired.network import build
 from learned.paired.pairs import Pairs
 from learned.paired.schedule import Schedule, losses
 from learned.paired.training import train
+from learned.training.arithmetic import Precision
 from tests.learned.toy import person
 from tests.speed._timing import least_seconds, processor_seconds, row
 

@@ -18,11 +18,11 @@ from benchmark.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.methods import registry
 from benchmark.methods.conformance.checks import OF_THE_ANSWER
 from benchmark.methods.conformance.trial import Trial
-from learned import steps
-from learned.checkpoint import CHECKPOINT
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
+from learned.training import steps
+from learned.training.checkpoint import CHECKPOINT
 from tests.geometry.surfaces import flat_grid, limbed_body
 from tests.learned.field.toy import OPTIONS, TOY, bent_spheroid
 from tests.learned.streamed.toy import Ellipsoids, toy_stream

@@ -17,12 +17,12 @@ from PIL import Image
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
-from learned.measures import measures
 from learned.paired.fitting import fit
 from learned.paired.model import load_model, predict
 from learned.paired.network import build
 from learned.paired.pairs import gather
-from learned.saving import HISTORY
+from learned.training.measures import measures
+from learned.training.saving import HISTORY
 from learned.weights import n_parameters
 from tests.learned.toy import BENDS, BUILDS, OPTIONS, TINY, files, quiet, toy_data
 

@@ -16,9 +16,6 @@ from torch import Tensor
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS
-from learned.arithmetic import device_named
-from learned.checkpoint import CHECKPOINT
-from learned.measures import measures
 from learned.paired import training
 from learned.paired.configuration import LITERAL, Configuration, configuration
 from learned.paired.fitting import fit
@@ -26,7 +23,10 @@ from learned.paired.network import ProgressiveNetwork
 from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule
 from learned.paired.training import Result, train
-from learned.saving import HISTORY
+from learned.training.arithmetic import device_named
+from learned.training.checkpoint import CHECKPOINT
+from learned.training.measures import measures
+from learned.training.saving import HISTORY
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
 
 CPU = torch.device("cpu")

@@ -19,13 +19,13 @@ from benchmark.contracts import Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import back_project
 from benchmark.learning import CARD, WEIGHTS, Learner, read_card
-from learned import steps
-from learned.checkpoint import CHECKPOINT
-from learned.stream import batches
 from learned.streamed import configuration, fitting, training
 from learned.streamed.fitting import fit
 from learned.streamed.images import MakesImages
 from learned.streamed.methods import StreamedLearner
+from learned.training import steps
+from learned.training.checkpoint import CHECKPOINT
+from learned.training.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
 from tests.learned.toy import files, quiet, toy_data
 
@@ -109,7 +109,7 @@ def test_batches_come_in_order_and_show_no_body_twice() -> None:
 def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path, finished: Path) -> None:
     program = (
         "import sys; from pathlib import Path\n"
-        "from learned import steps\n"
+        "from learned.training import steps\n"
         "from learned.streamed import configuration, training\n"
         "from learned.streamed.fitting import fit\n"
         "from tests.learned.streamed.toy import TOY, toy_stream\n"

@@ -20,15 +20,15 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.learning import CARD, WEIGHTS, ChecksOptions, Learner
 from benchmark.methods.conformance.shapes import awkward
-from learned.checkpoint import Progress
-from learned.fitting import Fitting
-from learned.machine import Machine
-from learned.steps import Trained
 from learned.template import configuration, model, search
 from learned.template.methods import ImplicitTemplate
 from learned.template.network import build_auto_decoder
 from learned.template.search import Round
 from learned.template.training import TemplatePlan
+from learned.training.checkpoint import Progress
+from learned.training.fitting import Fitting
+from learned.training.machine import Machine
+from learned.training.steps import Trained
 from tests.geometry.surfaces import limbed_body, relabelled
 from tests.learned.template.toy import TOY, rod, rods
 from tests.learned.toy import quiet

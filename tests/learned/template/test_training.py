@@ -12,15 +12,15 @@ import torch
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS, read_card
-from learned import steps
-from learned.checkpoint import CHECKPOINT
-from learned.steps import Plan
 from learned.template import configuration, fitting, samples, training
 from learned.template.fitting import fit
 from learned.template.model import deformed
 from learned.template.network import TemplateNetwork
 from learned.template.samples import DrawsPoints, Shapes, collected
 from learned.template.training import train_template
+from learned.training import steps
+from learned.training.checkpoint import CHECKPOINT
+from learned.training.steps import Plan
 from tests.learned.template.toy import OPTIONS, TOY, Rods, rod, rods
 from tests.learned.toy import files, misfit, quiet, toy_data
 

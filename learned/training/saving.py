@@ -14,7 +14,7 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, WEIGHTS, read_card
-from learned.checkpoint import write
+from learned.training.checkpoint import write
 
 HISTORY = "history.csv"
 

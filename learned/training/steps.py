@@ -16,10 +16,10 @@ from torch import Tensor, nn
 
 from benchmark.contracts import Interval
 from benchmark.errors import TrainingError
-from learned import checkpoint
-from learned.arithmetic import Precision, has_bfloat16, keep_freed_memory
-from learned.checkpoint import Progress
-from learned.stream import Batch, batches
+from learned.training import checkpoint
+from learned.training.arithmetic import Precision, has_bfloat16, keep_freed_memory
+from learned.training.checkpoint import Progress
+from learned.training.stream import Batch, batches
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints: what a crash costs at most."""

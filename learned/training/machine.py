@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from benchmark.contracts import Interval
 from benchmark.parameters.values import checked
 from benchmark.threads import available_cores
-from learned.arithmetic import device_named
+from learned.training.arithmetic import device_named
 
 
 @dataclass(frozen=True, kw_only=True)
