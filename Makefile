@@ -93,7 +93,7 @@ figures: setup
 	$(BIN)/python -m benchmark report -o results/report
 	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.pdf $(POSES)
 	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.png $(POSES)
-	$(BIN)/python -m benchmark report -d tosca -m 'least-squares-mds[start=classic]' --of effect \
+	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
 	    --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
 	$(BIN)/python -m benchmark report -t III --of cost --figure results/figures/cost-table-III.pdf
 
