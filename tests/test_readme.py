@@ -14,6 +14,7 @@ from benchmark.cli.main import cli
 from benchmark.methods.conformance import check_target
 from benchmark.methods.registry import methods
 from benchmark.reference import paper
+from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 from tests.toy import write_rods
 
@@ -168,6 +169,14 @@ def test_nearly_all_classical_rows_of_the_synthetic_humans_are_higher_than_the_p
         for measure in PRINTED
     ]
     assert sum(higher) >= 0.9 * len(higher)
+
+
+def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can() -> None:
+    rows = [row for name, row in paper.rows("II").items() if name != "learned"]
+    chance = chance_levels([subject for subject in range(40) for _ in range(10)])
+    near = [abs(row.values["II"][measure] - chance[measure]) <= 0.05 for row in rows for measure in PRINTED]
+    assert f"within .05 of {sum(near)} of its {len(near)}" in README
+    assert all(row["NN"] < 0.1 for name, row in forms("II", "view").items() if name not in {"gps"} and "[" not in name)
 
 
 def test_the_network_is_ahead_of_every_classical_form_of_table_one():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.columns import BLANK, number
@@ -19,6 +20,7 @@ from benchmark.report.verdict.figures import (
     JudgedFigure,
     Verdict,
     is_learned,
+    is_near,
     judged_figures,
     mean_distance,
     paper_tables,
@@ -51,7 +53,8 @@ def verdict_markdown(tables: Sequence[TableContent]) -> str:
         "**Its claims.**",
         claims(judged_claims(contents)),
         _tests(),
-        "**Which input comes nearer?** Mean absolute difference to the paper's classical rows.",
+        "**Which input comes nearer?** Mean absolute difference to the paper's classical rows, and of the chance level "
+        "of our gallery to them: what a random order would reproduce, too, tells little.",
         inputs(figures),
     ]
     for numeral in NUMERALS:
@@ -91,15 +94,22 @@ def claims(judged: Sequence[JudgedClaim]) -> str:
 
 
 def inputs(figures: Sequence[JudgedFigure]) -> str:
-    """How far our classical rows are from the paper's under each input, as a Markdown table."""
-    lines = [markdown_row(["Table", "input", "figures", "all measures", "without NN"]), markdown_rule(5, 2)]
+    """How far our classical rows under each input, and the chance level, are from the paper's, as a Markdown table."""
+    head = ["Table", "input", "figures", "all measures", "without NN", f"within {TOLERANCE:.2f}"]
+    lines = [markdown_row(head), markdown_rule(len(head), 2)]
+    classical = [each for each in figures if each.ours is not None and not is_learned(each.method)]
     for numeral in NUMERALS:
-        for input_ in INPUTS:
-            chosen = [each for each in figures if (each.table, each.input) == (numeral, input_)]
-            count = sum(each.ours is not None and not is_learned(each.method) for each in chosen)
+        of_table = [each for each in classical if each.table == numeral]
+        candidates: dict[str, list[JudgedFigure]] = {
+            input_: [each for each in of_table if each.input == input_] for input_ in INPUTS
+        }
+        longest = max(candidates.values(), key=len)
+        candidates |= {"chance level": [replace(each, ours=each.chance) for each in longest]}
+        for name, chosen in candidates.items():
             whole, rest = mean_distance(chosen), mean_distance(chosen, without_nn=True)
             if whole is not None and rest is not None:
-                lines.append(markdown_row([numeral, input_, str(count), f"{whole:.3f}", f"{rest:.3f}"]))
+                near = sum(each.ours is not None and is_near(each.paper, each.ours) for each in chosen)
+                lines.append(markdown_row([numeral, name, str(len(chosen)), f"{whole:.3f}", f"{rest:.3f}", str(near)]))
     return "\n".join(lines)
 
 

@@ -53,6 +53,8 @@ class JudgedFigure:
         As printed.
     ours
         None where there is none.
+    chance
+        What a random order would score in our gallery; None without a gallery.
     verdict
         What can be said.
     """
@@ -64,6 +66,7 @@ class JudgedFigure:
     measure: str
     paper: float
     ours: float | None
+    chance: float | None
     verdict: Verdict
 
 
@@ -116,7 +119,8 @@ def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iter
             verdict: Verdict = "not comparable"
             if found is not None and content is not None:
                 verdict = _verdict(told, found, others, content, ours[name])
-            yield JudgedFigure(numeral, name, printed.title, input_, measure, told, found, verdict)
+            chance = content.chance[measure] if content is not None else None
+            yield JudgedFigure(numeral, name, printed.title, input_, measure, told, found, chance, verdict)
 
 
 def _score(row: Row | None, input_: Input, measure: str) -> float | None:
@@ -127,13 +131,18 @@ def _score(row: Row | None, input_: Input, measure: str) -> float | None:
 def _verdict(
     told: float, found: float, others: Sequence[tuple[float, float]], content: TableContent, row: Row
 ) -> Verdict:
-    if abs(told - found) <= TOLERANCE + _SLACK:
+    if is_near(told, found):
         return "reproduced"
     if keeps_order(told, found, others):
         return "same order"
     if content.data["stand_in_for"]:
         return "other data"
     return "other training" if row.models else "unexplained"
+
+
+def is_near(told: float, found: float) -> bool:
+    """Whether a figure counts as reproduced."""
+    return abs(told - found) <= TOLERANCE + _SLACK
 
 
 def keeps_order(told: float, found: float, others: Sequence[tuple[float, float]]) -> bool:
