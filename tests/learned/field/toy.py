@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+import trimesh
+
 from benchmark.geometry.mesh import Mesh
+from benchmark.streaming import StreamedData, Surfaces
 from learned.field.configuration import PLAIN
-from tests.learned.streamed.toy import Ellipsoids
+from tests.learned.streamed.toy import Ellipsoids, bent
+from tests.learned.toy import toy_data
 
 TOY = replace(
     PLAIN,
@@ -37,3 +42,45 @@ def bent_spheroid(seed: int = 5) -> tuple[Mesh, Mesh]:
     """A spheroid that no training sees: as it is and bent."""
     made = Ellipsoids(seed=seed).surfaces(0, 1)
     return Mesh(made.canonical[0], made.faces), Mesh(made.posed[0, 0], made.faces)
+
+
+@dataclass(frozen=True)
+class Paddles:
+    """Makes paddles that are bent by up to two radians: no two directions of one look alike, unlike those of spheroids.
+
+    Parameters
+    ----------
+    seed
+        Of the series.
+    """
+
+    seed: int
+
+    def surfaces(self, number: int, bodies: int) -> Surfaces:
+        random = np.random.default_rng([self.seed, number])
+        sphere = trimesh.creation.icosphere(subdivisions=2)
+        canonical = np.stack([self._paddle(sphere.vertices, random) for _ in range(bodies)])
+        posed = np.stack([np.stack([bent(each, random.uniform(-2, 2)) for _ in range(2)]) for each in canonical])
+        names = tuple(f"paddle-{number}-{body}" for body in range(bodies))
+        return Surfaces(
+            identifiers=names, canonical=canonical, posed=posed, faces=sphere.faces.astype(np.int32), drawn_again={}
+        )
+
+    def _paddle(self, sphere: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """A long ellipsoid, thick above, hollow in front and leaning to one side."""
+        x, y, z = sphere.T
+        thickness, width, length = random.uniform([0.15, 0.3, 0.8], [0.2, 0.4, 1.0])
+        taper = 1 + 0.5 * z
+        return np.stack([thickness * x * taper + 0.15 * y * y, width * y * taper + 0.15 * z * z, length * z], axis=1)
+
+
+def paddles() -> StreamedData:
+    """The toy data with a stream of paddles."""
+    images = Ellipsoids()
+    return StreamedData(
+        **vars(toy_data()),
+        fresh=images,
+        validation=images,
+        surfaces=Paddles(0).surfaces,
+        validation_surfaces=Paddles(1).surfaces,
+    )
