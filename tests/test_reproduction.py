@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from decimal import ROUND_HALF_UP, Decimal
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from benchmark.reference import paper
+from benchmark.results import open_results
 from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
 HUNDREDTH = Decimal("0.01")
 
 
@@ -40,3 +47,40 @@ def test_second_tiers_of_cats_and_horses_alone_would_lie_below_chance() -> None:
     chance = chance_levels(["cat"] * 11 + ["horse"] * 8)["ST"]
     assert round(chance, 2) == 0.91
     assert all(row.values["III"]["ST"] < chance for row in paper.rows("III").values())
+
+
+@pytest.fixture(scope="module")
+def ablation() -> pd.DataFrame:
+    """Means over the folds, by method and seed of the training."""
+    records = open_results(ROOT / "results").records()
+    chosen = records.query(
+        "dataset == 'humans' and scorer == 'cm-bof' and status == 'ok' and gallery.str.contains('fold')"
+    )
+    names = chosen["method"].str.extract(r"^(learned(?:-without-[sl]rf)?)(?:\[training_seed=(\d)\])?$")
+    named = chosen.assign(network=names[0], training=names[1].fillna("0")).dropna(subset="network")
+    assert set(named.groupby(["network", "training"]).size()) == {3}
+    return named.groupby(["network", "training"])[list(PRINTED)].mean()
+
+
+WORDS = {
+    "learned": "whole",
+    "learned-without-srf": "without short-range features",
+    "learned-without-lrf": "without long-range features",
+}
+
+
+def test_the_scores_of_each_seed_are_those_of_the_records(ablation: pd.DataFrame) -> None:
+    printed = dict(re.findall(r"^\| (with[a-z -]+ \| \d|whole \| \d) \| (.*) \|$", PAGE, re.MULTILINE))
+    for (network, training), scores in ablation.iterrows():
+        cells = [f"{value:.2f}".lstrip("0") for value in scores]
+        assert printed.pop(f"{WORDS[network]} | {training}").split(" | ") == cells
+    assert not printed
+
+
+def test_either_seed_without_long_range_features_is_below_either_of_the_whole_network(ablation: pd.DataFrame) -> None:
+    assert (ablation.loc["learned-without-lrf"].max() < ablation.loc["learned"].min()).all()
+
+
+def test_what_short_range_features_bring_is_less_than_what_two_seeds_differ_by(ablation: pd.DataFrame) -> None:
+    whole, without = ablation.loc["learned"], ablation.loc["learned-without-srf"]
+    assert (whole.mean() - without.mean() < whole.max() - whole.min()).all()
