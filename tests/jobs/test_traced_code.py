@@ -21,10 +21,13 @@ from tests.toy import RADII, rod, write_off
 ROOT = Path(__file__).parents[2]
 
 #: Learners with a shipped model for the first generated humans; without one of their own they have no form.
-LEARNERS = {"learned": "learned[training=humans-fold-0]", "learned-wide-extra": "learned-wide-extra"}
+LEARNERS = {
+    "learned": "learned[training=humans-fold-0]",
+    "learned-without-srf": "learned-without-srf[training=humans-fold-0]",
+    "learned-without-lrf": "learned-without-lrf[training=humans-fold-0]",
+    "learned-wide-extra": "learned-wide-extra",
+}
 NOT_SHIPPED = {
-    "learned-without-srf",
-    "learned-without-lrf",
     "learned-strict",
     "learned-wide",
     "learned-streamed",

@@ -142,7 +142,7 @@ def test_what_a_killed_merge_left_is_swept_by_the_next_run(rods, tmp_path):
 
 
 def test_jobs_that_cannot_be_done_tell_their_environment_as_all_others_do(tmp_path):
-    selection = ("-t", "IV", "-m", "learned-without-srf", "--executor", "serial")
+    selection = ("-t", "I", "-m", "learned[training_seed=99]", "--input", "view", "--executor", "serial")
     assert CliRunner().invoke(cli, ["run", *selection, "--results", str(tmp_path)]).exit_code == 1
     made = [found["environments"] for found in Store.open(tmp_path).records if found["status"] == "unavailable"]
     assert made
