@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.methods.conformance import check_target
-from benchmark.methods.registry import methods
 from benchmark.reference import paper
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
+from tests.rows import is_form
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[1]
@@ -132,14 +132,10 @@ def shown() -> dict[tuple[str, str, str], dict[str, float]]:
 
 def forms(table: str, input_: str) -> dict[str, dict[str, float]]:
     """Scores of the canonical forms that need no training, by method."""
-    known = methods()
     return {
         method: row
         for (of_table, of_input, method), row in shown().items()
-        if (of_table, of_input) == (table, input_)
-        and known[method.partition("[")[0]].info.family != "control"
-        and not method.startswith("learned")
-        and hasattr(known[method.partition("[")[0]].create(), "canonicalise")
+        if (of_table, of_input) == (table, input_) and is_form(method)
     }
 
 

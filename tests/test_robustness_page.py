@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmark.methods.registry import methods
+from tests.rows import is_form
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "robustness.md").read_text(encoding="utf-8")
@@ -29,13 +29,7 @@ def halves(input_: str, points: Iterable[Point]) -> dict[tuple[str, str], float]
 
 def forms() -> list[Point]:
     """The points of canonical forms: no descriptors, no controls."""
-    known = methods()
-    return [
-        each
-        for each in CURVES
-        if (method := known[each["method"].partition("[")[0]]).info.family != "control"
-        and hasattr(method.create(), "canonicalise")
-    ]
+    return [each for each in CURVES if is_form(each["method"])]
 
 
 def test_only_forms_of_the_spectrum_fall_below_half_on_complete_surfaces_and_only_by_missing_parts() -> None:

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.methods.registry import methods
 from benchmark.reference.paper import PRINTED
+from tests.rows import is_form
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "scorer.md").read_text(encoding="utf-8")
@@ -52,13 +52,7 @@ def scores(table: str, input_: str) -> dict[str, dict[str, float]]:
     [("learned", "I", "view"), ("surface-area", "I", "mesh"), ("surface-area", "III", "mesh")],
 )
 def test_what_the_readme_says_of_two_rows_holds_by_the_other_scorer(winner: str, table: str, input_: str) -> None:
-    found, known = scores(table, input_), methods()
-    forms = [
-        name
-        for name in found
-        if (method := known[name.partition("[")[0]]).info.family != "control"
-        and not name.startswith("learned")
-        and hasattr(method.create(), "canonicalise")
-    ]
+    found = scores(table, input_)
+    forms = [name for name in found if is_form(name)]
     assert len(forms) >= 20
     assert all(found[winner][measure] > found[name][measure] for name in forms for measure in PRINTED)

@@ -11,8 +11,7 @@ import trimesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import StreamedData, Surfaces
 from learned.field.configuration import PLAIN
-from tests.learned.streamed.toy import Ellipsoids, bent
-from tests.learned.toy import toy_data
+from tests.learned.streamed.toy import Ellipsoids, bent, surface_stream
 
 TOY = replace(
     PLAIN,
@@ -76,11 +75,4 @@ class Paddles:
 
 def paddles() -> StreamedData:
     """The toy data with a stream of paddles."""
-    images = Ellipsoids()
-    return StreamedData(
-        **vars(toy_data()),
-        fresh=images,
-        validation=images,
-        surfaces=Paddles(0).surfaces,
-        validation_surfaces=Paddles(1).surfaces,
-    )
+    return surface_stream(Paddles(0).surfaces, Paddles(1).surfaces)

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from benchmark.errors import DatasetError
-from benchmark.streaming import Fresh, StreamedData, Surfaces
+from benchmark.streaming import Fresh, MakesSurfaces, StreamedData, Surfaces
 from learned.streamed.configuration import PLAIN, Streamed
 from tests.learned.toy import toy_data
 
@@ -89,12 +89,18 @@ def both(size: int, width: float, height: float, x: float = 0.0, y: float = 0.0)
 def toy_stream(make: Ellipsoids = Ellipsoids()) -> StreamedData:
     """The toy data with a stream."""
     validation = Ellipsoids(seed=1)
+    return replace(surface_stream(make.surfaces, validation.surfaces), fresh=make, validation=validation)
+
+
+def surface_stream(surfaces: MakesSurfaces, validation: MakesSurfaces) -> StreamedData:
+    """The toy data with a stream of other surfaces."""
+    images = Ellipsoids()
     return StreamedData(
         **vars(toy_data()),
-        fresh=make,
-        validation=validation,
-        surfaces=make.surfaces,
-        validation_surfaces=validation.surfaces,
+        fresh=images,
+        validation=images,
+        surfaces=surfaces,
+        validation_surfaces=validation,
     )
 
 

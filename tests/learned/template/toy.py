@@ -12,8 +12,7 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Mesh
 from benchmark.streaming import StreamedData, Surfaces
 from learned.template.configuration import PLAIN
-from tests.learned.streamed.toy import Ellipsoids, bent
-from tests.learned.toy import toy_data
+from tests.learned.streamed.toy import bent, surface_stream
 
 TOY = replace(
     PLAIN, name="toy", bodies=3, code_size=8, width=16, template_layers=2, deformation_layers=2, rays=16,
@@ -61,11 +60,4 @@ class Rods:
 
 def rods(make: Rods | None = None) -> StreamedData:
     """The toy data with a stream of rods."""
-    images = Ellipsoids()
-    return StreamedData(
-        **vars(toy_data()),
-        fresh=images,
-        validation=images,
-        surfaces=(make or Rods()).surfaces,
-        validation_surfaces=Rods().surfaces,
-    )
+    return surface_stream((make or Rods()).surfaces, Rods().surfaces)
