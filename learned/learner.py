@@ -13,7 +13,7 @@ from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, Matc
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import read_card
+from benchmark.learning import Split, read_card
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that torch takes."""
@@ -87,6 +87,23 @@ class TrainedMethod(CheckedParameters):
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
         return loaded
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamLearner(TrainedMethod):
+    """A network that is trained on a stream of fresh bodies; see :class:`TrainedMethod` for its parameters."""
+
+    kind: ClassVar[str]
+    """What its models are, as the first word of their names."""
+    split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-varied"
+
+    training: Annotated[str, Matches("[A-Za-z0-9-]+", "a name of letters, digits and hyphens")] = default_training
+
+    @property
+    def model_name(self) -> str:
+        """Kind, configuration and training seed."""
+        return f"{self.kind}-{self.configuration}-seed{self.training_seed}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import CanonicalForm, Interval, Matches, MethodInfo, OneOf, Shape
-from benchmark.learning import Split, TrainingData
+from benchmark.contracts import CanonicalForm, Interval, MethodInfo, OneOf, Shape
+from benchmark.learning import TrainingData
 from learned.field.configuration import FIELDS
-from learned.learner import TrainedMethod
+from learned.learner import StreamLearner
 
 MOST_ROUNDS = 100
 """Beyond this nothing moves that the scorer sees."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeformationField(TrainedMethod):
+class DeformationField(StreamLearner):
     """Every vertex where a network says that it lies in the canonical pose, with the detail of the input.
 
     A code of the whole surface and a position give the position in the canonical pose, as in the deformation fields of
@@ -49,18 +49,11 @@ class DeformationField(TrainedMethod):
         inputs=("mesh",),
         scale="invariant",
     )
-    split: ClassVar[Split] = "sampled"
-    default_training: ClassVar[str] = "humans-varied"
+    kind: ClassVar[str] = "field"
 
     configuration: Annotated[str, OneOf(FIELDS.keys())] = "plain"
-    training: Annotated[str, Matches("[A-Za-z0-9-]+", "a name of letters, digits and hyphens")] = default_training
     reach: Annotated[float, Interval(0, 10)] = 0.3
     rounds: Annotated[int, Interval(0, MOST_ROUNDS)] = 3
-
-    @property
-    def model_name(self) -> str:
-        """Configuration and training seed."""
-        return f"field-{self.configuration}-seed{self.training_seed}"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`learned.field.training.FieldPlan`."""

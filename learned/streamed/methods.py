@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import Matches, MethodInfo, OneOf
+from benchmark.contracts import MethodInfo, OneOf
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import Split, TrainingData
-from learned.learner import DepthImageLearner
+from benchmark.learning import TrainingData
+from learned.learner import DepthImageLearner, StreamLearner
 from learned.streamed.configuration import STREAMED
 
 
 @dataclass(frozen=True, kw_only=True)
-class StreamedLearner(DepthImageLearner):
+class StreamedLearner(StreamLearner, DepthImageLearner):
     """Depth image of the canonical pose from one code, by a network that was trained on fresh bodies without end.
 
     Parameters
@@ -39,16 +39,9 @@ class StreamedLearner(DepthImageLearner):
         inputs=("view",),
         scale="invariant",
     )
-    split: ClassVar[Split] = "sampled"
-    default_training: ClassVar[str] = "humans-varied"
+    kind: ClassVar[str] = "streamed"
 
     configuration: Annotated[str, OneOf(STREAMED.keys())] = "plain"
-    training: Annotated[str, Matches("[A-Za-z0-9-]+", "a name of letters, digits and hyphens")] = default_training
-
-    @property
-    def model_name(self) -> str:
-        """Configuration and training seed."""
-        return f"streamed-{self.configuration}-seed{self.training_seed}"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`learned.training.steps.Plan`."""

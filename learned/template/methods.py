@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import CanonicalForm, Matches, MethodInfo, OneOf, Shape
-from benchmark.learning import Split, TrainingData
-from learned.learner import TrainedMethod
+from benchmark.contracts import CanonicalForm, MethodInfo, OneOf, Shape
+from benchmark.learning import TrainingData
+from learned.learner import StreamLearner
 from learned.template.configuration import TEMPLATES
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImplicitTemplate(TrainedMethod):
+class ImplicitTemplate(StreamLearner):
     """Surface in the space of a learned template, into which the deformation field of its code moves each vertex.
 
     Parameters
@@ -37,16 +37,9 @@ class ImplicitTemplate(TrainedMethod):
         inputs=("mesh",),
         scale="invariant",
     )
-    split: ClassVar[Split] = "sampled"
-    default_training: ClassVar[str] = "humans-varied"
+    kind: ClassVar[str] = "template"
 
     configuration: Annotated[str, OneOf(TEMPLATES.keys())] = "plain"
-    training: Annotated[str, Matches("[A-Za-z0-9-]+", "a name of letters, digits and hyphens")] = default_training
-
-    @property
-    def model_name(self) -> str:
-        """Configuration and training seed."""
-        return f"template-{self.configuration}-seed{self.training_seed}"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`learned.template.training.TemplatePlan`."""
