@@ -170,8 +170,8 @@ TRAINING_SEEDS = (0, 1, 2)
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
-#: Methods that no model is shipped for, which have rows where they are asked for by name.
-WITHOUT_MODEL = frozenset({"learned-streamed", "deformation-field", "implicit-template"})
+#: Methods that no model is shipped for, or that take many seconds for a shape: rows where they are asked for by name.
+ONLY_NAMED = frozenset({"learned-streamed", "implicit-template"})
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
@@ -269,7 +269,7 @@ class Gallery:
         """Whether a method that was not asked for by name has a row in a table that is no ablation."""
         if self.table.robustness:
             return spec.base_name in ROBUSTNESS_ROWS
-        if spec.base_name in ONLY_ABLATED | WITHOUT_MODEL:
+        if spec.base_name in ONLY_ABLATED | ONLY_NAMED:
             return False
         try:
             if self.table.split_size and spec.learns:

@@ -53,7 +53,7 @@ class Template:
     """
 
     name: str
-    bodies: Annotated[int, Interval(1, 4096)] = 256
+    bodies: Annotated[int, Interval(1, 4096)] = 64
     code_size: Annotated[int, Interval(1, 1024)] = 128
     width: Annotated[int, Interval(8, 512)] = 128
     template_layers: Annotated[int, Interval(1, 8)] = 4

@@ -28,17 +28,25 @@ LOOK_RAYS, LOOK_STEPS = 256, 60
 
 @dataclass(frozen=True, kw_only=True)
 class TemplatePlan(Plan):
-    """How a template is trained; see :class:`learned.training.steps.Plan`. Its ``bodies`` are the shapes of a step."""
+    """How a template is trained; see :class:`learned.training.steps.Plan`. Its ``bodies`` are the shapes of a step.
 
-    steps: Annotated[int, Interval(1)] = 20_000
+    Parameters
+    ----------
+    code_rate
+        Step size of the codes as a multiple of that of the weights. A code learns only in the steps that its shape is
+        in; at the rate of the weights it stays where it began, and all shapes become one average.
+    """
+
+    steps: Annotated[int, Interval(1)] = 14_000
     bodies: Annotated[int, Interval(2)] = 8
-    learning_rate: Annotated[float, Interval(0, closed="neither")] = 5e-4
+    learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-4
+    code_rate: Annotated[float, Interval(0, closed="neither")] = 100.0
     precision: Precision = "float32"
 
 
 def train_template(
     configuration: Template,
-    plan: Plan,
+    plan: TemplatePlan,
     shapes: Shapes,
     validation: Shapes | None,
     folder: Path,
@@ -77,7 +85,8 @@ def train_template(
     network = build_auto_decoder(configuration, len(shapes), seed).to(device)
     teacher = _Teacher(network, configuration, device, validation)
     draws = DrawsPoints(shapes, plan.bodies, configuration.rays, seed)
-    progress, precision = Steps(network, teacher, draws, plan, folder, recipe, __name__, say).run(device, 0)
+    rates = {"codes": plan.code_rate}
+    progress, precision = Steps(network, teacher, draws, plan, folder, recipe, __name__, say, rates).run(device, 0)
     seen = {"bodies": configuration.bodies, "shapes": len(shapes)}
     return Trained(network.fields, progress, device.type, precision, seen)
 

@@ -6,7 +6,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Generic, Protocol, TypeVar
 
@@ -145,6 +145,8 @@ class Steps(Generic[B]):
         Module whose code, with all that it imports, determines the result.
     say
         Told about progress.
+    rates
+        Step sizes of some modules of the network, by name, as multiples of that of the plan.
     """
 
     network: nn.Module
@@ -155,6 +157,7 @@ class Steps(Generic[B]):
     recipe: Mapping[str, Any]
     loop: str
     say: Callable[[str], None]
+    rates: Mapping[str, float] = field(default_factory=dict)
 
     def run(self, device: torch.device, workers: int) -> tuple[Progress, str]:
         """Train, going on from the checkpoint in the folder if there is one.
@@ -179,7 +182,7 @@ class Steps(Generic[B]):
             If a batch cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then
             stands at the last step that was done.
         """
-        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.plan.learning_rate)
+        optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
         found = checkpoint.resume(self.folder, self.network, optimiser, self.recipe, self.loop)
         if found:
             self.say(f"going on after step {found.epoch} of {self.plan.steps}")
@@ -225,12 +228,19 @@ class Steps(Generic[B]):
             stream.close()
         return progress
 
+    def _groups(self) -> list[dict[str, Any]]:
+        """Parameters by the rate at which they learn."""
+        by_rate: dict[float, list[nn.Parameter]] = {}
+        for name, parameter in self.network.named_parameters():
+            by_rate.setdefault(self.rates.get(name.partition(".")[0], 1.0), []).append(parameter)
+        return [{"params": parameters, "rate": rate} for rate, parameters in by_rate.items()]
+
     def _keep(self, progress: Progress, optimiser: torch.optim.Adam) -> None:
         checkpoint.keep(self.folder, self.network, optimiser, progress, self.recipe, self.loop)
 
     def _step(self, batch: B, optimiser: torch.optim.Adam, half: bool) -> Tensor:
         for group in optimiser.param_groups:
-            group["lr"] = self.plan.step_size(batch.number)
+            group["lr"] = group["rate"] * self.plan.step_size(batch.number)
         self.network.train()
         found = self.teacher.losses(batch, half)
         optimiser.zero_grad()

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.learning import CARD, WEIGHTS, read_card
 from learned.template import configuration, fitting, samples, training
 from learned.template.fitting import fit
 from learned.template.model import deformed
-from learned.template.network import TemplateNetwork
+from learned.template.network import TemplateNetwork, build_auto_decoder
 from learned.template.samples import DrawsPoints, Shapes, collected
-from learned.template.training import train_template
+from learned.template.training import TemplatePlan, train_template
 from learned.training import steps
 from learned.training.checkpoint import CHECKPOINT
-from learned.training.steps import Plan
 from tests.learned.template.toy import OPTIONS, TOY, Rods, rod, rods
 from tests.learned.toy import files, misfit, quiet, toy_data
 
@@ -154,7 +154,7 @@ def test_distances_that_outlived_their_training_go(finished: Path) -> None:
 def test_one_shape_alone_is_its_own_template(tmp_path: Path) -> None:
     shapes = Shapes.around([rod(1.0)], 1024)
     chosen = replace(TOY, bodies=1, width=32, rays=32)
-    plan = Plan(steps=250, bodies=2, learning_rate=5e-3, warm_up=10, precision="float32")
+    plan = TemplatePlan(steps=250, bodies=2, learning_rate=5e-3, warm_up=10, code_rate=1.0)
     cpu = torch.device("cpu")
     network = train_template(chosen, plan, shapes, None, tmp_path, {}, seed=0, device=cpu, say=quiet).network
     share = torch.linspace(0, 1, 1024) ** 2
@@ -166,6 +166,28 @@ def test_one_shape_alone_is_its_own_template(tmp_path: Path) -> None:
     # The rod is .26 thick and 1.3 long where its area is 1.
     assert error < 0.01
     assert of_template < 0.02
+
+
+def test_codes_learn_at_a_rate_of_their_own(tmp_path: Path) -> None:
+    shapes = Shapes.around([rod(0.0), rod(1.0)], 256)
+    found = {}
+    for rate in (1.0, 100.0):
+        plan = TemplatePlan(steps=1, bodies=2, learning_rate=1e-4, warm_up=0, code_rate=rate)
+        folder = tmp_path / f"{rate:g}"
+        folder.mkdir()
+        train_template(replace(TOY, bodies=1), plan, shapes, None, folder, {}, seed=0, device=torch.device("cpu"),
+                       say=quiet)  # fmt: skip
+        with safe_open(str(folder / CHECKPOINT), "pt") as file:
+            found[rate] = {name: file.get_tensor(name) for name in file.keys() if name.startswith("weights.")}  # noqa: SIM118
+    first = build_auto_decoder(replace(TOY, bodies=1), 2, 0).state_dict()
+    for rate, weights in found.items():
+        # The first step of Adam is the step size, whatever the gradient.
+        moved = (weights["weights.codes.weight"] - first["codes.weight"]).abs().max()
+        assert float(moved) == pytest.approx(rate * 1e-4, rel=1e-2)
+        of_template = (
+            (weights["weights.fields.template.last.weight"] - first["fields.template.last.weight"]).abs().max()
+        )
+        assert float(of_template) == pytest.approx(1e-4, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -184,7 +206,7 @@ def unbent(tmp_path_factory: pytest.TempPathFactory) -> TemplateNetwork:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(samples, "KEPT", 1024)
         shapes = collected(Rods().surfaces, 8, None, "", quiet)
-    plan = Plan(steps=800, bodies=8, learning_rate=5e-3, warm_up=20, precision="float32")
+    plan = TemplatePlan(steps=800, bodies=8, learning_rate=5e-3, warm_up=20, code_rate=1.0)
     folder, cpu = tmp_path_factory.mktemp("rods"), torch.device("cpu")
     network = train_template(UNBENDING, plan, shapes, None, folder, {}, seed=0, device=cpu, say=quiet).network
     return network.double().requires_grad_(False)

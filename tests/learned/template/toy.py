@@ -19,7 +19,14 @@ TOY = replace(
     template_frequency=10.0, deformation_frequency=5.0,
 )  # fmt: skip
 
-OPTIONS: dict[str, Any] = {"steps": 12, "bodies": 4, "warm_up": 2, "learning_rate": 2e-3, "threads": 1}
+OPTIONS: dict[str, Any] = {
+    "steps": 12,
+    "bodies": 4,
+    "warm_up": 2,
+    "learning_rate": 2e-3,
+    "code_rate": 1.0,
+    "threads": 1,
+}
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
 

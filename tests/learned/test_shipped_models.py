@@ -5,21 +5,40 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from torch import nn
 
-from benchmark.datasets.humans import Humans
+from benchmark.datasets import human_subjects
+from benchmark.datasets.human_poses import POSES
+from benchmark.datasets.humans import CANONICAL_POSE, Humans, sample_human
+from benchmark.datasets.humans_scanlike import adults
+from benchmark.datasets.varied.bodies import clearance, varied_body
 from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.storage.store import Store
+from learned.field.model import load_field
 from learned.paired.methods import Learned
 from learned.paired.model import load_model
+from learned.streamed.model import load_streamed
+from learned.template.model import load_template
 from learned.weights import n_parameters
 
-ROOT = Path(__file__).parents[3]
-MEBIBYTES = 20
+ROOT = Path(__file__).parents[2]
+MEBIBYTES, ALL_MEBIBYTES = 20, 120
 SUBJECTS = list(dict.fromkeys(entry.subject for entry in Humans().entries))
+
+#: Networks of a model by what its card calls its configuration.
+LOADED: dict[str, Callable[[Path], nn.Module]] = {
+    "configuration": lambda folder: load_model(folder)[0],
+    "field": load_field,
+    "template": lambda folder: load_template(folder)[0],
+    "streamed": lambda folder: load_streamed(folder)[0],
+}
 
 Card = dict[str, Any]
 
@@ -39,21 +58,28 @@ def of_data(cards: dict[Path, Card], request: pytest.FixtureRequest) -> list[Car
 
 
 def test_every_model_is_the_one_that_its_card_describes(cards: dict[Path, Card]) -> None:
-    for folder in cards:
-        network, card = load_model(folder)
-        assert n_parameters(network) == card["parameters"]
+    for folder, card in cards.items():
+        for kind, load in LOADED.items():
+            if kind in card:
+                assert n_parameters(load(folder)) == card["parameters"]
+                break
+        else:
+            pytest.fail(f"{folder} holds a model of no kind")
 
 
 def test_every_folder_is_named_after_what_it_holds(cards: dict[Path, Card]) -> None:
     for folder, card in cards.items():
         assert folder.parent.name == card["data"]
-        assert folder.name == f"{card['configuration']['name']}-seed{card['seed']}"
+        kind = next(kind for kind in LOADED if kind in card)
+        prefix = "" if kind == "configuration" else f"{kind}-"
+        assert folder.name == f"{prefix}{card[kind]['name']}-seed{card['seed']}"
 
 
 def test_no_file_is_large(cards: dict[Path, Card]) -> None:
     for folder in cards:
         assert (folder / WEIGHTS).is_file()
         assert max(path.stat().st_size for path in folder.iterdir()) <= MEBIBYTES * 2**20
+    assert sum(path.stat().st_size for path in Learned.shipped_models.rglob("*")) <= ALL_MEBIBYTES * 2**20
 
 
 @pytest.mark.parametrize("of_data", ["humans-fold-[012]"], indirect=True)
@@ -68,6 +94,20 @@ def test_no_model_of_a_fold_has_seen_its_subjects(of_data: list[Card]) -> None:
         }
 
 
+@pytest.mark.parametrize("of_data", ["humans-strict-[012]-[0123]"], indirect=True)
+def test_no_strict_model_has_seen_its_subjects_or_its_poses(of_data: list[Card]) -> None:
+    assert len(of_data) == 12
+    for card in of_data:
+        fold, part = map(int, card["data"].split("-")[2:])
+        tested = {subject for place, subject in enumerate(SUBJECTS) if (place + place // 3) % 3 == fold}
+        poses = {pose for place, pose in enumerate(POSES) if place // 5 == part}
+        assert len(tested) == len(poses) == 5
+        shown = {each.identifier for each in Humans().entries if each.subject not in tested and each.pose not in poses}
+        taught = {f"{subject}_{CANONICAL_POSE}" for subject in SUBJECTS if subject not in tested}
+        assert set(card["identifiers"]) == shown | taught
+        assert card["pairs"] == len(shown)
+
+
 @pytest.mark.parametrize("of_data", ["(tosca|animals)-III.*"], indirect=True)
 def test_neither_cat_nor_horse_is_seen_by_a_model_of_table_3(of_data: list[Card]) -> None:
     for card in of_data:
@@ -80,6 +120,24 @@ def test_sampled_bodies_are_none_of_the_data_set(of_data: list[Card]) -> None:
     for card in of_data:
         assert not set(card["identifiers"]) & {entry.identifier for entry in Humans().entries}
         assert card["extra_data"]
+
+
+@pytest.mark.parametrize("of_data", ["humans-varied"], indirect=True)
+def test_streams_are_none_of_the_data_sets(of_data: list[Card]) -> None:
+    for card in of_data:
+        assert not set(card["subjects"]) & {*SUBJECTS, *adults()}
+        assert card["extra_data"]
+
+
+def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None:
+    """Names say little: what a body is lies in its phenotype. Neighbouring subjects of one set are .3 apart or more."""
+    tested = np.array([astuple(human_subjects.SUBJECTS[name]) for name in SUBJECTS])
+    between = np.linalg.norm(tested[:, None] - tested, axis=2)
+    assert between[~np.eye(len(tested), dtype=bool)].min() > 0.3, "a fold's subjects and those of its training"
+    sampled = np.array([astuple(sample_human(number, 0, 0)[0]) for number in range(1500)])
+    assert np.linalg.norm(sampled[:, None] - tested, axis=2).min() >= 0.25
+    drawn = [varied_body(np.random.default_rng([0, number, 0])).subject for number in range(1500)]
+    assert min(map(clearance, drawn)) >= 0.25, "of the real people's stand-in as well"
 
 
 @pytest.mark.slow

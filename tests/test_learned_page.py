@@ -1,0 +1,50 @@
+"""What docs/learned.md says of the learned rows is what the committed records and measurements say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from benchmark.reference.paper import PRINTED
+from benchmark.results import open_results
+from tests import field_detail, learning_curve, strict_training
+from tests.rows import is_form
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "learned.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def records() -> pd.DataFrame:
+    """Scored records by CM-BOF, the newest of each place."""
+    found = open_results(ROOT / "results").records()
+    found = found[(found["scorer"] == "cm-bof") & (found["status"] == "ok")].sort_values("finished")
+    return found.drop_duplicates(["gallery", "input", "method"], keep="last")
+
+
+@pytest.mark.parametrize(
+    ("table", "figures"),
+    [
+        (learning_curve.table, "learning-curve.json"),
+        (strict_training.table, "strict.json"),
+        (field_detail.table, "field-detail.json"),
+    ],
+)
+def test_tables_are_those_that_were_measured(table, figures: str) -> None:
+    found = json.loads((ROOT / "results" / figures).read_text(encoding="utf-8"))
+    assert len(found) > 1
+    rows = [line for line in table(found).splitlines() if not line.startswith(("|---", "| *chance*"))]
+    assert [line for line in rows if line not in PAGE] == []
+
+
+def test_our_row_is_above_every_form_of_a_view_in_each_fold(records: pd.DataFrame) -> None:
+    for fold in range(3):
+        rows = records[(records["gallery"] == f"humans fold {fold}") & (records["input"] == "view")]
+        ours = rows[rows["method"] == "learned"].iloc[0]
+        forms = rows[[is_form(name) for name in rows["method"]]]
+        assert len(forms) >= 20
+        assert all(ours[measure] > forms[measure].max() for measure in PRINTED)
+    assert "above every classical row of single views in each of the three folds" in PAGE
