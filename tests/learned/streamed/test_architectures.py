@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from benchmark.streaming import Fresh
-from tests import architectures
 from tests.learned.streamed.toy import Ellipsoids, toy
 from tests.learned.toy import quiet
+from tests.studies import architectures
 
 CHOSEN = [toy(name="toy"), toy(name="toy-two-sided", sides=2)]
 

@@ -1,4 +1,4 @@
-"""``python -m tests.worst_forms METHOD GALLERY... --input view -o FILE``: the forms by which retrieval failed most.
+"""``python -m tests.studies.worst_forms METHOD GALLERY... -o FILE``: the forms by which retrieval failed most.
 
 Of all shapes of the galleries those with the lowest DCG: the shape, its form, and the form that was found nearest.
 They are those of a finished run, which has the method and ``identity``.

@@ -1,4 +1,4 @@
-"""``python -m tests.learning_curve``: how much training the depth network needs; writes ``docs/learning-curve.png``.
+"""``python -m tests.studies.learning_curve``: how much training the network needs; writes ``docs/learning-curve.png``.
 
 Three of the ten training subjects of one fold are held back, by a rule that sees no score; the network trains on the
 other seven, and the forms of the three are ranked against each other at each mark. The step size never changes, so what

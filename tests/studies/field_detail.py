@@ -1,4 +1,4 @@
-"""``python -m tests.field_detail FOLDER``: how much detail a form of the deformation field takes from its input.
+"""``python -m tests.studies.field_detail FOLDER``: how much detail a form of the field takes from its input.
 
 The forms of validation bodies, which are a stream of their own, are ranked against each other for each ``reach`` and
 number of ``rounds``. No subject of any set that methods are tested on is looked at. Writes
@@ -29,7 +29,7 @@ from benchmark.streaming import Surfaces  # noqa: E402
 from learned.field.methods import DeformationField  # noqa: E402
 from learned.field.model import configuration_of as field_in  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
-from tests.learning_curve import ranked  # noqa: E402
+from tests.studies.learning_curve import ranked  # noqa: E402
 
 #: Seed of the bodies that are ranked, neither trained on nor looked at while training.
 RANKED = 2

@@ -1,4 +1,4 @@
-"""``python -m tests.architectures``: which streamed network earns its place; writes ``results/architectures.json``.
+"""``python -m tests.studies.architectures``: which network earns its place; writes ``results/architectures.json``.
 
 Each configuration is trained for an equal number of processor seconds, on the same stream of bodies, and its forms of
 validation bodies, which are another stream, are ranked against each other. No subject of any set that methods are
@@ -35,7 +35,7 @@ from learned.streamed.training import train_streamed  # noqa: E402
 from learned.training.steps import Plan  # noqa: E402
 from learned.weights import n_parameters  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
-from tests.learning_curve import ranked  # noqa: E402
+from tests.studies.learning_curve import ranked  # noqa: E402
 
 #: Seed of the bodies that are ranked, neither trained on nor looked at while training.
 RANKED = 2

@@ -1,4 +1,4 @@
-"""``python -m tests.strict_training``: why the strict row of Table IV is lower; writes ``results/strict.json``.
+"""``python -m tests.studies.strict_training``: why the strict row of Table IV is lower; writes ``results/strict.json``.
 
 The strict row differs from the row "Our" in two respects. No model has seen a pose that it is tested on; and the twenty
 forms of a subject come from four models, which differ as any two trainings do. What the second costs shows where half
@@ -25,7 +25,7 @@ from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS  # noqa: E402
 from benchmark.results import ResultsFolder, open_results  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
-from tests.learning_curve import ranked  # noqa: E402
+from tests.studies.learning_curve import ranked  # noqa: E402
 
 FIGURES = Path("results/strict.json")
 

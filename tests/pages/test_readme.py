@@ -18,7 +18,7 @@ from retrieval.measures import PRINTED
 from tests.rows import is_form
 from tests.toy import write_rods
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from benchmark.reference.paper import PRINTED
 from benchmark.results import open_results
-from tests import field_detail, learning_curve, strict_training
 from tests.rows import is_form
+from tests.studies import field_detail, learning_curve, strict_training
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "learned.md").read_text(encoding="utf-8")
 
 

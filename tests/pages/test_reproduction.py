@@ -14,7 +14,7 @@ from benchmark.results import open_results
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
 HUNDREDTH = Decimal("0.01")
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.rows import is_form
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "robustness.md").read_text(encoding="utf-8")
 CURVES = json.loads((ROOT / "results" / "tables" / "robustness.json").read_text(encoding="utf-8"))
 

@@ -13,7 +13,7 @@ from benchmark.cli.main import cli
 from benchmark.reference.paper import PRINTED
 from tests.rows import is_form
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "scorer.md").read_text(encoding="utf-8")
 
 
