@@ -8,18 +8,19 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
 
-from distributed import Client, Future
+from distributed import Client
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.jobs.cluster import station
+from benchmark.jobs.cluster.errand import LAST_WORDS, Errand, aside, wait_for
 from benchmark.jobs.cluster.letters import written, written_order
-from benchmark.jobs.crews import INTERVAL, LOST, CrewWorker, LocalCrew
+from benchmark.jobs.cluster.member import Member
+from benchmark.jobs.crews import INTERVAL, CrewWorker, LocalCrew
 from benchmark.jobs.orders import Order, Ranking, Task
 from benchmark.jobs.worker import Status
 from benchmark.storage.store import Store
@@ -30,62 +31,11 @@ from benchmark.threads import available_cores
 #: Seconds for the scheduler to answer at first, and to be back once it was lost.
 _CONNECTING, _GONE = 10.0, 10.0
 
-#: Seconds without a sign of life after which a worker that was at work counts as lost; it gives one every two seconds.
-SILENCE = 60.0
-
 #: Seconds that a worker may take to say what is installed there.
 _INSPECTION = 180.0
 
 #: Seconds to wait for the first worker, or for another one when all are lost.
 _NOBODY = 600.0
-
-#: Seconds for a worker that was stopped to write down where it was.
-_LAST_WORDS = 10.0
-
-
-@dataclass
-class _Member:
-    """A dask worker.
-
-    Parameters
-    ----------
-    address, host, threads
-        Where it is, and how many tasks it takes at a time.
-    asked
-        When it was asked what is there.
-    answer
-        What it answered; see :func:`benchmark.jobs.cluster.supervisor.inspect`.
-    seen
-        When the scheduler heard of it last, by the clock there.
-    given_up
-        ``seen`` when it was given up; it is trusted again when the scheduler hears of it once more.
-    models
-        Digests of the models that it has been sent.
-    anew
-        Whether it is to send again what it has made.
-    """
-
-    address: str
-    host: str
-    threads: int
-    asked: float
-    seen: float = 0.0
-    answer: dict[str, Any] | None = None
-    given_up: float | None = None
-    models: set[str] = field(default_factory=set)
-    anew: bool = False
-
-    @property
-    def problems(self) -> list[str]:
-        return list(self.answer["problems"]) if self.answer else []
-
-    @property
-    def is_ready(self) -> bool:
-        return self.answer is not None and not self.problems and self.given_up is None
-
-    @property
-    def shares_folder(self) -> bool:
-        return bool(self.answer and self.answer["shares_folder"])
 
 
 class DaskCrew:
@@ -116,10 +66,10 @@ class DaskCrew:
         self.run = f"canonical-forms-{secrets.token_hex(8)}"
         self.store = Store.open(orders[0].results)
         self._most = most
-        self._members: dict[str, _Member] = {}
+        self._members: dict[str, Member] = {}
         self._info: dict[str, Any] = {}
         self._heard: dict[str, tuple[float, Status]] = {}
-        self._running: list[_DaskWorker] = []
+        self._running: list[Errand] = []
         self._local = LocalCrew(available_cores(), self.store.progress)
         self._ranking: list[CrewWorker] = []
         self._proof = self.store.progress / f"{os.getpid()}-{self.run}"
@@ -153,8 +103,8 @@ class DaskCrew:
         self._proof.unlink(missing_ok=True)
         away = [member.address for member in self._members.values() if not member.shares_folder]
         if self._client.status == "running" and away:
-            _wait_for(lambda: self._client.run(station.forget, self.run, workers=away, on_error="ignore"), _LAST_WORDS)
-        _wait_for(lambda: self._client.close(timeout=1), _LAST_WORDS)
+            wait_for(lambda: self._client.run(station.forget, self.run, workers=away, on_error="ignore"), LAST_WORDS)
+        wait_for(lambda: self._client.close(timeout=1), LAST_WORDS)
 
     # What a run asks ---------------------------------------------------------------------------------------------
 
@@ -178,7 +128,7 @@ class DaskCrew:
         What only few machines can do, ranking without a common folder, is done here.
         """
         free = {
-            member.address: member.threads - sum(worker.member is member for worker in self._running)
+            member.address: member.threads - sum(errand.member is member for errand in self._running)
             for member in self._members.values()
             if member.is_ready and (member.shares_folder or not isinstance(task, Ranking))
         }
@@ -213,7 +163,7 @@ class DaskCrew:
             self._useful = now
         elif (refused := [m for m in self._members.values() if m.problems]) and len(refused) == len(self._members):
             raise ConfigurationError(
-                f"no worker at {self.url} would do what this machine does: {_told(refused[0])}",
+                f"no worker at {self.url} would do what this machine does: {refused[0].told}",
                 "install there the suite and the packages that are here",
             )
         elif now - self._useful > _NOBODY:
@@ -236,7 +186,7 @@ class DaskCrew:
         for address, known in info.items():
             member = self._members.get(address)
             if member is None:
-                member = _Member(address, known["host"], int(known["nthreads"]), time.monotonic())
+                member = Member(address, known["host"], int(known["nthreads"]), time.monotonic())
                 self._members[address] = member
                 threading.Thread(target=self._inspect, args=(member,), daemon=True).start()
             member.seen = float(known.get("last_seen", 0.0))
@@ -248,7 +198,7 @@ class DaskCrew:
             if member.answer is None and time.monotonic() - member.asked > _INSPECTION:
                 self._refuse(member, ["it did not say what is installed there"])
 
-    def _inspect(self, member: _Member) -> None:
+    def _inspect(self, member: Member) -> None:
         """Ask a worker what it has."""
         try:
             found = self._client.run(station.inspect, self._letter, workers=[member.address], on_error="return")
@@ -263,9 +213,9 @@ class DaskCrew:
         if member.problems and not self._over.is_set():
             self._refuse(member, member.problems)
 
-    def _refuse(self, member: _Member, problems: list[str]) -> None:
+    def _refuse(self, member: Member, problems: list[str]) -> None:
         member.answer = {"shares_folder": False, "problems": problems}
-        say(f"left out: {_told(member)}", err=True)
+        say(f"left out: {member.told}", err=True)
 
     def _hear(self, event: Any) -> None:
         """What a task says on the way; called by the client in a thread of its own."""
@@ -276,7 +226,7 @@ class DaskCrew:
 
     # Tasks -------------------------------------------------------------------------------------------------------
 
-    def _send(self, task: Task, number: int, member: _Member) -> _DaskWorker:
+    def _send(self, task: Task, number: int, member: Member) -> Errand:
         on_machine = sum(m.threads for m in self._members.values() if m.host == member.host)
         content = written(task)
         letter = json.dumps({"task": content, "workers": on_machine})
@@ -287,11 +237,11 @@ class DaskCrew:
             key=token, workers=[member.address], allow_other_workers=False, retries=0, pure=False,
         )  # fmt: skip
         member.anew = False
-        worker = _DaskWorker(task, number, member, future, self)
-        self._running.append(worker)
-        return worker
+        errand = Errand(task, number, member, future, self)
+        self._running.append(errand)
+        return errand
 
-    def _models(self, content: Mapping[str, Any], member: _Member) -> dict[str, bytes]:
+    def _models(self, content: Mapping[str, Any], member: Member) -> dict[str, bytes]:
         """Files of the models that a worker with another disk needs and has not got."""
         files: dict[str, bytes] = {}
         for order in content["orders"]:
@@ -308,19 +258,19 @@ class DaskCrew:
         """When a task was heard of last, and how far it was."""
         return self._heard.get(token)
 
-    def is_here(self, member: _Member) -> bool:
+    def is_here(self, member: Member) -> bool:
         """Whether a worker is still there, as far as the scheduler knows."""
         return self._members.get(member.address) is member
 
-    def tell_to_stop(self, member: _Member, token: str) -> None:
+    def tell_to_stop(self, member: Member, token: str) -> None:
         """Let a task write down where it is, and end."""
-        _aside(lambda: self._client.run(station.stop, token, workers=[member.address], on_error="ignore"))
+        aside(lambda: self._client.run(station.stop, token, workers=[member.address], on_error="ignore"))
 
-    def dismissed(self, worker: _DaskWorker) -> None:
+    def dismissed(self, errand: Errand) -> None:
         """Nobody waits for this task any more."""
-        if worker in self._running:
-            self._running.remove(worker)
-        self._heard.pop(worker.token, None)
+        if errand in self._running:
+            self._running.remove(errand)
+        self._heard.pop(errand.token, None)
 
     def keep(self, files: Mapping[str, bytes]) -> None:
         """Take what a task has sent into the results folder; an array that is damaged is noticed when it is read.
@@ -334,99 +284,3 @@ class DaskCrew:
             path = self.store.root.parent / name
             if station.FILE.fullmatch(name) and not name.startswith("models") and not path.exists():
                 write_atomically(path, lambda file, content=content: file.write(content))  # type: ignore[misc]
-
-
-class _DaskWorker:
-    """A task that a dask worker is at."""
-
-    def __init__(self, task: Task, number: int, member: _Member, future: Future, crew: DaskCrew) -> None:
-        self.task = task
-        self.number = number
-        self.member = member
-        self.token = str(future.key)
-        self.looked = time.monotonic()
-        self.status_at_end = Status()
-        self.trace = ""
-        self._future = future
-        self._crew = crew
-        self._code: int | None = None
-        self._is_over = False
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code of the process that did it, or minus the number of its signal; ``LOST`` if nobody answers."""
-        if self._code is None:
-            if self._future.done():
-                self._take()
-            elif not self._crew.is_here(self.member) or self._is_silent():
-                self.member.given_up = self.member.seen
-                self._lose()
-        return self._code
-
-    @property
-    def status(self) -> Status:
-        """How far it is."""
-        if self._code is not None:
-            return self.status_at_end
-        heard = self._crew.heard(self.token)
-        return heard[1] if heard else Status()
-
-    def stop(self) -> None:
-        """End it, after it has written down where it is."""
-        self._crew.tell_to_stop(self.member, self.token)
-        until = time.monotonic() + _LAST_WORDS
-        while self.exit_code is None and time.monotonic() < until:
-            time.sleep(INTERVAL)
-        self.end()
-
-    def end(self) -> None:
-        """End it, if it still runs; its worker hears of it from the scheduler."""
-        if self._is_over:
-            return
-        self._is_over = True
-        if self._code is None:
-            self._lose()
-        _aside(lambda: self._future.cancel(force=True))
-        self._crew.dismissed(self)
-
-    def _is_silent(self) -> bool:
-        heard = self._crew.heard(self.token)
-        return heard is not None and time.monotonic() - heard[0] > SILENCE
-
-    def _lose(self) -> None:
-        """Nothing will come back: without a common folder, all that was made is gone with the worker."""
-        status = self.status
-        self.status_at_end = status if self.member.shares_folder else Status(status.job, 0, status.shape)
-        self._code = LOST
-
-    def _take(self) -> None:
-        """Take what the task has left."""
-        try:
-            result = self._future.result(timeout=SILENCE)
-            files, said = dict(result["files"]), json.loads(result["answer"])
-            status, trace, code = Status(**said["status"]), str(said["trace"]), int(said["exit_code"])
-        except Exception:  # cancelled, killed, or without last words
-            self._lose()
-            return
-        self._crew.keep(files)
-        self.status_at_end, self.trace, self._code = status, trace, code
-
-
-def _told(member: _Member) -> str:
-    return f"worker {member.address}: {brief('; '.join(member.problems))}"
-
-
-def _aside(call: Callable[[], object]) -> threading.Thread:
-    """Call something that may never return, without waiting for it."""
-
-    def quietly() -> None:
-        with suppress(Exception):
-            call()
-
-    thread = threading.Thread(target=quietly, daemon=True)
-    thread.start()
-    return thread
-
-
-def _wait_for(call: Callable[[], object], seconds: float) -> None:
-    _aside(call).join(seconds)

@@ -178,11 +178,11 @@ def at_the_trap(place, cluster, number):
     ],
 )
 def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number, shares):
-    from benchmark.jobs.cluster import crew
+    from benchmark.jobs.cluster import errand, member
 
-    monkeypatch.setattr(crew, "SILENCE", 6.0)
+    monkeypatch.setattr(errand, "SILENCE", 6.0)
     if not shares:
-        monkeypatch.setattr(crew._Member, "shares_folder", False)
+        monkeypatch.setattr(member.Member, "shares_folder", False)
     assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
     shapes = described(place)
     cluster.worker()
