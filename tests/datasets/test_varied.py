@@ -15,6 +15,7 @@ from benchmark.datasets.humans_scanlike import adults
 from benchmark.datasets.varied import sampler as sampling
 from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
 from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, rendered, turned
+from benchmark.datasets.varied.extents import extents
 from benchmark.datasets.varied.model import CANONICAL, body_model, varied_mesh
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import LARGEST_TURN, free_pose, joint_limits, varied_pose
@@ -215,3 +216,11 @@ def test_surfaces_are_the_bodies_of_the_images() -> None:
         for points in (made.canonical[0], made.posed[0, 1])
     )
     assert 0.8 < np.median(after / before) < 1.25
+
+
+def test_extents_are_the_extrema_of_the_coordinates() -> None:
+    points = np.random.default_rng(0).normal(size=(1001, 3))
+    for some in (points, points[:1], points[::-7], np.asfortranarray(points)):
+        low, high = extents(some)
+        np.testing.assert_array_equal(low, some.min(axis=0))
+        np.testing.assert_array_equal(high, some.max(axis=0))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.datasets.varied.extents import extents
 from benchmark.geometry.mesh import Faces, Points
 from benchmark.geometry.rasterise import NOT_BEHIND, DepthImage, draw_triangles
 
@@ -81,7 +82,8 @@ def turned(vertices: Points, nuisances: Nuisances) -> Points:
     look = np.array([[1, 0, 0], [0, np.cos(up), -np.sin(up)], [0, np.sin(up), np.cos(up)]])
     hold = np.array([[np.cos(askew), -np.sin(askew), 0], [np.sin(askew), np.cos(askew), 0], [0, 0, 1]])
     points = seen @ (hold @ look).T
-    return np.asarray(points - (points.min(axis=0) + points.max(axis=0)) / 2)
+    low, high = extents(points)
+    return np.asarray(points - (low + high) / 2)
 
 
 def rendered(points: Points, faces: Faces, half_width: float, size: int) -> DepthImage:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.datasets.scanning import _count_crossings
+from benchmark.datasets.varied.extents import extents
 from benchmark.geometry.mesh import Faces, Points
 
 CELL = 0.02
@@ -35,8 +36,8 @@ def doubled_share(vertices: Points, faces: Faces, height: float) -> float:
     """
     points = vertices / (CELL * height)
     # An irrational fraction of a step, so that no line runs along an edge of a symmetric body.
-    points = points - points.min(axis=0) + _MARGIN + np.sqrt([0.02, 0.03, 0.05])
-    size = np.ceil(points.max(axis=0)).astype(np.int64) + _MARGIN
+    points = points - extents(points)[0] + _MARGIN + np.sqrt([0.02, 0.03, 0.05])
+    size = np.ceil(extents(points)[1]).astype(np.int64) + _MARGIN
     crossings: NDArray[np.int8] = np.zeros(tuple(size), dtype=np.int8)
     _count_crossings(points, faces, crossings)
     winding = np.cumsum(crossings, axis=2, dtype=np.int8)
