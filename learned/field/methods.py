@@ -52,7 +52,7 @@ class DeformationField(StreamLearner):
     kind: ClassVar[str] = "field"
 
     configuration: Annotated[str, OneOf(FIELDS.keys())] = "plain"
-    reach: Annotated[float, Interval(0, 10)] = 0.3
+    reach: Annotated[float, Interval(0, 10)] = 0.1
     rounds: Annotated[int, Interval(0, MOST_ROUNDS)] = 3
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:

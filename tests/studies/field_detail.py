@@ -80,7 +80,8 @@ def compare(method: DeformationField, bodies: Surfaces, figures: Path) -> None:
         forms = [one.canonicalise(shape) for shape in shapes]
         strain = np.mean([float(each.notes.get("edge_strain", 0.0)) for each in forms])
         scores = ranked((Mesh(each.vertices, each.faces) for each in forms), subjects)
-        found.append({"form": form, "edge strain": round(float(strain), 4), **scores})
+        row = {"edge strain": float(strain), **scores}
+        found.append({"form": form, **{name: round(value, 4) for name, value in row.items()}})
         figures.parent.mkdir(exist_ok=True)
         figures.write_text(json.dumps(found, indent=1) + "\n")
         print(found[-1], flush=True)
