@@ -48,3 +48,20 @@ def test_our_row_is_above_every_form_of_a_view_in_each_fold(records: pd.DataFram
         assert len(forms) >= 20
         assert all(ours[measure] > forms[measure].max() for measure in PRINTED)
     assert "above every classical row of single views in each of the three folds" in PAGE
+
+
+def test_the_field_is_above_every_form_of_complete_surfaces_of_table_one_and_below_one_of_table_two(
+    records: pd.DataFrame,
+) -> None:
+    def shown(galleries: list[str]) -> tuple[pd.Series, pd.DataFrame]:
+        rows = records[records["gallery"].isin(galleries) & (records["input"] == "mesh")]
+        means = rows.groupby("method")[list(PRINTED)].mean()
+        return means.loc["deformation-field"], means[[is_form(name) for name in means.index]]
+
+    field, forms = shown([f"humans fold {fold}" for fold in range(3)])
+    assert len(forms) >= 20
+    assert all(field[measure] > forms[measure].max() for measure in PRINTED)
+    assert " ".join(f"{field[measure]:.2f}"[1:] for measure in PRINTED) in PAGE
+    field, forms = shown(["humans-scanlike"])
+    assert all(field[measure] < forms.loc["gps", measure] for measure in PRINTED)
+    assert " ".join(f"{field[measure]:.2f}"[1:] for measure in PRINTED) in PAGE
