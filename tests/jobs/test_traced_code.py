@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -51,10 +52,19 @@ def small_rod(radius, bend):
 
 @pytest.fixture(scope="module")
 def rods(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("traced") / "rods"
+    return written(tmp_path_factory.mktemp("traced") / "rods", small_rod)
+
+
+@pytest.fixture(scope="module")
+def finer_rods(tmp_path_factory):
+    """As many vertices as a hundred eigenfunctions need."""
+    return written(tmp_path_factory.mktemp("finer") / "rods", partial(rod, rings=16, sides=9))
+
+
+def written(folder, make):
     for name, radius in RADII.items():
         for number, bend in enumerate((0.0, 1.0)):
-            write_off(folder / f"{name}{number}.off", small_rod(radius, bend))
+            write_off(folder / f"{name}{number}.off", make(radius, bend))
     return folder
 
 
@@ -116,8 +126,9 @@ KERNELS = {
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", [name for name, target in BUILT_IN.items() if not target.startswith("learned.")])
-def test_every_method_runs_what_its_recipe_names(rods, name):
-    found = trace(rods, name, inputs=["mesh", "view"], size=40)
+def test_every_method_runs_what_its_recipe_names(rods, finer_rods, name):
+    dataset, inputs, size = (finer_rods, ["mesh"], 130) if name == "wks-mean" else (rods, ["mesh", "view"], 40)
+    found = trace(dataset, name, inputs=inputs, size=size)
     module = BUILT_IN[name].partition(":")[0]
     assert_named(found, **{f"form {name}": f"{module} {KERNELS.get(name, '')} benchmark.jobs.stages.form"})
     if "descriptors" in found:
