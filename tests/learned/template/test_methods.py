@@ -149,7 +149,7 @@ def test_half_a_million_vertices_are_deformed(method: ImplicitTemplate) -> None:
 
 def test_without_a_model_it_says_so() -> None:
     with pytest.raises(ConfigurationError, match=r"card\.json cannot be read"):
-        form(ImplicitTemplate(), rod())
+        form(ImplicitTemplate(training="nowhere"), rod())
 
 
 def test_foreign_and_damaged_weights_are_refused(folder: Path) -> None:
