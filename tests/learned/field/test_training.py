@@ -241,7 +241,8 @@ def test_what_cannot_be_treated_is_refused_by_name(finished: Path) -> None:
 @pytest.mark.slow
 def test_unseen_paddles_are_straightened(tmp_path: Path) -> None:
     fit("toy", 0, paddles(), tmp_path, {**OPTIONS, "steps": 300, "bodies": 8}, quiet)
-    loaded, made = method(tmp_path), Paddles(5).surfaces(0, 4)
+    # What is trained for seconds is told less of: larger parts keep their shape.
+    loaded, made = DeformationField(configuration="toy", reach=0.3).load(tmp_path), Paddles(5).surfaces(0, 4)
     before, after = [], []
     for canonical, poses in zip(made.canonical, made.posed, strict=True):
         unit = Mesh(canonical, made.faces).area ** 0.5
