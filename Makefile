@@ -15,6 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # What the figures show.
 POSES := $(addprefix --shape woman-3_,standing running squatting)
+BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
 .PHONY: setup kernels bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability faults
@@ -93,6 +94,8 @@ figures: setup
 	$(BIN)/python -m benchmark report -o results/report
 	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.pdf $(POSES)
 	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.png $(POSES)
+	$(BIN)/python -m benchmark report -d humans -m constrained-mds -m gps -m deformation-field \
+	    -m "deformation-field[reach=0]" --input mesh --figure results/figures/field-humans.png $(BENT)
 	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
 	    --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
 	$(BIN)/python -m benchmark report -t III --of cost --figure results/figures/cost-table-III.pdf

@@ -25,6 +25,7 @@ from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS  # noqa: E402
 from benchmark.results import ResultsFolder, open_results  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
+from tests.studies.finished import newest  # noqa: E402
 from tests.studies.learning_curve import ranked  # noqa: E402
 
 FIGURES = Path("results/strict.json")
@@ -69,14 +70,7 @@ def _trainings() -> list[str]:
 
 def _forms(folder: ResultsFolder, method: str, fold: int) -> list[Form]:
     """Forms of a fold of the generated humans; they are named by subject and pose."""
-    records = folder.records()
-    chosen = records[
-        (records["gallery"] == f"humans fold {fold}") & (records["method"] == method)
-        & (records["input"] == "view") & (records["scorer"] == "cm-bof") & (records["status"] == "ok")
-    ]  # fmt: skip
-    if chosen.empty:
-        raise click.ClickException(f"{method} has no forms of fold {fold}; run 'python -m benchmark run -t IV'")
-    kept = folder.forms(chosen.sort_values("finished").index[-1])
+    kept = folder.forms(newest(folder, f"humans fold {fold}", method, "view"))
     return [Form(*_parted(name), mesh) for name, mesh in kept.items()]
 
 

@@ -20,6 +20,7 @@ from benchmark.report.pictures.painting import painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.results import ResultsFolder, open_results
 from retrieval.measures import PRINTED
+from tests.studies.finished import newest
 
 SIZE = 240
 
@@ -34,22 +35,10 @@ SIZE = 240
 def main(method: str, galleries: tuple[str, ...], input_: str, results: str, count: int, output: Path) -> None:
     """Draw the worst forms of METHOD in GALLERIES."""
     folder = open_results(results)
-    found = [(name, key, queries(folder, key)) for name in galleries for key in [record(folder, name, method, input_)]]
+    found = [(name, key, queries(folder, key)) for name in galleries for key in [newest(folder, name, method, input_)]]
     ordered = pd.concat(each.assign(gallery=name, key=key) for name, key, each in found).sort_values("DCG").head(count)
     draw(folder, ordered, input_, output)
     print(ordered[["gallery", *PRINTED]].to_string())
-
-
-def record(folder: ResultsFolder, gallery: str, method: str, input_: str) -> str:
-    """Key of the newest record of a job."""
-    records = folder.records()
-    chosen = records[
-        (records["gallery"] == gallery) & (records["method"] == method) & (records["input"] == input_)
-        & (records["scorer"] == "cm-bof") & (records["status"] == "ok")
-    ]  # fmt: skip
-    if chosen.empty:
-        raise click.ClickException(f"no scores of {method} on {gallery}")
-    return str(chosen.sort_values("finished").index[-1])
 
 
 def queries(folder: ResultsFolder, key: str) -> pd.DataFrame:
@@ -63,11 +52,13 @@ def draw(folder: ResultsFolder, chosen: pd.DataFrame, input_: str, output: Path)
 
     figure = Figure(figsize=(2 * WIDTH, 2 * WIDTH / len(chosen) * 3 + 0.6), layout="constrained")
     places = figure.subplots(3, len(chosen), squeeze=False)
+    jobs = chosen.drop_duplicates("key")
+    forms_of = {key: folder.forms(key) for key in jobs["key"]}
+    distances_of = {key: folder.distances(key) for key in jobs["key"]}
+    surfaces_of = {name: folder.forms(newest(folder, name, "identity", input_)) for name in jobs["gallery"]}
     for column, (name, row) in enumerate(chosen.iterrows()):
-        forms = folder.forms(row["key"])
-        surfaces = folder.forms(record(folder, row["gallery"], "identity", input_))
-        distances = folder.distances(row["key"])
-        nearest = distances.loc[name].drop(name).idxmin()
+        forms, surfaces = forms_of[row["key"]], surfaces_of[row["gallery"]]
+        nearest = distances_of[row["key"]].loc[name].drop(name).idxmin()
         shown = [seen(surfaces[name], input_), *(turned(forms, surfaces, each, input_) for each in (name, nearest))]
         for line, mesh in enumerate(shown):
             place = places[line, column]
