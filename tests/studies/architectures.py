@@ -2,8 +2,8 @@
 
 Each configuration is trained for an equal number of processor seconds, on the same stream of bodies, and its forms of
 validation bodies, which are another stream, are ranked against each other. No subject of any set that methods are
-tested on is looked at. A run that was stopped goes on where it was; what it needs for that is in
-``build/architectures``.
+tested on is looked at. A run that was stopped goes on where it was, and two may share the work; the bodies are made
+once for all networks of a resolution. What they need for that is in ``build/architectures``.
 """
 
 from __future__ import annotations
@@ -20,14 +20,17 @@ from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import click  # noqa: E402
+import numpy as np  # noqa: E402
 import torch  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
 
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.varied_pairs import TRAINED  # noqa: E402
-from benchmark.streaming import MakesFresh  # noqa: E402
+from benchmark.streaming import Fresh, MakesFresh  # noqa: E402
+from benchmark.system.files import write_atomically  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
 from learned.streamed.model import form_of, predicted  # noqa: E402
 from learned.streamed.network import StreamedNetwork  # noqa: E402
@@ -41,6 +44,9 @@ from tests.studies.learning_curve import ranked  # noqa: E402
 RANKED = 2
 BODIES, POSES = 30, 5
 TRIAL_STEPS = 12
+
+#: The step size rises over this part of a training at most; a short one would else be over before it has risen.
+RISING = 10
 
 FOLDER = Path("build/architectures")
 FIGURES = Path("results/architectures.json")
@@ -62,7 +68,7 @@ def main(minutes: float, only: Sequence[str], bodies: int, workers: int) -> None
     compare(
         [STREAMED[name] for name in only or STREAMED],
         60 * minutes,
-        Sampler(TRAINED),
+        Kept(Sampler(TRAINED), FOLDER / "bodies"),
         Sampler(RANKED, poses=POSES),
         bodies,
         workers,
@@ -90,10 +96,9 @@ def compare(
     workers
         Processes that make bodies.
     """
-    found: list[Row] = json.loads(FIGURES.read_text()) if FIGURES.is_file() else []
     gallery = held_back(0, bodies, SIZE)
     for configuration in chosen:
-        if any(row["configuration"] == configuration.name and row["budget"] == seconds for row in found):
+        if any(row["configuration"] == configuration.name and row["budget"] == seconds for row in _found()):
             continue
         each = step_seconds(configuration, fresh)
         plan = Plan(steps=max(1, round(seconds / each)))
@@ -102,27 +107,80 @@ def compare(
         folder = FOLDER / f"{configuration.name}-{seconds:g}"
         folder.mkdir(parents=True, exist_ok=True)
         steps = _planned(folder, plan.steps)
-        plan = replace(plan, steps=steps)
+        plan = replace(plan, steps=steps, warm_up=min(plan.warm_up, steps // RISING))
         trained = train_streamed(
             configuration, plan, fresh, None, folder, {**recipe, "steps": steps},
             seed=0, device=torch.device("cpu"), workers=workers, say=say,
         )  # fmt: skip
         network = trained.network.eval()
         spent = sum(row["processor seconds"] for row in trained.progress.history)
-        found.append(
-            {
-                "configuration": configuration.name,
-                "budget": seconds,
-                "processor seconds": round(spent, 1),
-                "steps": plan.steps,
-                "ms a step": round(1000 * spent / plan.steps, 1),
-                "parameters": float(n_parameters(network)),
-                **measure(network, configuration, gallery.images, gallery.identifiers),
-            }
-        )
+        row: Row = {
+            "configuration": configuration.name,
+            "budget": seconds,
+            "processor seconds": round(spent, 1),
+            "steps": plan.steps,
+            "ms a step": round(1000 * spent / plan.steps, 1),
+            "parameters": float(n_parameters(network)),
+            **measure(network, configuration, gallery.images, gallery.identifiers),
+        }
         FIGURES.parent.mkdir(exist_ok=True)
-        FIGURES.write_text(json.dumps(found, indent=1) + "\n")
-        say(found[-1])
+        FIGURES.write_text(json.dumps([*_found(), row], indent=1) + "\n")
+        say(row)
+
+
+def _found() -> list[Row]:
+    """Rows that are there, another process's too."""
+    return json.loads(FIGURES.read_text()) if FIGURES.is_file() else []
+
+
+class Kept:
+    """Batches that were made once, for whoever trains on them next; as foregrounds, a fifth of the bytes.
+
+    Parameters
+    ----------
+    make
+        Makes those that are not there yet.
+    folder
+        Where they are kept.
+    """
+
+    def __init__(self, make: MakesFresh, folder: Path) -> None:
+        self._make, self._folder = make, folder
+
+    def __repr__(self) -> str:
+        return repr(self._make)
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        """Batch of a number, made or read."""
+        path = self._folder / f"{size}-{bodies}" / f"{number}.npz"
+        if path.is_file():
+            with np.load(path, allow_pickle=False) as kept:
+                images, fronts, backs = (_unpacked(kept, name) for name in ("images", "fronts", "backs"))
+                names, drawn = tuple(map(str, kept["identifiers"])), json.loads(str(kept["drawn_again"]))
+            return Fresh(identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again=drawn)
+        fresh = self._make(number, bodies, size)
+        arrays = {**_packed("images", fresh.images), **_packed("fronts", fresh.fronts), **_packed("backs", fresh.backs)}
+        names, drawn = np.array(fresh.identifiers), np.array(json.dumps(dict(fresh.drawn_again)))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, partial(np.savez, identifiers=names, drawn_again=drawn, **arrays))
+        return fresh
+
+
+def _packed(name: str, images: NDArray[np.float32]) -> dict[str, NDArray]:
+    foreground = images != 0
+    return {
+        f"{name} shape": np.array(images.shape),
+        f"{name} foreground": np.packbits(foreground),
+        f"{name} depth": images[foreground],
+    }
+
+
+def _unpacked(kept: Mapping[str, NDArray], name: str) -> NDArray[np.float32]:
+    shape = tuple(kept[f"{name} shape"])
+    foreground = np.unpackbits(kept[f"{name} foreground"], count=int(np.prod(shape))).astype(bool)
+    images = np.zeros(foreground.size, np.float32)
+    images[foreground] = kept[f"{name} depth"]
+    return images.reshape(shape)
 
 
 def _planned(folder: Path, steps: int) -> int:

@@ -50,3 +50,23 @@ def test_each_configuration_gets_its_share_and_is_not_trained_twice(
     lines = architectures.table(found).splitlines()
     assert lines[2].startswith("| `toy` | ")
     assert lines[-1] == "| *chance* | | | | | 0.20 | 0.20 | 0.20 | 0.20 | |"
+
+
+def test_a_batch_is_made_once_and_read_as_it_was_made(tmp_path: Path) -> None:
+    made: list[int] = []
+
+    class Counted(Ellipsoids):
+        def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+            made.append(number)
+            return super().__call__(number, bodies, size)
+
+    kept = architectures.Kept(Counted(), tmp_path)
+    first, again, other = kept(0, 3, 32), kept(0, 3, 32), kept(1, 3, 32)
+    assert made == [0, 1]
+    assert again.identifiers == first.identifiers != other.identifiers
+    assert again.drawn_again == first.drawn_again
+    for name in ("images", "fronts", "backs"):
+        read = getattr(again, name)
+        assert read.dtype == np.float32
+        assert read.any()
+        np.testing.assert_array_equal(read, getattr(first, name), name)
