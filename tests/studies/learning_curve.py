@@ -3,7 +3,8 @@
 Three of the ten training subjects of one fold are held back, by a rule that sees no score; the network trains on the
 other seven, and the forms of the three are ranked against each other at each mark. The step size never changes, so what
 stands at a mark is what a training of so many epochs would end with. The subjects that the fold is tested on are never
-looked at. A run that was stopped goes on where it was; what it needs for that is in ``build/learning-curve``.
+looked at. A run that was stopped goes on where it was; what it needs for that is in ``build/learning-curve``. The
+curve is that of 128 x 128 pixels; ``--resolution 192 --mark 60`` adds a row of another size to the table alone.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import asdict, replace  # noqa: E402
 from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+import click  # noqa: E402
 import torch  # noqa: E402
 from torch import Tensor, nn  # noqa: E402
 
@@ -49,24 +51,40 @@ Row = dict[str, float]
 say = partial(print, flush=True)
 
 
-def main() -> None:
+@click.command()
+@click.option("--resolution", type=click.IntRange(32), default=PLAN.resolution, show_default=True, help="Pixels.")
+@click.option(
+    "--mark", "marks", type=click.IntRange(1), multiple=True, default=MARKS, show_default=True, help="Epochs."
+)
+def main(resolution: int, marks: Sequence[int]) -> None:
     """Train to each mark that is missing, measure there, and draw the curve."""
     torch.set_num_threads(1)
+    found = curve(replace(PLAN, resolution=resolution), marks)
+    draw([row for row in found if row["resolution"] == PLAN.resolution], PICTURE)
+    print(table(found))
+
+
+def curve(schedule: Schedule, marks: Iterable[int]) -> list[Row]:
+    """Measure what is missing at marks in epochs, and give all rows there are, sorted by resolution and epochs."""
     training = with_validation(TRAININGS[fold_name("humans", 0)], VALIDATION_SUBJECTS)
     data = training_data(training, Store.open(FOLDER), None, say)
-    pairs, held_back = (gather(made(), PLAN.resolution) for made in (data.pairs, data.unseen))
+    pairs, held_back = (gather(made(), schedule.resolution) for made in (data.pairs, data.unseen))
     subjects = [pair.subject for pair in data.unseen()]
-    recipe = {"data": data.digest, "schedule": {**asdict(PLAN), "epochs": None}}
+    recipe = {"data": data.digest, "schedule": {**asdict(schedule), "epochs": None}}
     found: list[Row] = json.loads(FIGURES.read_text()) if FIGURES.is_file() else []
-    for mark in MARKS[len(found) :]:
-        plan = replace(PLAN, epochs=mark)
-        result = train(LITERAL, plan, pairs, None, FOLDER, recipe, seed=0, device=torch.device("cpu"), say=say)
+    folder = FOLDER / str(schedule.resolution)
+    for mark in sorted(set(marks)):
+        if any((row["resolution"], row["epochs"]) == (schedule.resolution, mark) for row in found):
+            continue
+        plan = replace(schedule, epochs=mark)
+        result = train(LITERAL, plan, pairs, None, folder, recipe, seed=0, device=torch.device("cpu"), say=say)
         measured = measure(result.network.eval(), pairs, held_back, subjects)
-        found.append({"epochs": mark, "seconds": round(result.progress.seconds), **measured})
+        seconds = round(result.progress.seconds)
+        found.append({"resolution": schedule.resolution, "epochs": mark, "seconds": seconds, **measured})
+        found.sort(key=lambda row: (row["resolution"], row["epochs"]))
         FIGURES.write_text(json.dumps(found, indent=1) + "\n")
-        say(found[-1])
-    draw(found, PICTURE)
-    print(table(found))
+        say({"resolution": schedule.resolution, "epochs": mark, **measured})
+    return found
 
 
 def measure(network: nn.Module, pairs: Pairs, held_back: Pairs, subjects: Sequence[str]) -> Row:
@@ -98,10 +116,10 @@ def _predictions(network: nn.Module, images: Tensor) -> Tensor:
 def table(found: Iterable[Mapping[str, float]]) -> str:
     """The curve as Markdown."""
     columns = (*PRINTED, "validation mask overlap", "validation depth error", "training depth error")
-    lines = [f"| epochs | {' | '.join(columns)} |", "|---:" * (len(columns) + 1) + "|"]
+    lines = [f"| pixels | epochs | {' | '.join(columns)} |", "|---:" * (len(columns) + 2) + "|"]
     for row in found:
         cells = [f"{row[name]:.3f}" if "error" in name else f"{row[name]:.2f}" for name in columns]
-        lines.append(f"| {row['epochs']} | {' | '.join(cells)} |")
+        lines.append(f"| {row['resolution']} | {row['epochs']} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
