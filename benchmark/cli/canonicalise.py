@@ -58,14 +58,17 @@ def canonicalise_file(
     Raises
     ------
     ConfigurationError
-        If the method is unknown or has no canonical form, or if vertices are asked for and its forms have their own.
+        If the method is unknown or has no canonical form, if vertices are asked for and its forms have their own, or if
+        no mesh can be written under the name of the target.
     ShapeError
         If the mesh cannot be read or treated, or the form cannot be written.
     BrokenCall
         If the method ends its process, or does not end.
     """
-    from benchmark.geometry.io import write_mesh
+    from benchmark.geometry.io import WRITABLE, write_mesh
 
+    if target.suffix.lower() not in WRITABLE:
+        raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
     vertices, faces, notes = call_apart(
         plain_form, str(source), method, [str(path) for path in plugins], seed, vertices,
         what=f"method '{method}' on {source}", mend="try another shape, or mend the method", limit=limit,

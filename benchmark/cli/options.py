@@ -14,7 +14,7 @@ import click
 
 from benchmark.cli import completion
 from benchmark.cli.completion import EVERY, FINISHED
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.system.text import say
 
 if TYPE_CHECKING:
@@ -224,9 +224,10 @@ class Selection:
         Raises
         ------
         ConfigurationError
-            If there is none, or a method is unknown.
+            If there is none, or a method or a table is unknown.
         """
         from benchmark.methods.registry import methods, select
+        from benchmark.protocols.tables import TABLES
 
         known = methods(self.plugins)
         finished = FINISHED in self.methods
@@ -246,6 +247,10 @@ class Selection:
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         name_skipped(store)
+        tables = {table.identifier for table in TABLES} | {result.record["data"]["name"] for result in found}
+        for name in self.tables:
+            if name not in tables:
+                raise did_you_mean("table", name, tables)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
             raise ConfigurationError(

@@ -29,6 +29,8 @@ def write_pages(selection: Selection, output: Path) -> None:
 
     store = Store.open(selection.results)
     tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
+    if not tables:
+        raise no_table(selection)
     kept = Kept(store, methods(selection.plugins), selection.data_root)
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
     written = write_report(tables, kept, Folder(output), command, lambda line: say(line, err=True))
@@ -58,6 +60,8 @@ def write_figure(
         if not selection.methods:  # those of the paper; the others would not fit
             jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
             jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
+            if not jobs:
+                raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
         if what == "forms":
             figure = forms_figure(jobs, store, selection, subjects[0] if subjects else "", shapes, timeout)
         else:
@@ -72,4 +76,15 @@ def _cost_figure(selection: Selection) -> Figure:
     from benchmark.storage.store import Store
 
     store = Store.open(selection.results)
-    return cost_figure(contents(selection.recorded(store), selection.tables)[0])
+    tables = contents(selection.recorded(store), selection.tables)
+    if not tables:
+        raise no_table(selection)
+    return cost_figure(tables[0])
+
+
+def no_table(selection: Selection) -> ConfigurationError:
+    """What is said where no finished job belongs to a table."""
+    return ConfigurationError(
+        f"no finished job under {selection.results} belongs to table {', '.join(selection.tables) or 'of any name'}",
+        "run it first, or select less",
+    )

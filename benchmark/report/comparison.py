@@ -10,6 +10,7 @@ import numpy as np
 from benchmark.report.statistics.intervals import intervals
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import permutation_test
+from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from retrieval.measures import PRINTED
 
@@ -66,7 +67,7 @@ class Comparison:
 
 def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(*({_words(where): found for where, found in _newest(part).items()} for part in (first, second)))
+    return _compare(*({told(found): found for found in _newest(part).values()} for part in (first, second)))
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
@@ -75,7 +76,7 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
 
     def of(method: str) -> dict[str, Record]:
         return {
-            f"{where.gallery} {where.input}": record
+            f"{where.gallery} {where.input}{_seeded(where)}": record
             for where, record in newest.items()
             if where.method == method and scorer_name(record) in (scorer, "")
         }
@@ -83,9 +84,8 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
     return _compare(of(first), of(second))
 
 
-def _words(where: Place) -> str:
-    by = "" if where.scorer == DEFAULT_SCORER else f" by {where.scorer}"
-    return f"{where.gallery} {where.input} {where.method}{by}"
+def _seeded(where: Place) -> str:
+    return f" seed {where.seed}" if where.seed else ""
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:

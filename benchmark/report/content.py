@@ -220,10 +220,14 @@ class TableContent:
     def _noted(self, name: str, input_: Input) -> Mapping[str, float] | None:
         """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
         for row in self.rows:
-            cell = row.cells.get(input_)
-            found = cell.record.get("notes", {}).get(name) if cell else None
-            if found and {"mean", "max"} <= found.keys():  # a method may note something else by this name
-                return cast(Mapping[str, float], found)
+            records = row.cells[input_].records if input_ in row.cells else ()
+            noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
+            # A method may note something else by this name.
+            found = [(each, shapes) for each, shapes in noted if each and {"mean", "max"} <= each.keys()]
+            if found:
+                total = sum(shapes for _, shapes in found)
+                mean = sum(each["mean"] * shapes for each, shapes in found) / total
+                return {"mean": mean, "max": max(each["max"] for each, _ in found)}
         return None
 
 
@@ -262,9 +266,12 @@ def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "") -> str
 
     A name that had to be changed by more than its spaces gets a digest, so that two tables never share a file.
     """
-    parts = ["table", table] + ([dataset] if dataset != table else [])
-    parts += (["quick"] if quick else []) + ([scorer] if scorer else [])
-    whole = "-".join(parts).replace(" ", "-").replace("/", "-")
+    return stem("table", table, dataset if dataset != table else "", "quick" if quick else "", scorer)
+
+
+def stem(*parts: str) -> str:
+    """Name of a file from parts, empty ones left out; see :func:`file_stem`."""
+    whole = "-".join(filter(None, parts)).replace(" ", "-").replace("/", "-")
     name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
 

@@ -7,7 +7,9 @@ import itertools
 import json
 import shutil
 import time
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,5 +103,5 @@ def _read(path: Path, recipe: str) -> Pairs | None:
                 return None
             tensors = (torch.from_numpy(file[name]) for name in ("images", "targets", "target_of"))
             return Pairs(tuple(file["identifiers"].tolist()), *tensors)
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, tokenize.TokenError):
         return None

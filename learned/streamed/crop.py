@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from learned.images import COVERED, LEAST_DEPTH
 from learned.streamed.configuration import Streamed
 
 Image = NDArray[np.float32]
@@ -13,14 +14,8 @@ Image = NDArray[np.float32]
 FILL = 0.9
 """Share of the frame that the longer side of the foreground's bounding box fills."""
 
-COVERED = 0.5
-"""Share of a pixel that must show the shape."""
-
 _TIE = 1e-6
 """Shares that differ by less are equal: far above the rounding errors of a sum of pixels."""
-
-_LEAST_DEPTH = 1e-3
-"""Smallest depth that is not background."""
 
 
 def seen_by(configuration: Streamed, images: Image) -> Image:
@@ -85,4 +80,4 @@ def _resampled(
     mask = cover >= COVERED - _TIE
     sums = np.stack([(columns @ (rows @ (image * seen)).T).T for image in images])
     depths = 0.5 + (sums / np.where(mask, cover, 1) - middle) * scale
-    return np.where(mask, np.clip(depths, _LEAST_DEPTH, 1), 0).astype(np.float32)
+    return np.where(mask, np.clip(depths, LEAST_DEPTH, 1), 0).astype(np.float32)

@@ -20,7 +20,7 @@ from learned.training.arithmetic import Precision
 from learned.training.steps import Plan, Steps, Trained
 
 LOOKED_AT = 4
-"""Validation bodies that are looked at."""
+"""Validation shapes that are looked at: poses of bodies that are not trained on."""
 
 LOOK_RAYS, LOOK_STEPS = 256, 60
 """Points around each of them, and steps to find its code."""

@@ -22,10 +22,8 @@ CHECKPOINT = "checkpoint.safetensors"
 VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
 
-_TRAINING = "learned.paired.training"
-
 #: Modules whose part in a training every recipe tells already.
-_TOLD_BY_THE_RECIPE = frozenset({"learned.paired.configuration"})
+_TOLD_BY_THE_RECIPE = frozenset(f"learned.{room}.configuration" for room in ("paired", "streamed", "field", "template"))
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -123,6 +121,8 @@ def resume(
     TrainingError
         If the checkpoint is damaged, or was made with other options or data, by other code or another torch.
     """
+    # Read at the start, for a file that is edited while the training runs is not the one that runs.
+    running = training_code(loop)
     path = folder / CHECKPOINT
     if not path.is_file():
         return None
@@ -140,7 +140,7 @@ def resume(
             f"checkpoint {path} was made with another {', '.join(changed)}",
             "train with the same options, or delete the folder to begin anew",
         )
-    if changed := _differences(code, training_code(loop)):
+    if changed := _differences(code, running):
         raise TrainingError(
             f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
             "delete it to begin anew, or go on with the code that made it",

@@ -63,7 +63,7 @@ def plan_among(kind: type[P], options: Mapping[str, Any]) -> tuple[P, MachineWit
     """
     for known, instead in (("epochs", "-o steps=N: no body is seen twice"), ("batch", "-o bodies=N")):
         if known in options:
-            raise ConfigurationError(f"a streamed network has no {known}", f"pass {instead}")
+            raise ConfigurationError(f"a training over a stream has no {known}", f"pass {instead}")
     machine, planned = machine_among(MachineWithWorkers, options)
     return kind(**checked(kind, planned, "the plan")), machine
 

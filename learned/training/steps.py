@@ -22,7 +22,7 @@ from learned.training.checkpoint import Progress
 from learned.training.stream import Batch, batches
 
 CHECKPOINT_SECONDS = 60.0
-"""Time between checkpoints: what a crash costs at most."""
+"""Time between checkpoints: what a crash costs at most, and the steps of a row."""
 
 ROW = 50
 """Steps of a row of the history; checkpoints are written between rows."""
@@ -180,7 +180,7 @@ class Steps(Generic[B]):
         ------
         TrainingError
             If a batch cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then
-            stands at the last step that was done.
+            stands at the last step that was done, unless a loss of it was not a number.
         """
         optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
         found = checkpoint.resume(self.folder, self.network, optimiser, self.recipe, self.loop)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections import deque
@@ -82,20 +84,20 @@ class _Ahead(Generic[B]):
         self._make = make
         self._workers = workers
         self._say = say
-        self._asked: deque[tuple[int, Future[B]]] = deque()
+        self._asked: deque[tuple[int, Future[bytes]]] = deque()
 
     def batches(self, numbers: range) -> Iterator[B]:
         pool, losses = self._pool(), 0
-        remaining = iter(numbers)
+        remaining: Iterator[int] = iter(numbers)
         try:
             while True:
                 try:
                     while len(self._asked) < AHEAD * self._workers and (number := next(remaining, None)) is not None:
                         self._asked.append((number, Future()))
-                        self._asked[-1] = (number, pool.submit(self._make, number))
+                        self._asked[-1] = (number, pool.submit(_packed, self._make, number))
                     if not self._asked:
                         return
-                    batch = self._asked[0][1].result()
+                    batch: B = pickle.loads(self._asked[0][1].result())  # noqa: S301 - our own process made it
                 except BrokenProcessPool as error:
                     losses += 1
                     number = self._asked[0][0]
@@ -104,8 +106,8 @@ class _Ahead(Generic[B]):
                     self._say(f"a process that makes bodies died by batch {number}; it is made again")
                     pool.shutdown(wait=False, cancel_futures=True)
                     pool = self._pool()
-                    again = [number for number, _ in self._asked]
-                    self._asked = deque((number, pool.submit(self._make, number)) for number in again)
+                    remaining = itertools.chain([number for number, _ in self._asked], remaining)
+                    self._asked.clear()
                     continue
                 except TrainingError:
                     raise
@@ -120,6 +122,11 @@ class _Ahead(Generic[B]):
     def _pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin)
+
+
+def _packed(make: Callable[[int], object], number: int) -> bytes:
+    """A batch as bytes; tensors would travel as shared memory, of which a container has little."""
+    return pickle.dumps(make(number), protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def _begin() -> None:

@@ -47,6 +47,15 @@ def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
         assert target.exists() == whole
 
 
+def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path):
+    for output in ("form.xyz", "form"):
+        with pytest.raises(ConfigurationError, match="is no name of a mesh; let it end in .off"):
+            canonicalise_file(tmp_path / "absent.off", tmp_path / output, "no-such-method", [])
+    refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
+    assert isinstance(refused.exception, ConfigurationError)
+    assert "is no file" in str(refused.exception)
+
+
 def test_notes_that_cannot_be_told_are_the_fault_of_the_method(form_with):
     with pytest.raises(
         InvalidForm, match="method 'noting' returned object as note 'note'; note numbers and strings only"

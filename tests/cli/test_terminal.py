@@ -15,6 +15,7 @@ from rich.console import Console
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
 from benchmark.cli.terminal import drawn
+from benchmark.errors import ConfigurationError
 from benchmark.report.content import contents
 from benchmark.storage.store import Store
 
@@ -114,6 +115,20 @@ def test_finished_stands_for_all_that_has_scores_variants_included(tmp_path):
     assert {"least-squares-mds[start=classic]", "identity", "shape-dna"} <= set(finished)
     assert set(rows(**asked)) - set(finished) >= {"gps"}
     assert set(finished) < set(rows(**asked))
+
+
+def test_a_table_that_is_none_or_has_no_record_is_refused_and_nothing_is_written(tmp_path):
+    (tmp_path / "records").mkdir()
+    for path in (ROOT / "results" / "records").iterdir():
+        if (found := json.loads(path.read_text()))["gallery"] == "tosca" and found["method"] == "gps":
+            (tmp_path / "records" / path.name).write_bytes(path.read_bytes())
+    out = str(tmp_path / "out")
+    for verb in (["tables"], ["tables", "--format", "markdown", "--check"], ["report"]):
+        for table, message in (("V", "unknown table 'V'"), ("II", "belongs to table II")):
+            done = CliRunner().invoke(cli, [*verb, "-t", table, "--results", str(tmp_path), "-o", out])
+            assert isinstance(done.exception, ConfigurationError), done.output
+            assert message in str(done.exception)
+    assert not (tmp_path / "out").exists()
 
 
 def test_finished_can_be_planned_and_is_refused_where_nothing_has_finished(tmp_path):

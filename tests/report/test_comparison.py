@@ -77,6 +77,19 @@ def test_two_methods_are_compared_wherever_both_have_scores():
     assert (found.only_first, found.only_second) == ((), ("cones mesh",))
 
 
+def test_seeds_are_compared_each_with_itself():
+    def seeded(found, seed):
+        return {**found, "recipe": {**found["recipe"], "seed": seed}, "key": f"{seed}" * 32}
+
+    again = seeded(SECOND, 1)
+    found = compare_folders([FIRST, again], [seeded(FIRST, 0), seeded(again, 1)])
+    assert [pair.where for pair in found.differences] == ["rods mesh classic-mds", "rods mesh classic-mds seed 1"]
+    assert not any(pair.changed for pair in found.differences)
+    others = [{**each, "method": "gps"} for each in (again, FIRST)]
+    found = compare_methods([FIRST, again, *others], "classic-mds", "gps")
+    assert {pair.where: pair.changed for pair in found.differences} == {"rods mesh": 0, "rods mesh seed 1": 0}
+
+
 def write(folder, *records):
     for found in records:
         Records(folder / "runs" / "records").write(found)

@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import re
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -59,6 +61,13 @@ def test_what_survives_is_told_apart_from_what_was_not_run_or_could_not_fall():
     assert "| 1.00 | -- |" in markdown(holed)  # nobody knows whether a weaker one is enough
     hopeless = collected(record(nn=0.5), *noisy(0.1, 0.1, 0.1, 0.1, 0.1))  # chance is 0.25
     assert "| n/a |" in markdown(hopeless)
+
+
+def test_the_name_of_a_data_set_is_escaped_once_and_fit_for_a_label():
+    found = replace(collected(record(nn=1.0), *noisy(1, 1)), data="my 100%[a=1]")
+    assert r"my 100\%[a=1], " in latex(found)
+    assert re.search(r"label\{tab:robustness-my-100--a-1--mesh-[0-9a-f]{8}\}", latex(found))
+    assert r"my 100%\[a=1\], " in markdown(found)
 
 
 def test_without_a_clean_record_there_is_no_curve():

@@ -19,8 +19,8 @@ from tests.speed._document import SPEED, machine, write_document  # noqa: E402
 def main() -> None:
     """Run ``measure`` of the modules that are named, or of all that have one.
 
-    All of them are written. Of those that are named nothing is, unless ``--join`` comes first: then their rows take the
-    place of the older ones, and each row says where it was measured: a long measurement can be made in parts.
+    All of them are written. Of those that are named nothing is, unless ``--join`` is among them: then their rows take
+    the place of the older ones, and each row says where it was measured: a long measurement can be made in parts.
     """
     names = [module.name for module in pkgutil.iter_modules(tests.speed.__path__) if not module.name.startswith("_")]
     rows = []
@@ -41,7 +41,7 @@ def main() -> None:
 
 def joined(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of the file, with those of the groups that were measured now in their place; each says on what machine."""
-    kept = json.loads(SPEED.read_text())
+    kept = json.loads(SPEED.read_text()) if SPEED.is_file() else {"machine": machine(), "rows": []}
     groups = {row["group"] for row in rows}
     older = [{"machine": kept["machine"], **row} for row in kept["rows"] if row["group"] not in groups]
     return sorted([*older, *({**row, "machine": machine()} for row in rows)], key=lambda row: str(row["group"]))

@@ -83,18 +83,23 @@ def step_seconds(run: Run, batch: Pairs, precision: Precision, more: int, repeat
 
 
 def step_seconds_apart(run: Run, batch: Pairs, precision: Precision, more: int, repeats: int) -> float:
-    """The same in a new process: our loop changes, for the whole of its process, how memory is allocated."""
+    """The same in a new process."""
+    return apart(step_seconds, run, batch, precision, more, repeats)
+
+
+def apart(measured: Callable[..., float], *arguments: Any) -> float:
+    """Call in a new process: our loop changes, for the whole of its process, how memory is allocated."""
     new = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=new, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        return pool.submit(step_seconds, run, batch, precision, more, repeats).result()
+        return pool.submit(measured, *arguments).result()
 
 
 def training(resolution: int, precision: Precision, more: int, repeats: int) -> dict[str, Any]:
     """Time of one step on one core."""
     batch = random_batch(resolution)
     step, peer = (step_seconds_apart(run, batch, precision, more, repeats) for run in (ours, plain))
-    small, few = random_batch(WARM_UP), plan(WARM_UP, precision, 3)
-    difference = abs(ours(small, few) / plain(small, few) - 1)
+    few = random_batch(WARM_UP), plan(WARM_UP, precision, 3)
+    difference = abs(apart(ours, *few) / apart(plain, *few) - 1)
     hours = step * PAPER.epochs * PAPER_PAIRS / BATCH / 3600
     return row(
         f"training, {resolution} x {resolution}, {precision}, one step of {BATCH} images",

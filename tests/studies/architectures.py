@@ -2,8 +2,9 @@
 
 Each configuration is trained for an equal number of processor seconds, on the same stream of bodies, and its forms of
 validation bodies, which are another stream, are ranked against each other. No subject of any set that methods are
-tested on is looked at. A run that was stopped goes on where it was, and two may share the work; the bodies are made
-once for all networks of a resolution. What they need for that is in ``build/architectures``.
+tested on is looked at. A run that was stopped goes on where it was, and two may share the work if they are told
+different names; the bodies are made once for all networks of a resolution. What they need for that is in
+``build/architectures``, to be deleted when the bodies, the networks or what is ranked have changed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ pin_threads()
 import json  # noqa: E402
 import tempfile  # noqa: E402
 from collections.abc import Iterable, Mapping, Sequence  # noqa: E402
-from dataclasses import replace  # noqa: E402
 from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
@@ -27,10 +27,9 @@ from numpy.typing import NDArray  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
-from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.varied_pairs import TRAINED  # noqa: E402
 from benchmark.streaming import Fresh, MakesFresh  # noqa: E402
-from benchmark.system.files import write_atomically  # noqa: E402
+from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
 from learned.streamed.model import form_of, predicted  # noqa: E402
 from learned.streamed.network import StreamedNetwork  # noqa: E402
@@ -100,16 +99,12 @@ def compare(
     for configuration in chosen:
         if any(row["configuration"] == configuration.name and row["budget"] == seconds for row in _found()):
             continue
-        each = step_seconds(configuration, fresh)
-        plan = Plan(steps=max(1, round(seconds / each)))
-        say(f"{configuration.name}: {1000 * each:.0f} ms a step, {plan.steps} steps")
-        recipe = {"configuration": configuration.described(), "steps": plan.steps, "fresh": repr(fresh)}
         folder = FOLDER / f"{configuration.name}-{seconds:g}"
-        folder.mkdir(parents=True, exist_ok=True)
-        steps = _planned(folder, plan.steps)
-        plan = replace(plan, steps=steps, warm_up=min(plan.warm_up, steps // RISING))
+        steps = _planned(folder, configuration, fresh, seconds)
+        plan = Plan(steps=steps, warm_up=min(Plan.warm_up, steps // RISING))
+        recipe = {"configuration": configuration.described(), "steps": steps, "fresh": repr(fresh)}
         trained = train_streamed(
-            configuration, plan, fresh, None, folder, {**recipe, "steps": steps},
+            configuration, plan, fresh, None, folder, recipe,
             seed=0, device=torch.device("cpu"), workers=workers, say=say,
         )  # fmt: skip
         network = trained.network.eval()
@@ -123,8 +118,7 @@ def compare(
             "parameters": float(n_parameters(network)),
             **measure(network, configuration, gallery.images, gallery.identifiers),
         }
-        FIGURES.parent.mkdir(exist_ok=True)
-        FIGURES.write_text(json.dumps([*_found(), row], indent=1) + "\n")
+        write_text(FIGURES, json.dumps([*_found(), row], indent=1) + "\n")
         say(row)
 
 
@@ -183,12 +177,15 @@ def _unpacked(kept: Mapping[str, NDArray], name: str) -> NDArray[np.float32]:
     return images.reshape(shape)
 
 
-def _planned(folder: Path, steps: int) -> int:
-    """Steps that were planned when the training began: a machine is never twice as fast, and a plan is one."""
+def _planned(folder: Path, configuration: Streamed, fresh: MakesFresh, seconds: float) -> int:
+    """Steps of a training; those that it began with, for no machine is as fast twice, and a plan is one."""
     path = folder / "steps.json"
     if path.is_file():
         return int(json.loads(path.read_text()))
-    path.write_text(json.dumps(steps))
+    each = step_seconds(configuration, fresh)
+    steps = max(1, round(seconds / each))
+    say(f"{configuration.name}: {1000 * each:.0f} ms a step, {steps} steps")
+    write_text(path, json.dumps(steps))
     return steps
 
 
@@ -216,25 +213,21 @@ class _Repeated:
 
 
 def measure(network: StreamedNetwork, configuration: Streamed, images, names: Sequence[str]) -> Row:
-    """Scores of the forms of a gallery, of bodies in poses; a form that cannot be made counts as a disc."""
+    """Scores of the forms of a gallery, of bodies in poses; one that cannot be made is a query that finds nothing."""
     forms, subjects, refused = [], [], 0
     for name, of_body in zip(names, images, strict=True):
         for image in of_body:
             try:
                 forms.append(form_of(predicted(network, configuration, image))[0])
+                subjects.append(name)
             except UnsupportedShape:
                 refused += 1
-                forms.append(_disc())
-            subjects.append(name)
-    scores = ranked(forms, subjects)
+    share = len(forms) / (len(forms) + refused)
+    scores = (
+        ranked(forms, subjects) if forms else dict.fromkeys([*PRINTED, *(f"chance {name}" for name in PRINTED)], 0.0)
+    )
+    scores |= {name: scores[name] * share for name in PRINTED}
     return {name: round(value, 4) for name, value in scores.items()} | {"refused": refused}
-
-
-def _disc() -> Mesh:
-    import trimesh
-
-    solid = trimesh.creation.icosphere(subdivisions=3)
-    return Mesh(solid.vertices / solid.area**0.5, solid.faces.astype("int32"))
 
 
 def table(found: Iterable[Mapping[str, float | str]]) -> str:

@@ -2,7 +2,7 @@
 
 The forms of validation bodies, which are a stream of their own, are ranked against each other for each ``reach`` and
 number of ``rounds``. No subject of any set that methods are tested on is looked at. Writes
-``results/field-detail.json``; a run that was stopped goes on where it was.
+``results/field-detail.json``; a run that was stopped goes on where it was, and another model begins anew.
 """
 
 from __future__ import annotations
@@ -65,7 +65,10 @@ def compare(method: DeformationField, bodies: Surfaces, figures: Path) -> None:
     figures
         Where rows are kept.
     """
+    model = str(read_card(method.model_folder)["digest"])
+    asked = {"model": model, "bodies": len(bodies.identifiers)}
     found: list[Row] = json.loads(figures.read_text()) if figures.is_file() else []
+    found = [row for row in found if {name: row[name] for name in asked} == asked]
     shapes, subjects = _prepared(bodies)
     settings = [(reach, rounds) for reach in REACHES for rounds in (ROUNDS if reach else ROUNDS[:1])]
     for form, one in (
@@ -81,7 +84,7 @@ def compare(method: DeformationField, bodies: Surfaces, figures: Path) -> None:
         strain = np.mean([float(each.notes.get("edge_strain", 0.0)) for each in forms])
         scores = ranked((Mesh(each.vertices, each.faces) for each in forms), subjects)
         row = {"edge strain": float(strain), **scores}
-        found.append({"form": form, **{name: round(value, 4) for name, value in row.items()}})
+        found.append({"form": form, **asked, **{name: round(value, 4) for name, value in row.items()}})
         figures.parent.mkdir(exist_ok=True)
         figures.write_text(json.dumps(found, indent=1) + "\n")
         print(found[-1], flush=True)

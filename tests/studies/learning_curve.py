@@ -78,6 +78,8 @@ def curve(schedule: Schedule, marks: Iterable[int]) -> list[Row]:
             continue
         plan = replace(schedule, epochs=mark)
         result = train(LITERAL, plan, pairs, None, folder, recipe, seed=0, device=torch.device("cpu"), say=say)
+        if result.progress.epoch != mark:
+            raise click.ClickException(f"{folder} stands at epoch {result.progress.epoch}: delete it to measure {mark}")
         measured = measure(result.network.eval(), pairs, held_back, subjects)
         seconds = round(result.progress.seconds)
         found.append({"resolution": schedule.resolution, "epochs": mark, "seconds": seconds, **measured})

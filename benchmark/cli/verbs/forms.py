@@ -10,6 +10,7 @@ import click
 
 from benchmark.cli import completion
 from benchmark.cli.options import NOT_OK, OK, PathOption, VertexCount, plugin_option, timeout_option
+from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
 
 #: Characters of a method with its parameters that do not belong into the name of a file.
@@ -47,6 +48,8 @@ def canonicalise(
     """Write the canonical form of one mesh."""
     from benchmark.cli.canonicalise import canonicalise_file
 
+    if not source.name:
+        raise ConfigurationError(f"{source} is no file", "name a mesh")
     target = output or source.with_name(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
     form = canonicalise_file(source, target, method, plugins, seed, timeout, vertices)
     facts = ", ".join(

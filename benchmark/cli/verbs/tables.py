@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from benchmark.cli.options import NOT_OK, OK, PathOption, Selection, selection_options, timeout_option
-from benchmark.cli.reporting import FIGURES
+from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
 
@@ -43,6 +43,8 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
+    if not content and not disturbed:
+        raise no_table(selection)
     if output is None and not formats and sys.stdout.isatty():
         from benchmark.cli.terminal import draw
 
@@ -56,10 +58,11 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
         return
     files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
     if not check:
-        from benchmark.report.pictures.curves import draw_curves
-
         write(files, output)
-        draw_curves(disturbed, output)
+        if disturbed and "markdown" in (formats or FORMATS):
+            from benchmark.report.pictures.curves import draw_curves
+
+            draw_curves(disturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
         return
     different = stale(files, output)

@@ -61,6 +61,7 @@ class Folder:
                     (self.root / name).unlink()
         self.write(CONTENTS, json.dumps(sorted({*self.sizes, CONTENTS}), indent=0))
         sweep(self.root, deep=False)
+        sweep(self.root / "parts")
 
     def _earlier(self) -> Iterator[str]:
         try:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
+import numpy as np
 from PIL import Image
 
 from benchmark.contracts import Input
@@ -242,9 +243,9 @@ def _picture(column: _Column, name: str, width: float) -> Image.Image:
 
 def _thinned(column: _Column, name: str) -> Thinned:
     """The vertices to show: those of the shape, unless the form has a surface of its own."""
-    if column.thin is not None and len(column.thin.all_values) == len(column.points[name]):
-        return column.thin
-    return thinned(column.meshes[name])
+    own = column.meshes.get(name)
+    shared = own is None or (column.surface is not None and np.array_equal(own.faces, column.surface.faces))
+    return column.thin if column.thin is not None and shared else thinned(column.meshes[name])
 
 
 def _write(name: str, column: _Column, methods: Sequence[str], widths: Mapping[str, float], folder: Folder) -> None:

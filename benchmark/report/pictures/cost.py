@@ -69,7 +69,10 @@ def _panel(place: Axes, table: TableContent, input_: str, measure: str) -> None:
     rows = {row.method: row for row in table.rows}
     judged = {key[0]: each for key, each in table.judgements.items() if key[1:] == (input_, measure)}
     front = pareto_front({name: point for name, point in points.items() if rows[name].family != CONTROL})
-    place.step(*zip(*(points[name] for name in front), strict=True), where="post", color="#2f6fb7", lw=1.2, zorder=1)
+    if front:
+        place.step(
+            *zip(*(points[name] for name in front), strict=True), where="post", color="#2f6fb7", lw=1.2, zorder=1
+        )
     for name, (seconds, score) in points.items():
         family = rows[name].family if rows[name].family in _COLOURS else "extended"
         if name in judged:

@@ -9,6 +9,7 @@ from benchmark.contracts import Input
 from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
+from benchmark.report.content import stem
 from benchmark.report.results import Result
 from benchmark.storage.records import Record
 
@@ -94,8 +95,7 @@ class Robustness:
     @property
     def file_stem(self) -> str:
         """Name of its files."""
-        parts = ("robustness", self.data, self.input, self.scorer)
-        return "-".join(part for part in parts if part).replace(" ", "-").replace("/", "-")
+        return stem("robustness", self.data, self.input, self.scorer)
 
 
 def robustness(results: Iterable[Result]) -> list[Robustness]:

@@ -38,7 +38,7 @@ def markdown(found: Robustness) -> str:
     """The amounts at which each method fails, then NN at each strength."""
     header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
     lines = [
-        f"**What breaks the methods: {_title(found)}.**",
+        f"**What breaks the methods: {markdown_text(_title(found))}.**",
         "",
         _LEGEND,
         "",
@@ -123,4 +123,4 @@ def _half(curve: Curve | None) -> str:
 
 def _title(found: Robustness) -> str:
     by = f", scored by {found.scorer}" if found.scorer else ""
-    return f"{markdown_text(found.data)}, {found.n_shapes} shapes, {found.input} input{by}"
+    return f"{found.data}, {found.n_shapes} shapes, {found.input} input{by}"

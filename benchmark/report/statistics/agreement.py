@@ -89,7 +89,11 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
     ]
     for row in rows:
         figures = [_figure(row.measures[measure]) for measure in PRINTED]
-        lines.append(markdown_row([row.table, markdown_text(row.data), row.input, str(len(row.methods)), *figures]))
+        lines.append(
+            markdown_row(
+                [markdown_text(row.table), markdown_text(row.data), row.input, str(len(row.methods)), *figures]
+            )
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 import torch
 from torch import nn
@@ -59,6 +60,12 @@ def test_a_mark_that_was_measured_is_not_measured_again(seen: Any, tmp_path: Pat
     assert len(seen) == 2
     expected = trained_for(5, tmp_path / "5")
     assert all(torch.equal(seen[1][name], expected[name]) for name in expected)
+
+
+def test_a_mark_below_the_checkpoint_is_refused(seen: Any) -> None:
+    learning_curve.curve(PLAN, (5,))
+    with pytest.raises(click.ClickException, match="stands at epoch 5: delete it to measure 3"):
+        learning_curve.curve(PLAN, (3,))
 
 
 def test_another_resolution_has_rows_of_its_own_below(seen: Any) -> None:

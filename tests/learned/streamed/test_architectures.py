@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from torch import nn
 
+from benchmark.errors import UnsupportedShape
 from benchmark.streaming import Fresh
+from retrieval.measures import PRINTED
+from tests.geometry.surfaces import sphere
 from tests.learned.streamed.toy import Ellipsoids, toy
 from tests.learned.toy import quiet
 from tests.studies import architectures
@@ -40,6 +44,7 @@ def test_each_configuration_gets_its_share_and_is_not_trained_twice(
         return dict.fromkeys(("NN", "FT", "ST", "DCG"), 0.5) | {f"chance {n}": 0.2 for n in ("NN", "FT", "ST", "DCG")}
 
     monkeypatch.setattr(architectures, "ranked", scored)
+    monkeypatch.setattr(architectures, "form_of", lambda _: (sphere(1), {}))
     architectures.compare(CHOSEN[:1], 0.06, Ellipsoids(), Many(seed=5), 3, 0)
     architectures.compare(CHOSEN, 0.06, Ellipsoids(), Many(seed=5), 3, 0)
     found = json.loads((tmp_path / "results" / "architectures.json").read_text())
@@ -70,3 +75,18 @@ def test_a_batch_is_made_once_and_read_as_it_was_made(tmp_path: Path) -> None:
         assert read.dtype == np.float32
         assert read.any()
         np.testing.assert_array_equal(read, getattr(first, name), name)
+
+
+def test_a_form_that_cannot_be_made_is_a_query_that_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = iter(range(4))
+
+    def refused_once(_: Any) -> Any:
+        if next(asked) == 1:
+            raise UnsupportedShape("nothing is predicted", "train longer")
+        return sphere(1), {}
+
+    monkeypatch.setattr(architectures, "predicted", lambda *_: None)
+    monkeypatch.setattr(architectures, "form_of", refused_once)
+    monkeypatch.setattr(architectures, "ranked", lambda forms, subjects: dict.fromkeys(PRINTED, len(forms) / 3))
+    found = architectures.measure(nn.Identity(), toy(), np.zeros((2, 2, 8, 8)), ["a", "b"])  # type: ignore[arg-type]
+    assert found == {**dict.fromkeys(PRINTED, 0.75), "refused": 1}
