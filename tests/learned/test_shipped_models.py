@@ -129,12 +129,16 @@ def test_streams_are_none_of_the_data_sets(of_data: list[Card]) -> None:
         assert card["extra_data"]
 
 
-def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None:
+def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one(cards: dict[Path, Card]) -> None:
     """Names say little: what a body is lies in its phenotype. Neighbouring subjects of one set are .3 apart or more."""
     tested = np.array([astuple(human_subjects.SUBJECTS[name]) for name in SUBJECTS])
     between = np.linalg.norm(tested[:, None] - tested, axis=2)
     assert between[~np.eye(len(tested), dtype=bool)].min() > 0.3, "a fold's subjects and those of its training"
-    sampled = np.array([astuple(sample_human(number, 0, 0)[0]) for number in range(1500)])
+    names = {
+        name for folder, card in cards.items() if folder.parent.name == "humans-sampled" for name in card["subjects"]
+    }
+    bodies = 1 + max(int(name.partition("-")[2]) for name in names)
+    sampled = np.array([astuple(sample_human(number, 0, 0)[0]) for number in range(bodies)])
     assert np.linalg.norm(sampled[:, None] - tested, axis=2).min() >= 0.25
     drawn = [varied_body(np.random.default_rng([0, number, 0])).subject for number in range(1500)]
     assert min(map(clearance, drawn)) >= 0.25, "of the real people's stand-in as well"

@@ -106,7 +106,9 @@ def measure() -> list[dict[str, Any]]:
         memory = peak_mebibytes(lambda method=method: method.canonicalise(shape))
         rows.append(
             row(
-                f"{method.info.name}, given the geodesics" if method.info.name == "constrained-mds" else method.info.name,
+                f"{method.info.name}, given the geodesics"
+                if method.info.name == "constrained-mds"
+                else method.info.name,
                 seconds,
                 target=f"at most {MOST_SECONDS:.0f} s and {MOST_MEBIBYTES} MiB",
                 met=seconds <= MOST_SECONDS and memory <= MOST_MEBIBYTES,
