@@ -52,7 +52,8 @@ distances are equal in single precision is a decision that a margin would turn i
 SCORED = """\
 ## TOSCA
 
-{shapes} shapes of TOSCA, as {inputs}, went through every method with its default parameters under {n} sets of kernels: {names}. "oldest" is BLAS
+{shapes} shapes of TOSCA, as {inputs}, went through every method with its default parameters
+under {n} sets of kernels: {names}. "oldest" is BLAS
 for Nehalem, numba for no processor in particular, and numpy without any choice of instructions: everything that can
 be switched off at once, and so, with the kernels for AVX-512, one of two extremes. Each set is one process that
 prepares the shapes, measures geodesics, makes forms and normalises their pose. Where the rounded forms are the same
