@@ -15,6 +15,7 @@ from tests.studies import field_detail, learning_curve, strict_training
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "learned.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +66,18 @@ def test_the_field_is_above_every_form_of_complete_surfaces_of_table_one_and_bel
     field, forms = shown(["humans-scanlike"])
     assert all(field[measure] < forms.loc["gps", measure] for measure in PRINTED)
     assert " ".join(f"{field[measure]:.2f}"[1:] for measure in PRINTED) in PAGE
+
+
+@pytest.mark.parametrize("galleries", [[f"humans fold {fold}" for fold in range(3)], ["humans"], ["humans-scanlike"]])
+def test_sampled_bodies_and_one_view_are_above_every_form_of_complete_surfaces(
+    records: pd.DataFrame, galleries: list[str]
+) -> None:
+    rows = records[records["gallery"].isin(galleries)]
+    means = {name: found.groupby("method")[list(PRINTED)].mean() for name, found in rows.groupby("input")}
+    ours = means["view"].loc["learned-wide-extra"]
+    forms = means["mesh"][[is_form(name) or name == "deformation-field" for name in means["mesh"].index]]
+    assert len(forms) >= 20
+    assert all(ours[measure] > forms[measure].max() for measure in PRINTED)
+    figures = " ".join(f"{ours[measure]:.2f}".removeprefix("0") for measure in PRINTED)
+    for page in (PAGE, README):
+        assert figures in " ".join(page.split())
