@@ -170,8 +170,8 @@ TRAINING_SEEDS = (0, 1, 2)
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
-#: Methods that no model is shipped for, or that take many seconds for a shape: rows where they are asked for by name.
-ONLY_NAMED = frozenset({"learned-streamed", "implicit-template"})
+#: Methods that take many seconds for a shape: rows where they are asked for by name.
+ONLY_NAMED = frozenset({"implicit-template"})
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
