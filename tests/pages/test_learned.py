@@ -81,3 +81,21 @@ def test_sampled_bodies_and_one_view_are_above_every_form_of_complete_surfaces(
     figures = " ".join(f"{ours[measure]:.2f}".removeprefix("0") for measure in PRINTED)
     for page in (PAGE, README):
         assert figures in " ".join(page.split())
+
+
+@pytest.mark.parametrize(
+    ("method", "galleries"),
+    [
+        ("learned-wide", [f"humans fold {fold}" for fold in range(3)]),
+        ("learned-streamed", [f"humans fold {fold}" for fold in range(3)]),
+        ("learned-streamed", ["humans"]),
+        ("learned-streamed", ["humans-scanlike"]),
+    ],
+)
+def test_figures_of_other_networks_are_those_of_the_records(
+    records: pd.DataFrame, method: str, galleries: list[str]
+) -> None:
+    rows = records[records["gallery"].isin(galleries) & (records["method"] == method)]
+    assert len(rows) == len(galleries)
+    figures = " ".join(f"{rows[measure].mean():.2f}".removeprefix("0") for measure in PRINTED)
+    assert figures in " ".join(PAGE.split())
