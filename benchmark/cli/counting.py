@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
+from benchmark.cli.options import INTERRUPTED
 from benchmark.datasets.base import Entry, Watched
 from benchmark.system.text import clean, say
 
 #: Seconds between two lines where there is no terminal.
 INTERVAL = 10.0
-
-INTERRUPTED = 130
 
 
 @contextmanager

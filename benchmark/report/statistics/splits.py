@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import markdown_text
+from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
 from retrieval.measures import PRINTED
 
 
@@ -27,12 +27,12 @@ def splits_markdown(table: TableContent) -> str:
         f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
         f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**",
         "",
-        "| Method | input | " + " | ".join(PRINTED) + " |",
-        "| --- | --- | " + " | ".join("---:" for _ in PRINTED) + " |",
+        markdown_row(["Method", "input", *PRINTED]),
+        markdown_rule(2 + len(PRINTED), 2),
     ]
     for label, input_, quantiles in found:
         figures = ("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in PRINTED)
-        lines.append(f"| {markdown_text(label)} | {input_} | " + " | ".join(figures) + " |")
+        lines.append(markdown_row([markdown_text(label), input_, *figures]))
     return "\n".join(lines) + "\n"
 
 
