@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from benchmark.datasets.base import Entry
+from benchmark.geometry.mesh import Mesh
 from benchmark.report.content import contents
+from benchmark.report.html import gallery, site
 from benchmark.report.html import queries as browser
-from benchmark.report.html import site
 from benchmark.report.html.folder import CONTENTS, Folder
 from benchmark.report.html.measured import Ranked, measured, poses_of
 from benchmark.report.html.queries import write_queries
@@ -74,6 +75,16 @@ def test_a_surface_is_thinned_to_vertices_that_it_has():
     assert found.faces.max() < len(found.chosen)
     assert (found.values == found.all_values[found.chosen]).all()
     assert len(thinned(mesh, 5000).chosen) == mesh.n_vertices
+
+
+def test_a_form_with_triangles_of_its_own_is_drawn_with_them_however_many_vertices_it_has():
+    shape = rod(0.1, 1.0, rings=20, sides=10)
+    other = Mesh(shape.vertices[::-1], shape.n_vertices - 1 - shape.faces)
+    column = gallery._Column(Entry("rod0", "rod", "bent"), shape, thinned(shape))
+    column.meshes = {"same": shape.with_vertices(2 * shape.vertices), "other": other}
+    assert gallery._thinned(column, gallery.INPUT_ROW) is column.thin
+    assert gallery._thinned(column, "same") is column.thin
+    assert (gallery._thinned(column, "other").faces == other.faces).all()
 
 
 # A whole report ------------------------------------------------------------------------------------------------------
