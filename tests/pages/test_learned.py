@@ -90,6 +90,7 @@ def test_sampled_bodies_and_one_view_are_above_every_form_of_complete_surfaces(
         ("learned-streamed", [f"humans fold {fold}" for fold in range(3)]),
         ("learned-streamed", ["humans"]),
         ("learned-streamed", ["humans-scanlike"]),
+        ("implicit-template", [f"humans fold {fold}" for fold in range(3)]),
     ],
 )
 def test_figures_of_other_networks_are_those_of_the_records(
