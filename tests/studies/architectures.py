@@ -155,7 +155,6 @@ class Kept:
         fresh = self._make(number, bodies, size)
         arrays = {**_packed("images", fresh.images), **_packed("fronts", fresh.fronts), **_packed("backs", fresh.backs)}
         names, drawn = np.array(fresh.identifiers), np.array(json.dumps(dict(fresh.drawn_again)))
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, partial(np.savez, identifiers=names, drawn_again=drawn, **arrays))
         return fresh
 

@@ -51,7 +51,7 @@ def main(names: Sequence[str], shapes: Sequence[str], output: Path) -> None:
         trainings = trainings_by_shape(learner, dataset, entries, None)
         for entry, column in zip(entries, columns, strict=True):
             training = trainings[entry.identifier].name
-            maker = variant(name, methods()).with_parameters({"training": training}).create()
+            maker = spec.with_parameters({"training": training}).create()
             assert isinstance(maker, Method)
             form = maker.canonicalise(prepared.shape(entry))
             column.append(Mesh(form.vertices, form.faces))

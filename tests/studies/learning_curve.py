@@ -82,10 +82,11 @@ def curve(schedule: Schedule, marks: Iterable[int]) -> list[Row]:
             raise click.ClickException(f"{folder} stands at epoch {result.progress.epoch}: delete it to measure {mark}")
         measured = measure(result.network.eval(), pairs, held_back, subjects)
         seconds = round(result.progress.seconds)
-        found.append({"resolution": schedule.resolution, "epochs": mark, "seconds": seconds, **measured})
-        found.sort(key=lambda row: (row["resolution"], row["epochs"]))
+        row = {"resolution": schedule.resolution, "epochs": mark, "seconds": seconds, **measured}
+        found.append(row)
+        found.sort(key=lambda each: (each["resolution"], each["epochs"]))
         FIGURES.write_text(json.dumps(found, indent=1) + "\n")
-        say({"resolution": schedule.resolution, "epochs": mark, **measured})
+        say(row)
     return found
 
 
