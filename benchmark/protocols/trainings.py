@@ -13,6 +13,8 @@ from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.learning import Learner
 
 __all__ = [
+    "ANIMALS_SAMPLED",
+    "ANIMAL_POSES",
     "HELD_OUT",
     "NUMERALS",
     "POSE_FOLDS",
@@ -104,6 +106,9 @@ TABLE_III = "III"
 SAMPLED = "humans-sampled"
 SAMPLED_BODIES, SAMPLED_POSES = 1500, 6
 
+#: Name of the training on sampled animals and people, and in how many poses each.
+ANIMALS_SAMPLED, ANIMAL_POSES = "animals-sampled", 12
+
 #: Name of the training on a stream of fresh bodies in free poses.
 VARIED = "humans-varied"
 
@@ -177,6 +182,13 @@ TRAININGS: Mapping[str, Training] = {
             name=SAMPLED,
             words="sampled bodies that are none of the data set's",
             dataset="humans",
+            trained=Part(),
+            tested=Part(),
+        ),
+        Training(
+            name=ANIMALS_SAMPLED,
+            words="sampled animals and people that are in no data set",
+            dataset="animals",
             trained=Part(),
             tested=Part(),
         ),

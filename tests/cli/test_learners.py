@@ -280,7 +280,7 @@ def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, m
     def made(*_):
         raise AssertionError("data was made")
 
-    monkeypatch.setattr("benchmark.jobs.training_pairs.training_data", made)
+    monkeypatch.setattr("benchmark.jobs.pairs.training_data", made)
     spec, training = methods()["learned-wide-extra"], find_training("humans-sampled")
     for schedule, told in (
         ({"device": "tpu"}, "unknown device"),

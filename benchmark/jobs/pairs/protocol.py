@@ -5,38 +5,34 @@ That no shape to be tested, nor another shape of its subject, is among them is c
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import camera_coordinates, render_depth
-from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.pairs.animals import sampled_animals
+from benchmark.jobs.pairs.beyond import Beyond, Say
+from benchmark.jobs.pairs.people import sampled_people
+from benchmark.jobs.pairs.stream import varied_data
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.recipes import dataset_module, preparation_code, source_code
-from benchmark.jobs.varied_pairs import varied_data
-from benchmark.learning import TrainingData, TrainingPair
-from benchmark.protocols.trainings import SAMPLED, SAMPLED_BODIES, SAMPLED_POSES, VARIED, Training
+from benchmark.learning import MakesPairs, TrainingData, TrainingPair
+from benchmark.protocols.trainings import ANIMALS_SAMPLED, SAMPLED, SAMPLED_BODIES, VARIED, Training
 from benchmark.storage import keys
 from benchmark.storage.store import Store
 
 __all__ = ["training_data"]
 
-Say = Callable[[str], None]
-
-_Body = tuple[humans.Subject, Sequence[Pose]]
-
-#: Images of a sampled body: the canonical pose and its own.
-_IMAGES = 1 + SAMPLED_POSES
+_BEYOND_SETS: Mapping[str, Callable[[Beyond, MakesPairs], TrainingData]] = {
+    SAMPLED: sampled_people,
+    ANIMALS_SAMPLED: sampled_animals,
+    VARIED: varied_data,
+}
+"""Makers of data that is in no set, by the name of the training."""
 
 
 def training_data(
@@ -67,10 +63,13 @@ def training_data(
     dataset = open_dataset(training.dataset, data_root)
     preparation = Preparation(dataset, "view", store)
     tested = training.tested.of(dataset)
-    if training.name == SAMPLED:
-        return _sampled(training, preparation, tested, say, n_sampled)
-    if training.name == VARIED:
-        return _streamed(training, preparation, tested, say)
+    if beyond := _BEYOND_SETS.get(training.name):
+        data = beyond(
+            Beyond(training, dataset, preparation.half_width, n_sampled, say),
+            lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
+        )
+        _check_apart(data, tested)
+        return data
     pairs = _renderable(training.trained.of(dataset), preparation, say)
     shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
     data = TrainingData(
@@ -139,67 +138,3 @@ def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
             f"training '{data.name}' would show what its models are tested on: {', '.join(both[:5])}",
             "keep the subjects of the data set apart",
         )
-
-
-def _streamed(training: Training, preparation: Preparation, tested: Iterable[Entry], say: Say) -> TrainingData:
-    """Bodies beyond the data set without end."""
-    data = varied_data(training, lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation))
-    _check_apart(data, tested)
-    return data
-
-
-def _sampled(
-    training: Training, preparation: Preparation, tested: Iterable[Entry], say: Say, n_bodies: int
-) -> TrainingData:
-    """Pairs of bodies beyond the data set; they are made as they are read, for they are too many to be kept."""
-    bodies = humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0)
-    names = [f"sample-{number}" for number in range(n_bodies)]
-    recipes = [humans.recipe(body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses)]
-    frame = [repr(FRONT), preparation.half_width, preparation_code("view").digest]
-    data = TrainingData(
-        name=training.name,
-        title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {preparation.dataset.title}",
-        digest=keys.digest([recipes, frame, source_code(dataset_module(preparation.dataset)).digest]),
-        subjects=tuple(names),
-        identifiers=tuple(f"{name}_{number}" for name in names for number in range(_IMAGES)),
-        n_pairs=len(recipes),
-        pairs=lambda start=0: _sampled_pairs(bodies, preparation.half_width, say, start),
-        unseen=lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
-    )
-    _check_apart(data, tested)
-    return data
-
-
-def _sampled_pairs(bodies: Sequence[_Body], half_width: float, say: Say, start: int) -> Iterator[TrainingPair]:
-    first, skipped = divmod(start, _IMAGES)
-    drawn_again = 0
-    meshes = _in_all_poses(bodies[first:])
-    for number in range(first, len(bodies)):
-        name = f"sample-{number}"
-        of_body = list(itertools.islice(meshes, _IMAGES))
-        draw = 0
-        while any(_leaves_frame(mesh, half_width) for mesh in of_body):
-            draw, drawn_again = draw + 1, drawn_again + 1
-            say(f"{name} leaves the frame and is drawn again ({drawn_again} so far)")
-            of_body = list(_in_all_poses([humans.sample_human(number, SAMPLED_POSES, seed=0, draw=draw)]))
-        images = [render_depth(mesh, FRONT, half_width) for mesh in of_body]
-        for place, image in enumerate(images):
-            if place >= skipped:
-                yield TrainingPair(
-                    identifier=f"{name}_{place}",
-                    subject=name,
-                    target_identifier=f"{name}_0",
-                    image=image,
-                    target=images[0],
-                )
-        skipped = 0
-
-
-def _in_all_poses(bodies: Iterable[_Body]) -> Iterator[Mesh]:
-    """Each body in the canonical pose, then in its own."""
-    canonical = POSES[humans.CANONICAL_POSE]
-    return humans.human_meshes((body, pose) for body, poses in bodies for pose in (canonical, *poses))
-
-
-def _leaves_frame(mesh: Mesh, half_width: float) -> bool:
-    return bool(np.abs(camera_coordinates(mesh, FRONT) / half_width).max() >= 1)

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.geometry.depth import SIZE
+from benchmark.jobs.pairs.beyond import Beyond
 from benchmark.jobs.recipes import source_code
 from benchmark.learning import MakesPairs, TrainingPair
-from benchmark.protocols.trainings import Training
 from benchmark.storage import keys
 from benchmark.streaming import StreamedData
 
@@ -20,20 +20,20 @@ SAMPLE = 1024
 """Pairs for a learner that keeps all of its pairs in memory."""
 
 
-def varied_data(training: Training, unseen: MakesPairs) -> StreamedData:
+def varied_data(asked: Beyond, unseen: MakesPairs) -> StreamedData:
     """The streams of one protocol.
 
     Parameters
     ----------
-    training
-        The protocol.
+    asked
+        The protocol; the number of bodies is of no account.
     unseen
         Makes pairs of the subjects that are tested.
     """
     fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
     code = source_code("benchmark.datasets.varied.sampler").digest
     return StreamedData(
-        name=training.name,
+        name=asked.training.name,
         title="fresh bodies in free poses, none of them a subject of a generated set of people",
         digest=keys.digest([repr(fresh), repr(validation), SAMPLE, code]),
         subjects=(f"varied-{TRAINED}-0-0 and all that follow",),
