@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["ROBUSTNESS_ROWS", "VARIANTS"]
+__all__ = ["FURTHER_TRAININGS", "ROBUSTNESS_ROWS", "VARIANTS"]
 
 FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
 
@@ -11,6 +11,12 @@ VARIANTS: dict[str, tuple[dict[str, str], ...]] = {
     "classic-mds": FURTHER_METRICS,
     "least-squares-mds": FURTHER_METRICS,
     "euclidean-distance": ({"points": "local"},),
+}
+
+#: Trainings of learners that have rows in a table beside those that it names, by its numeral, where there is a model:
+#: in Table III the other reading of the paper's "other animals", and sampled bodies, none of them of the set.
+FURTHER_TRAININGS: dict[str, dict[str, tuple[str, ...]]] = {
+    "III": {"learned": ("{dataset}-III-people",), "learned-wide-extra": ("animals-sampled",)},
 }
 
 #: Rows of the table of robustness, with their variants, where none is asked for by name; it has 47 galleries. Of the

@@ -16,7 +16,7 @@ from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.disturbed import conditions, inputs_of, own_table_name
-from benchmark.protocols.rows import ROBUSTNESS_ROWS, VARIANTS
+from benchmark.protocols.rows import FURTHER_TRAININGS, ROBUSTNESS_ROWS, VARIANTS
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, trainings_by_shape
 from benchmark.reference import paper
 
@@ -235,8 +235,8 @@ class Gallery:
             Folder of the models that were trained here, looked at beside the shipped ones.
         """
         if not self.table.ablation:
-            chosen = [spec for spec in methods if spec.named or self._has_row(spec)]
-            return list({row.name: row for spec in chosen for row in self._with_variants(spec)}.values())
+            chosen = [row for spec in methods for row in self._with_variants(spec, trained_here)]
+            return list({row.name: row for row in chosen}.values())
         printed = {row.method for row in paper.ABLATION}
         return [
             variant
@@ -280,10 +280,19 @@ class Gallery:
         except ConfigurationError:
             return True  # what cannot be imported says so in its row
 
-    def _with_variants(self, spec: MethodSpec) -> list[MethodSpec]:
+    def _with_variants(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
+        own = [spec] if spec.named or self._has_row(spec) else []
+        if spec.named or spec.parameters or self.quick:
+            return own
         known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
-        further = () if spec.named or spec.parameters or self.quick else known.get(spec.base_name, ())
-        return [spec, *(spec.with_parameters(parameters) for parameters in further)]
+        further = known.get(spec.base_name, ()) if own else ()
+        of_table = FURTHER_TRAININGS.get(self.table.part_of or self.table.identifier, {}).get(spec.base_name, ())
+        trained = (spec.with_parameter("training", name.format(dataset=self.dataset.name)) for name in of_table)
+        return [
+            *own,
+            *(spec.with_parameters(parameters) for parameters in further),
+            *(variant for variant in trained if self._has_models(variant, trained_here)),
+        ]
 
 
 def galleries(

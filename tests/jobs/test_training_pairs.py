@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from benchmark.datasets import humans
+from benchmark.datasets.animals import Animals
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, InvalidMesh, UnsupportedShape
+from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
-from benchmark.jobs import training_pairs as pairs
+from benchmark.jobs.pairs import animals, beyond, training_data
 from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.storage.store import Store
@@ -51,9 +52,9 @@ def store(tmp_path):
 
 
 def made(monkeypatch, store, name, dataset=None, say=None, **part):
-    monkeypatch.setattr(pairs, "open_dataset", lambda *_: dataset or Rods())
+    monkeypatch.setattr("benchmark.jobs.pairs.protocol.open_dataset", lambda *_: dataset or Rods())
     training = replace(TRAININGS[name], **part)
-    return pairs.training_data(training, store, None, say or (lambda _: None))
+    return training_data(training, store, None, say or (lambda _: None))
 
 
 def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch, store):
@@ -128,7 +129,7 @@ def test_training_on_what_is_tested_is_refused(monkeypatch, store):
 
 
 def test_sampled_bodies_stream_in_the_frame_of_the_data_set(store):
-    data = pairs.training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
+    data = training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
     got = list(data.pairs())
     assert data.n_pairs == len(got) == len(data.identifiers) == 2 * 7
     assert [pair.subject for pair in got] == ["sample-0"] * 7 + ["sample-1"] * 7
@@ -137,14 +138,14 @@ def test_sampled_bodies_stream_in_the_frame_of_the_data_set(store):
     (body, poses), _ = humans.sample_humans(2, 6, seed=0)
     expected = render_depth(humans.human_mesh(body, poses[2]), FRONT, humans.Humans().half_width)
     assert np.array_equal(got[3].image, expected)
-    larger = pairs.training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=3)
+    larger = training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=3)
     assert data.digest != larger.digest
     assert data.identifiers == larger.identifiers[:14]
     assert not set(data.subjects) & {entry.subject for entry in humans.Humans().entries}
 
 
 def test_sampled_pairs_go_on_anywhere(store):
-    data = pairs.training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
+    data = training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
     whole = list(data.pairs())
     for start in (0, 3, 7, 12, 14):
         rest = list(data.pairs(start))
@@ -159,10 +160,10 @@ def test_a_sampled_body_that_leaves_the_frame_is_drawn_again_and_told(monkeypatc
     assert first[0] != again[0]
     leaving = {1: [humans.human_mesh(*pose_of(first, place)) for place in range(7)]}
     monkeypatch.setattr(
-        pairs, "_leaves_frame", lambda mesh, _: any(np.array_equal(mesh.vertices, m.vertices) for m in leaving[1])
+        beyond, "_leaves_frame", lambda mesh, *_: any(np.array_equal(mesh.vertices, m.vertices) for m in leaving[1])
     )
     said = []
-    data = pairs.training_data(TRAININGS["humans-sampled"], store, None, said.append, n_sampled=3)
+    data = training_data(TRAININGS["humans-sampled"], store, None, said.append, n_sampled=3)
     got = list(data.pairs())
     assert said == ["sample-1 leaves the frame and is drawn again (1 so far)"]
     assert [pair.identifier for pair in got] == list(data.identifiers)
@@ -180,9 +181,57 @@ def test_a_body_leaves_the_frame_exactly_where_it_cannot_be_rendered():
     mesh = rod(0.1, 0.0, rings=8, sides=8)
     half_width = float(np.abs(mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2).max())
     for factor, leaves in ((1.001, False), (1.0, True), (0.999, True)):
-        assert pairs._leaves_frame(mesh, half_width * factor) == leaves
+        assert beyond._leaves_frame(mesh, FRONT, half_width * factor) == leaves
         if leaves:
             with pytest.raises(UnsupportedShape, match="the shape extends to"):
                 render_depth(mesh, FRONT, half_width * factor)
         else:
             render_depth(mesh, FRONT, half_width * factor)
+
+
+def test_animals_and_people_come_by_turns_in_the_frame_of_their_set(store):
+    data = training_data(TRAININGS["animals-sampled"], store, None, lambda _: None, n_sampled=4)
+    got = list(data.pairs())
+    assert data.n_pairs == len(got) == len(data.identifiers) == 4 * 13
+    assert [pair.identifier for pair in got] == list(data.identifiers)
+    assert {pair.target_identifier for pair in got} == {f"sample-{number}_0" for number in range(4)}
+    for place in 0, 13, 26, 39:
+        assert np.array_equal(got[place].image, got[place + 5].target), "the canonical pose of the same body"
+    assert np.array_equal(next(iter(data.pairs(30))).image, got[30].image)
+    camera, meshes = animals.made_body(3, 0)
+    assert np.array_equal(got[39 + 4].image, render_depth(meshes[4], camera, Animals().half_width))
+    wide = [extent(got[place].image) for place in (0, 13)]
+    assert wide[0][0] > wide[0][1], "a person is taller than wide"
+    assert wide[1][1] > wide[1][0], "a cat is longer than tall"
+    assert not set(data.identifiers) & {entry.identifier for entry in Animals().entries}
+
+
+def extent(image):
+    rows, columns = np.nonzero(image)
+    return np.ptp(rows), np.ptp(columns)
+
+
+def test_people_among_animals_are_adults_in_centimetres():
+    for number in 0, 2, 4, 6:
+        _, (standing, *_) = animals.made_body(number, 0)
+        assert 145 <= np.ptp(standing.vertices[:, 2]) < 240
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(DatasetError, match="none of 60 bodies is an adult"):
+        patch.setattr(animals, "SHORTEST_ADULT", 3.0)
+        animals.made_body(0, 0)
+
+
+def test_a_body_in_a_pose_is_turned_about_the_vertical_and_the_canonical_one_is_not():
+    def before(patch):
+        patch.setattr(animals, "TURN", 0.0)
+        return animals.made_body(1, 0)[1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        straight = before(patch)
+    turned = animals.made_body(1, 0)[1]
+    assert np.array_equal(straight[0].vertices, turned[0].vertices)
+    for left, right in zip(straight[1:], turned[1:], strict=True):
+        assert np.array_equal(left.vertices[:, 2], right.vertices[:, 2])
+        np.testing.assert_allclose(
+            np.hypot(*left.vertices[:, :2].T), np.hypot(*right.vertices[:, :2].T), rtol=0, atol=1e-9
+        )
+        assert not np.allclose(left.vertices, right.vertices)

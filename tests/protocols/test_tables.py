@@ -220,6 +220,25 @@ def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_n
     assert rows(three, "learned-wide") == ["learned-wide"]
 
 
+def test_a_further_training_has_a_row_in_its_table_where_there_is_a_model(tmp_path, monkeypatch):
+    further = {"III": {"mean-target": ("{dataset}-III-people", "animals-sampled"), "mean-sampled": ("animals-III",)}}
+    monkeypatch.setattr("benchmark.protocols.tables.FURTHER_TRAININGS", further)
+    known = registry.select([], registry.methods([mean_target.PLUGIN_PATH, mean_folds.PLUGIN_PATH]))
+
+    def of(gallery):
+        return [spec.name for spec in gallery.rows(known, tmp_path) if spec.base_name.startswith("mean-")]
+
+    whole, held_out = galleries(["III", "III-held-out"])
+    without = of(whole)
+    for name in ("animals-III-people", "animals-sampled", "animals-III"):
+        mean_target.write_model(tmp_path / name / "plain-seed0", 0.5)
+    added = [f"mean-target[training={name}]" for name in ("animals-III-people", "animals-sampled")]
+    # A learner that has no row of its own there, as its training is another, has this one all the same.
+    assert of(whole) == of(held_out) == [*without, *added, "mean-sampled[training=animals-III]"]
+    assert not any("training" in name for name in of(galleries(["I"])[0]))
+    assert rows(whole, "mean-target", trained_here=tmp_path) == ["mean-target"]
+
+
 def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
     chosen = registry.select(["all", "learned-strict[smoothing=3]"], registry.methods())
     one, four = galleries(["I"])[0], galleries(["IV"])[0]
