@@ -190,9 +190,10 @@ class ResultsFolder:
     @cached_property
     def _results(self) -> dict[str, Result]:
         known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-        both = [*self._store.published, *self._store.records]
-        seen = sorted({(each.seed, each.scorer) for each in map(place, both)})
-        return {result.record["key"]: result for seed, scorer in seen for result in known.all(seed, scorer=scorer)}
+        records = known.records()
+        seen = sorted({(each.seed, each.scorer) for each in map(place, records)})
+        chosen = (known.all(seed, scorer=scorer, records=records) for seed, scorer in seen)
+        return {result.record["key"]: result for results in chosen for result in results}
 
     def _scored(self, key: str) -> dict[str, Any]:
         if key not in self._results:

@@ -63,7 +63,9 @@ class Results:
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
 
-    def all(self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT) -> list[Result]:
+    def all(
+        self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT, records: Iterable[Record] | None = None
+    ) -> list[Result]:
         """One result for each place: the newest that this code would make again, else the newest with scores.
 
         Parameters
@@ -74,15 +76,20 @@ class Results:
             Whether to leave out what is outdated.
         scorer
             Name of the scorer; descriptors, which have none, are in whatever it is.
+        records
+            What :meth:`records` gave, for a caller that asks several times; None reads them anew.
         """
-        both = {record["key"]: record for record in [*self.store.published, *self.store.records]}
         chosen = []
-        for place, records in by_place(both.values()).items():
-            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, records))):
-                result = self._best(records)
+        for place, rivals in by_place(self.records() if records is None else records).items():
+            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
+                result = self._best(rivals)
                 if not (fresh and result.outdated):
                     chosen.append(result)
         return chosen
+
+    def records(self) -> list[Record]:
+        """All records; of one job the one that was made here."""
+        return list({record["key"]: record for record in [*self.store.published, *self.store.records]}.values())
 
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]

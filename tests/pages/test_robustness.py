@@ -40,7 +40,7 @@ def test_only_forms_of_the_spectrum_fall_below_half_on_complete_surfaces_and_onl
 
 
 def test_what_breaks_the_descriptors_of_complete_surfaces() -> None:
-    others = [each for each in CURVES if each not in forms()]
+    others = [each for each in CURVES if not is_form(each["method"])]
     assert halves("mesh", others) == {
         ("shape-dna", "missing-parts"): 0.05,
         ("surface-area", "scale"): 1.1,
