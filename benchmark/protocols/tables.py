@@ -286,8 +286,8 @@ class Gallery:
             return own
         known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
         further = known.get(spec.base_name, ()) if own else ()
-        of_table = FURTHER_TRAININGS.get(self.table.part_of or self.table.identifier, {}).get(spec.base_name, ())
-        trained = (spec.with_parameter("training", name.format(dataset=self.dataset.name)) for name in of_table)
+        of_set = () if self.table.robustness else FURTHER_TRAININGS.get(self.dataset.name, {}).get(spec.base_name, ())
+        trained = (spec.with_parameter("training", name) for name in of_set)
         return [
             *own,
             *(spec.with_parameters(parameters) for parameters in further),
