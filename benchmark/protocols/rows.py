@@ -14,8 +14,8 @@ VARIANTS: dict[str, tuple[dict[str, str], ...]] = {
 }
 
 #: Trainings of learners that have rows on a set beside those that its table names, where there is a model: the other
-#: reading of the paper's "other animals", and sampled bodies, none of them of the set. Not of the generated animals, for
-#: they are the middle of what is sampled.
+#: reading of the paper's "other animals", and sampled bodies, none of them of the set. The generated animals have no
+#: row of the latter, for they are the middle of what is sampled.
 FURTHER_TRAININGS: dict[str, dict[str, tuple[str, ...]]] = {
     "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
     "animals": {"learned": ("animals-III-people",)},
