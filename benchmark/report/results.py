@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from benchmark.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs import recipes
@@ -62,6 +63,7 @@ class Results:
     known_scorers: Mapping[str, ScorerSpec] = field(default_factory=scorers)
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
+    _work: dict[tuple[str, str, str, Input], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT, records: Iterable[Record] | None = None
@@ -120,16 +122,10 @@ class Results:
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:
         """The parts of the recipe that can be told without the data, and with it where it is here."""
-        spec = variant(record["method"], self.known)
-        scorer = scorer_of(scorer_name(record) or DEFAULT, self.known_scorers)
-        module = str(record["data"]["module"])
-        if module.endswith(".py") and not is_imported(module):
-            raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
-        now: dict[str, Any] = {
-            "parameters": spec.resolved_parameters(),
-            "scorer": recipes.scorer_recipe(scorer),
-            "code": recipes.job_code(module, record["input"], spec, scorer),
-        }
+        what = (record["method"], scorer_name(record) or DEFAULT, str(record["data"]["module"]), record["input"])
+        if what not in self._work:  # galleries share it
+            self._work[what] = self._work_now(*what)
+        now = dict(self._work[what])
         gallery = self._gallery(record)
         if gallery is None:
             return now
@@ -139,11 +135,22 @@ class Results:
         now |= self._data[place]
         if "models" in record["recipe"]:
             try:
-                models = find_models(spec, gallery, self.store.models)
+                models = find_models(variant(record["method"], self.known), gallery, self.store.models)
             except BenchmarkError:
                 return now  # its models are elsewhere
             now["models"] = {model.training: model.digest for model in models.values()}
         return now
+
+    def _work_now(self, method: str, compared_by: str, module: str, input_: Input) -> dict[str, Any]:
+        """Parameters and code of a method and a scorer on a set from a module."""
+        spec, scorer = variant(method, self.known), scorer_of(compared_by, self.known_scorers)
+        if module.endswith(".py") and not is_imported(module):
+            raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
+        return {
+            "parameters": spec.resolved_parameters(),
+            "scorer": recipes.scorer_recipe(scorer),
+            "code": recipes.job_code(module, input_, spec, scorer),
+        }
 
     def _gallery(self, record: Record) -> Gallery | None:
         """The gallery of a record, where it belongs to a table and its data is here."""
