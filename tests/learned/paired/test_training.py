@@ -105,10 +105,10 @@ def gone_on_with_here(folder: Path) -> str:
     return "\n".join(said)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize(
-    ("where", "epoch", "finish"),
-    [pytest.param("batch", 8, started_again, marks=pytest.mark.slow), ("checkpoint", 12, gone_on_with_here)],
+    ("where", "epoch", "finish"), [("batch", 8, started_again), ("checkpoint", 12, gone_on_with_here)]
 )
 def test_a_training_that_is_killed_gives_the_same_weights_in_the_end(
     where: str, epoch: int, finish: Callable[[Path], str], trained: Path, tmp_path: Path

@@ -52,7 +52,9 @@ def test_the_gradient_of_every_term_that_counts_reaches_every_weight(name: str) 
         assert weight.grad.abs().max() > 0
 
 
-@pytest.mark.parametrize("name", STREAMED)
+@pytest.mark.parametrize(
+    "name", [name if name == "two-sided" else pytest.param(name, marks=pytest.mark.slow) for name in STREAMED]
+)
 def test_each_configuration_learns_a_pair_by_heart_and_its_form_is_a_surface(name: str) -> None:
     chosen = small(name)
     network = build_streamed(chosen)
