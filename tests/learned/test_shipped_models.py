@@ -15,11 +15,17 @@ import pytest
 from torch import nn
 
 from benchmark.datasets import human_subjects
+from benchmark.datasets.animals import Animals
+from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.humans import CANONICAL_POSE, Humans, sample_human
 from benchmark.datasets.humans_scanlike import adults
 from benchmark.datasets.varied.bodies import clearance, varied_body
+from benchmark.datasets.varied_animals import SPECIES_IN_TURN
+from benchmark.datasets.varied_animals.proportions import drawn_species
+from benchmark.jobs.pairs import animals
 from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
+from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
 from learned.field.model import load_field
 from learned.paired.methods import Learned
@@ -127,6 +133,27 @@ def test_streams_are_none_of_the_data_sets(of_data: list[Card]) -> None:
     for card in of_data:
         assert not set(card["subjects"]) & {*SUBJECTS, *adults()}
         assert card["extra_data"]
+
+
+@pytest.mark.parametrize("of_data", ["animals-sampled"], indirect=True)
+def test_sampled_animals_are_of_no_set(of_data: list[Card]) -> None:
+    """They are rendered in the frame of the generated set, so no file of TOSCA is read; and each is redrawn."""
+    assert find_training("animals-sampled").dataset == "animals"
+    shown = {entry.identifier for entry in Animals().entries} | {entry.subject for entry in Animals().entries}
+    for card in of_data:
+        assert not shown & {*card["identifiers"], *card["subjects"]}
+        assert card["extra_data"]
+    number = max(len(card["subjects"]) for card in of_data) // 2
+    for place in range(number):
+        written = SPECIES[SPECIES_IN_TURN[place % len(SPECIES_IN_TURN)]]
+        redrawn = drawn_species(written, np.random.default_rng([animals.SEED, place, 0]))
+        girths = [
+            np.log(after.sections[0].depth / before.sections[0].depth)
+            for before, after in zip(written.tubes, redrawn.tubes, strict=True)
+        ]
+        assert np.abs(girths).max() > 0.05, "some part is thicker or thinner by more than a twentieth"
+        body = varied_body(np.random.default_rng([animals.SEED, place * animals.MOST_DRAWS**2, 0]))
+        assert clearance(body.subject) >= 0.25
 
 
 def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one(cards: dict[Path, Card]) -> None:

@@ -1,4 +1,4 @@
-"""``python -m tests.studies.learned_forms -o FILE``: what the networks make of people that they have not seen.
+"""``python -m tests.studies.learned_forms -o FILE``: what the networks make of shapes that they have not seen.
 
 Above each pair of pictures stands the shape, as its camera sees it and turned aside; below it the forms of each row,
 by the model that has not seen the subject. From the front a network that has learned the mask looks right whatever
@@ -14,7 +14,7 @@ import click
 import numpy as np
 
 from benchmark.contracts import Method
-from benchmark.datasets.humans import Humans
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.preparation import Preparation
 from benchmark.learning import Learner
@@ -24,6 +24,7 @@ from benchmark.report.pictures.forms import WIDTH, save
 from benchmark.report.pictures.painting import painted
 from benchmark.report.pictures.posing import centred, reach
 
+DATASET = "humans"
 SHAPES = ("man-1_running", "child-2_dancing", "woman-3_thinking", "child-4_t-pose", "woman-5_star-jump")
 ROWS = ("learned[jump=0.05]", "learned", "learned[smoothing=3]", "learned-wide-extra", "learned-streamed")
 
@@ -34,12 +35,14 @@ SIZE = 240
 @click.command()
 @click.option("-m", "--method", "names", multiple=True, default=ROWS, show_default=True)
 @click.option("--shape", "shapes", multiple=True, default=SHAPES, show_default=True)
+@click.option("-d", "--dataset", "set_name", default=DATASET, show_default=True)
+@click.option("--data-root", type=click.Path(path_type=Path), help="The folder that holds the official sets.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True)
-def main(names: Sequence[str], shapes: Sequence[str], output: Path) -> None:
-    """Draw the forms of some shapes of the synthetic humans by networks."""
+def main(names: Sequence[str], shapes: Sequence[str], set_name: str, data_root: Path | None, output: Path) -> None:
+    """Draw the forms of some shapes by networks."""
     from matplotlib.figure import Figure
 
-    dataset = Humans()
+    dataset = open_dataset(set_name, data_root)
     prepared = Preparation(dataset, "view")
     entries = [entry for entry in dataset.entries if entry.identifier in shapes]
     columns = [[prepared.shape(entry).mesh] for entry in entries]
@@ -48,7 +51,7 @@ def main(names: Sequence[str], shapes: Sequence[str], output: Path) -> None:
         learner = spec.create()
         if not isinstance(learner, Learner):
             raise click.UsageError(f"{name} is no learner")
-        trainings = trainings_by_shape(learner, dataset, entries, None)
+        trainings = trainings_by_shape(learner, dataset, entries, data_root)
         for entry, column in zip(entries, columns, strict=True):
             training = trainings[entry.identifier].name
             maker = spec.with_parameters({"training": training}).create()
