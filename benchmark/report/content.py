@@ -264,14 +264,14 @@ def _of_jobs(row: Row) -> Iterable[str]:
 def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "") -> str:
     """Name of the files of a table on a data set: letters, digits, dots, hyphens and underscores.
 
-    A name that had to be changed by more than its spaces gets a digest, so that two tables never share a file.
+    A name that had to be changed gets a digest, so that two tables never share a file.
     """
     return stem("table", table, dataset if dataset != table else "", "quick" if quick else "", scorer)
 
 
 def stem(*parts: str) -> str:
     """Name of a file from parts, empty ones left out; see :func:`file_stem`."""
-    whole = "-".join(filter(None, parts)).replace(" ", "-").replace("/", "-")
+    whole = "-".join(filter(None, parts))
     name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
 
