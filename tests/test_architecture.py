@@ -72,9 +72,9 @@ def test_a_room_imports_only_from_floors_below(name, path):
 
 
 def test_an_arrow_from_the_store_to_the_runner_would_fail():
-    assert not may_import("benchmark.storage.store", "benchmark.jobs.runner")
+    assert not may_import("benchmark.storage.store", "benchmark.jobs.execution.runner")
     assert not may_import("benchmark.datasets.folder", "benchmark.storage.store")
-    assert may_import("benchmark.jobs.runner", "benchmark.storage.store")
+    assert may_import("benchmark.jobs.execution.runner", "benchmark.storage.store")
 
 
 def test_every_module_has_a_floor():

@@ -19,8 +19,8 @@ from rich.progress import (
 )
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.claims import Claims
-from benchmark.jobs.executors import Executor, ProcessExecutor, SerialExecutor
+from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
 from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment_text

@@ -23,7 +23,7 @@ PRELOADED = (
     "benchmark.cli.main",
     "benchmark.cli.listing",
     "benchmark.jobs.run_plan",
-    "benchmark.jobs.runner",
+    "benchmark.jobs.execution.runner",
     "benchmark.methods.conformance",
     "benchmark.report.content",
     "benchmark.report.comparison",

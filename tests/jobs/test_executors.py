@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.claims import Claims
+from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.orders import LARGEST_SHARE, Order, shares
 from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmark.jobs.runner import _guarded
+from benchmark.jobs.execution.runner import _guarded
 from tests.test_errors import Mute, MuteRefusal, Quits
 
 

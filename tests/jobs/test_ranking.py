@@ -5,7 +5,7 @@ import weakref
 import numpy as np
 import pytest
 
-from benchmark.jobs import runner
+from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages.ranking import over_splits, scores

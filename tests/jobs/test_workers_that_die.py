@@ -6,11 +6,11 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs import crews, executors, worker
-from benchmark.jobs.claims import Claims
-from benchmark.jobs.executors import ProcessExecutor
+from benchmark.jobs.execution import crews, executors, worker
+from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.executors import ProcessExecutor
+from benchmark.jobs.execution.worker import UNWRITTEN, Status
 from benchmark.jobs.orders import Order, Ranking
-from benchmark.jobs.worker import UNWRITTEN, Status
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
@@ -160,7 +160,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     def leave(code):
         raise SystemExit(code)
 
-    monkeypatch.setattr("benchmark.jobs.runner.work", work)
+    monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
     monkeypatch.setattr(worker.os, "_exit", leave)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:

@@ -30,7 +30,8 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry import depth
 from benchmark.geometry.preparation import decimate
-from benchmark.jobs import recipes, runner
+from benchmark.jobs import recipes
+from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import complete, ranking
@@ -45,8 +46,8 @@ ROOT = Path(__file__).parents[2]
 
 #: Machinery that calls stages.
 CALLERS = frozenset(
-    {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.runner", "benchmark.storage.costs",
-     "benchmark.storage.store", "benchmark.storage.arrays", "benchmark.storage.environment"}
+    {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.runner",
+     "benchmark.storage.costs", "benchmark.storage.store", "benchmark.storage.arrays", "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.

@@ -120,7 +120,7 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, plugins: tuple[Path,
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Free what no record needs: artefacts of older code, and what killed processes left behind."""
-    from benchmark.jobs.claims import Claims
+    from benchmark.jobs.execution.claims import Claims
     from benchmark.storage.pruning import remove, unneeded
     from benchmark.storage.store import Store
 

@@ -20,9 +20,9 @@ from benchmark.jobs.cluster import station
 from benchmark.jobs.cluster.errand import LAST_WORDS, Errand, aside, wait_for
 from benchmark.jobs.cluster.letters import written, written_order
 from benchmark.jobs.cluster.member import Member
-from benchmark.jobs.crews import INTERVAL, CrewWorker, LocalCrew
+from benchmark.jobs.execution.crews import INTERVAL, CrewWorker, LocalCrew
+from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.orders import Order, Ranking, Task
-from benchmark.jobs.worker import Status
 from benchmark.storage.store import Store
 from benchmark.system.files import write_atomically
 from benchmark.system.text import brief, say

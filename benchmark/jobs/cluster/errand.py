@@ -12,9 +12,9 @@ from typing import Protocol
 from distributed import Future
 
 from benchmark.jobs.cluster.member import Member
-from benchmark.jobs.crews import INTERVAL, LOST
+from benchmark.jobs.execution.crews import INTERVAL, LOST
+from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.orders import Task
-from benchmark.jobs.worker import Status
 
 #: Seconds without a sign of life after which a worker that was at work counts as lost; it gives one every two seconds.
 SILENCE = 60.0

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.claims import Claims
-from benchmark.jobs.executors import Run, Watch
+from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.orders import Order
 from benchmark.storage.records import Record
 

@@ -46,7 +46,7 @@ def do(letter: Mapping[str, Any], commands: Iterator[str | None], answer: Answer
         Told ``{"status": ...}`` on the way and ``{"exit_code": ..., "status": ..., "trace": ...}`` at the end.
     """
     from benchmark.jobs.cluster.letters import Letter
-    from benchmark.jobs.worker import TaskWorker
+    from benchmark.jobs.execution.worker import TaskWorker
     from benchmark.system.workers import memory_per_worker
 
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:

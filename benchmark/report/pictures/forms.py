@@ -14,10 +14,10 @@ from benchmark.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.jobs.execution.runner import make_forms
 from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.runner import make_forms
 from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.tables import Gallery
 from benchmark.report.pictures.painting import outwardness, painted

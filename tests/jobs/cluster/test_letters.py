@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.claims import Claims
 from benchmark.jobs.cluster import letters, station
+from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.run_plan import make_executor

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.claims import Claims
-from benchmark.jobs.crews import INTERVAL, LOST, Crew, CrewWorker, LocalCrew
+from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.crews import INTERVAL, LOST, Crew, CrewWorker, LocalCrew
+from benchmark.jobs.execution.runner import failure, keep, work
+from benchmark.jobs.execution.worker import UNWRITTEN, Status
 from benchmark.jobs.orders import Order, Ranking, Share, Task, shares
 from benchmark.jobs.plan import UNSAVED
-from benchmark.jobs.runner import failure, keep, work
-from benchmark.jobs.worker import UNWRITTEN, Status
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
 from benchmark.system.workers import BY_HAND, ending

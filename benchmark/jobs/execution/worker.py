@@ -127,7 +127,7 @@ def _do(task: Task | Letter, status_file: Path, trace_file: Path, known: fingerp
         trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
         faulthandler.enable(trace, all_threads=False)
         faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
-    from benchmark.jobs.runner import work
+    from benchmark.jobs.execution.runner import work
 
     latest = Status()
     beside = _beside(status_file)

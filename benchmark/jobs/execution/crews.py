@@ -7,8 +7,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, Protocol
 
+from benchmark.jobs.execution.worker import Status, TaskWorker
 from benchmark.jobs.orders import Task
-from benchmark.jobs.worker import Status, TaskWorker
 from benchmark.system.workers import memory_per_worker
 
 #: Seconds between two looks at the workers.
@@ -19,7 +19,7 @@ LOST = 75
 
 
 class CrewWorker(Protocol):
-    """A worker with its task; see :class:`benchmark.jobs.worker.TaskWorker`."""
+    """A worker with its task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
 
     task: Any
     number: int
