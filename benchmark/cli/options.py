@@ -185,7 +185,8 @@ class Selection:
         from benchmark.datasets.own import data_sets_of
         from benchmark.jobs.plan import make_plan, require_jobs
         from benchmark.methods.registry import methods, select
-        from benchmark.protocols.tables import INPUTS, galleries
+        from benchmark.protocols.galleries import galleries
+        from benchmark.protocols.tables import INPUTS
 
         specs = select(self._methods(store), methods(self.plugins), self.plugins)
         if not self.methods or EVERY in self.methods:

@@ -11,8 +11,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
+from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, find_models
-from benchmark.protocols.tables import Gallery
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
 from benchmark.storage.records import NO_SCORER, Place, Record, by_place

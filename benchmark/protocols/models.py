@@ -14,7 +14,7 @@ from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
 from benchmark.learning import Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.tables import Gallery
+from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 
 __all__ = ["MissingModel", "Model", "find_models"]

@@ -1,8 +1,30 @@
-"""Rows that tables have without being asked for them: variants of methods, and what the table of robustness shows."""
+"""Rows that tables have without being asked for them: which methods, their variants, and what robustness shows."""
 
 from __future__ import annotations
 
-__all__ = ["FURTHER_TRAININGS", "ROBUSTNESS_ROWS", "VARIANTS"]
+from benchmark.reference import paper
+
+__all__ = [
+    "FURTHER_TRAININGS",
+    "ONLY_ABLATED",
+    "ONLY_NAMED",
+    "QUICK_CONTROLS",
+    "ROBUSTNESS_ROWS",
+    "TRAINING_SEEDS",
+    "VARIANTS",
+]
+
+#: Methods beyond the paper's that have rows in quick runs without being asked for: what a canonical form has to beat.
+QUICK_CONTROLS = ("identity",)
+
+#: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
+TRAINING_SEEDS = (0, 1, 2)
+
+#: Methods that have rows in the ablation alone, unless they are asked for by name.
+ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
+
+#: Methods that take many seconds for a shape: rows where they are asked for by name.
+ONLY_NAMED = frozenset({"implicit-template"})
 
 FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
 

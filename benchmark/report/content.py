@@ -13,7 +13,8 @@ from typing import Any, cast
 from benchmark.contracts import Input
 from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.methods.registry import BUILT_IN
-from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
+from benchmark.protocols.rows import ONLY_ABLATED
+from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of

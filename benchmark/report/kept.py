@@ -21,8 +21,8 @@ from benchmark.jobs.preparation import Preparation, treated
 from benchmark.jobs.stages.form import form_mesh
 from benchmark.jobs.treatment import Treatment
 from benchmark.methods.registry import MethodSpec, variant
+from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
-from benchmark.protocols.tables import Gallery
 from benchmark.report.content import own_table
 from benchmark.storage.arrays import load_arrays
 from benchmark.storage.records import Record

@@ -15,8 +15,9 @@ from benchmark.jobs import recipes
 from benchmark.jobs.plan import data_recipe, difference
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
+from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
-from benchmark.protocols.tables import TABLES, Gallery, galleries, gallery_name
+from benchmark.protocols.tables import TABLES
 from benchmark.storage import keys
 from benchmark.storage.records import Record, by_place, scorer_name
 from benchmark.storage.store import Store

@@ -12,7 +12,7 @@ from benchmark.datasets.humans_gallery import HumansGallery, _body
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import camera_coordinates
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 
 
 def test_a_name_in_any_spelling_is_one_gallery_with_a_table_of_its_own():

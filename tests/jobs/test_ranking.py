@@ -10,7 +10,7 @@ from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages.ranking import over_splits, scores
 from benchmark.methods.registry import methods, select
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.storage.store import Store
 from retrieval import codebook
 from retrieval.codebook import sample_codebook

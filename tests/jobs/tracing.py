@@ -37,7 +37,8 @@ from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import complete, ranking
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
-from benchmark.protocols.tables import Gallery, Table
+from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.tables import Table
 from benchmark.storage.store import Store
 from benchmark.system import fingerprints
 from retrieval.cmbof import CMBOF

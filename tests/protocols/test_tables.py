@@ -2,7 +2,8 @@ import pytest
 
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.methods import registry
-from benchmark.protocols.tables import QUICK_POSES, TABLES, galleries
+from benchmark.protocols.galleries import QUICK_POSES, galleries
+from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from retrieval.chance import chance_levels
@@ -222,7 +223,7 @@ def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_n
 
 def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path, monkeypatch):
     further = {"mean-target": ("animals-III-people", "animals-sampled"), "mean-sampled": ("animals-III",)}
-    monkeypatch.setattr("benchmark.protocols.tables.FURTHER_TRAININGS", {"animals": further})
+    monkeypatch.setattr("benchmark.protocols.galleries.FURTHER_TRAININGS", {"animals": further})
     known = registry.select([], registry.methods([mean_target.PLUGIN_PATH, mean_folds.PLUGIN_PATH]))
 
     def of(gallery):

@@ -9,7 +9,7 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import (
     POSE_FOLDS,
     SUBJECT_FOLDS,

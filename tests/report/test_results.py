@@ -11,7 +11,7 @@ from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
 from benchmark.jobs.plan import make_plan
 from benchmark.methods.registry import methods, select
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
 from benchmark.storage import keys
 from benchmark.storage.records import as_text

@@ -118,7 +118,8 @@ def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
     """Plan a gallery and make its tables, from made-up records as large as real ones."""
     from benchmark.jobs.plan import make_plan
     from benchmark.methods.registry import methods, select
-    from benchmark.protocols.tables import INPUTS, galleries
+    from benchmark.protocols.galleries import galleries
+    from benchmark.protocols.tables import INPUTS
     from benchmark.storage.keys import plain
     from benchmark.storage.store import Store
     from retrieval.chance import chance_levels

@@ -19,7 +19,7 @@ from benchmark.jobs.orders import Order, Scope
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.treatment import Treatment
-from benchmark.protocols.tables import Gallery
+from benchmark.protocols.galleries import Gallery
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.store import Store

@@ -10,7 +10,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check_source
 from benchmark.datasets.official.sets import SETS
 from benchmark.errors import DatasetError
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 from tests.datasets.official.faults import FAULTS, blocks, move, relist
 from tests.datasets.official.layouts import cla, class_of
 

@@ -14,7 +14,7 @@ from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
-from benchmark.protocols.tables import galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.storage.keys import plain
 from benchmark.storage.store import Store
 
