@@ -43,7 +43,7 @@ class Estimate:
         if not n_jobs:
             return []
         told = []
-        if self.unknown < n_jobs:
+        if self.seconds or not self.unknown:
             shared = f", {_duration(self.seconds / workers)} with {workers} jobs at a time" if workers > 1 else ""
             told.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
         if self.unknown:

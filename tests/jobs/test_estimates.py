@@ -72,4 +72,5 @@ def test_it_is_told_in_words(seconds, workers, told):
     lines = Estimate(seconds, 0, None).lines(3, workers)
     assert lines == [told, "disk: unknown before the first job here"]
     assert Estimate(0, 0, None).lines(0, workers) == []
+    assert Estimate(0, 2, None).lines(3, workers)[0].startswith("2 of them cannot be estimated")
     assert Estimate(seconds, 3, np.float64(12.3)).lines(3, workers)[-1] == "disk: about 12 MiB"
