@@ -15,6 +15,7 @@ from benchmark.learning import Learner
 __all__ = [
     "ANIMALS_SAMPLED",
     "ANIMAL_POSES",
+    "COUNTED",
     "HELD_OUT",
     "NUMERALS",
     "POSE_FOLDS",
@@ -109,6 +110,9 @@ SAMPLED_BODIES, SAMPLED_POSES = 1500, 6
 #: Name of the training on sampled animals and people, and in how many poses each.
 ANIMALS_SAMPLED, ANIMAL_POSES = "animals-sampled", 12
 
+#: Trainings on as many bodies as are asked for.
+COUNTED = frozenset({SAMPLED, ANIMALS_SAMPLED})
+
 #: Name of the training on a stream of fresh bodies in free poses.
 VARIED = "humans-varied"
 
@@ -171,6 +175,11 @@ def _of_animals(dataset: str) -> Iterator[Training]:
         )
 
 
+def _beyond(name: str, words: str, dataset: str) -> Training:
+    """Bodies that are in no set, in the frame of one."""
+    return Training(name=name, words=words, dataset=dataset, trained=Part(), tested=Part())
+
+
 TRAININGS: Mapping[str, Training] = {
     training.name: training
     for training in (
@@ -178,27 +187,9 @@ TRAININGS: Mapping[str, Training] = {
         *_of_humans("humans"),
         *_of_animals("tosca"),
         *_of_animals("animals"),
-        Training(
-            name=SAMPLED,
-            words="sampled bodies that are none of the data set's",
-            dataset="humans",
-            trained=Part(),
-            tested=Part(),
-        ),
-        Training(
-            name=ANIMALS_SAMPLED,
-            words="sampled animals and people that are in no data set",
-            dataset="animals",
-            trained=Part(),
-            tested=Part(),
-        ),
-        Training(
-            name=VARIED,
-            words="fresh bodies in free poses that are none of the data set's",
-            dataset="humans",
-            trained=Part(),
-            tested=Part(),
-        ),
+        _beyond(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
+        _beyond(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
+        _beyond(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
     )
 }
 """All protocols by name."""

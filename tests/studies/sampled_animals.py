@@ -10,11 +10,9 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmark.datasets.animals.dataset import FROM_THE_SIDE
-from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler
-from benchmark.geometry.camera import FRONT, SIDE
+from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.geometry.depth import camera_coordinates
-from benchmark.jobs.pairs.animals import SEED
+from benchmark.jobs.pairs.animals import made_body
 from benchmark.report.pictures.forms import WIDTH, save
 from benchmark.report.pictures.painting import painted
 from benchmark.report.pictures.posing import reach
@@ -33,19 +31,17 @@ def main(animals: int, output: Path) -> None:
     lines, columns = len(SPECIES_IN_TURN), animals * (1 + POSES)
     figure = Figure(figsize=(WIDTH, WIDTH / columns * lines + 0.2), layout="constrained")
     places = figure.subplots(lines, columns, squeeze=False)
-    sampler = AnimalSampler(SEED, POSES)
     for number in range(animals * lines):
-        name, meshes = sampler(number)
+        camera, meshes = made_body(2 * number + 1, 0)  # every other body is a person
         line, first = number % lines, number // lines * (1 + POSES)
-        camera = SIDE if name in FROM_THE_SIDE else FRONT
-        seen = [np.asarray(camera_coordinates(mesh, camera)) for mesh in meshes]
+        seen = [np.asarray(camera_coordinates(mesh, camera)) for mesh in meshes[: 1 + POSES]]
         for column, points in enumerate(seen):
             place = places[line, first + column]
             place.set_xticks([])
             place.set_yticks([])
             place.set_frame_on(False)
             place.imshow(np.asarray(painted(points, meshes[0].faces, None, SIZE, 1.05 * max(map(reach, seen)))))
-        places[line, 0].set_ylabel(name, fontsize=8)
+        places[line, 0].set_ylabel(SPECIES_IN_TURN[line], fontsize=8)
     save(figure, output)
 
 

@@ -59,14 +59,7 @@ def train(
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.learning import Learner
-    from benchmark.protocols.trainings import (
-        ANIMALS_SAMPLED,
-        SAMPLED,
-        SAMPLED_BODIES,
-        find_training,
-        trainings_of,
-        with_validation,
-    )
+    from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, trainings_of, with_validation
     from benchmark.storage.store import Store
     from benchmark.system.calls import call_apart
 
@@ -75,7 +68,7 @@ def train(
     if not isinstance(learner, Learner):
         raise _no_learner(method, plugins)
     trainings = [find_training(only)] if only else [*trainings_of(learner, table, data_root).values()]
-    if n_sampled and not any(training.name in (SAMPLED, ANIMALS_SAMPLED) for training in trainings):
+    if n_sampled and not any(training.name in COUNTED for training in trainings):
         raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "leave --sampled out")
     if n_validation:
         trainings = [with_validation(training, n_validation) for training in trainings]

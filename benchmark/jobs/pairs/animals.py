@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.animals.dataset import FROM_THE_SIDE
+from benchmark.datasets.animals import CANONICAL_POSE, Animals
 from benchmark.datasets.animals.people import CENTIMETRES
+from benchmark.datasets.base import Entry
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied_animals import AnimalSampler
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.jobs.pairs.beyond import Beyond, body_name
+from benchmark.jobs.pairs.beyond import Beyond
 from benchmark.jobs.recipes import dataset_module, source_code
-from benchmark.learning import MakesPairs, TrainingData, TrainingPair
+from benchmark.learning import MakesPairs, TrainingData
 from benchmark.protocols.trainings import ANIMAL_POSES
-from benchmark.storage import keys
 
 SEED = 2
 """Of the animals, and of the stream of people: 0 and 1 train and validate learners on people alone."""
@@ -38,7 +36,7 @@ _CODE = ("benchmark.datasets.varied_animals.sampler", "benchmark.datasets.varied
 
 
 def sampled_animals(asked: Beyond, unseen: MakesPairs) -> TrainingData:
-    """Pairs of sampled bodies, people and animals by turns; they are made as they are read.
+    """Pairs of sampled bodies, people and animals by turns.
 
     Parameters
     ----------
@@ -47,23 +45,14 @@ def sampled_animals(asked: Beyond, unseen: MakesPairs) -> TrainingData:
     unseen
         Makes pairs of the subjects that are tested.
     """
-    names = [body_name(number) for number in range(asked.n_bodies)]
     code = [source_code(module).digest for module in (*_CODE, dataset_module(asked.dataset))]
-    recipe = [SEED, TURN, SHORTEST_ADULT, _IMAGES, asked.n_bodies, asked.frame(FRONT, SIDE), code]
-    return TrainingData(
-        name=asked.training.name,
-        title=f"{asked.n_bodies} sampled animals and people in {ANIMAL_POSES} poses each, none of them in a set",
-        digest=keys.digest(recipe),
-        subjects=tuple(names),
-        identifiers=tuple(f"{name}_{place}" for name in names for place in range(_IMAGES)),
-        n_pairs=asked.n_bodies * _IMAGES,
-        pairs=lambda start=0: _pairs(asked, start),
-        unseen=unseen,
+    return asked.data(
+        f"{asked.n_bodies} sampled animals and people in {ANIMAL_POSES} poses each, none of them in a set",
+        [SEED, TURN, SHORTEST_ADULT, _IMAGES, asked.n_bodies, asked.frame(FRONT, SIDE), code],
+        _IMAGES,
+        lambda start=0: asked.pairs(made_body, _IMAGES, start),
+        unseen,
     )
-
-
-def _pairs(asked: Beyond, start: int) -> Iterator[TrainingPair]:
-    return asked.pairs(made_body, _IMAGES, start)
 
 
 def made_body(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
@@ -77,7 +66,7 @@ def made_body(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
     of_kind = number // 2
     if number % 2:
         species, meshes = AnimalSampler(SEED, ANIMAL_POSES)(of_kind, draw)
-        camera = SIDE if species in FROM_THE_SIDE else FRONT
+        camera = Animals().camera(Entry(species, species, CANONICAL_POSE))
     else:
         camera, meshes = FRONT, _person(of_kind, draw)
     random = np.random.default_rng([SEED, number, draw, len(meshes)])

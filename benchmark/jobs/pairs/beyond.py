@@ -13,8 +13,9 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.recipes import preparation_code
-from benchmark.learning import TrainingPair
+from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import Training
+from benchmark.storage import keys
 
 Say = Callable[[str], None]
 
@@ -50,6 +51,36 @@ class Beyond:
         """What determines the images of given meshes, for a digest."""
         return [*map(repr, cameras), self.half_width, preparation_code("view").digest]
 
+    def data(
+        self, title: str, recipe: list[object], images: int, pairs: MakesPairs, unseen: MakesPairs
+    ) -> TrainingData:
+        """The bodies as training data; they are made as they are read, for they are too many to be kept.
+
+        Parameters
+        ----------
+        title
+            What they are, in words.
+        recipe
+            What determines their images.
+        images
+            Images of a body: the canonical pose and its own.
+        pairs
+            Makes the pairs.
+        unseen
+            Makes pairs of the subjects that are tested.
+        """
+        names = [_body_name(number) for number in range(self.n_bodies)]
+        return TrainingData(
+            name=self.training.name,
+            title=title,
+            digest=keys.digest(recipe),
+            subjects=tuple(names),
+            identifiers=tuple(f"{name}_{place}" for name in names for place in range(images)),
+            n_pairs=self.n_bodies * images,
+            pairs=pairs,
+            unseen=unseen,
+        )
+
     def pairs(self, made: MakesImages, images: int, start: int) -> Iterator[TrainingPair]:
         """Pairs of body after body, each rendered in the canonical pose and in its others.
 
@@ -65,7 +96,7 @@ class Beyond:
         first, skipped = divmod(start, images)
         drawn_again = 0
         for number in range(first, self.n_bodies):
-            name, draw = body_name(number), 0
+            name, draw = _body_name(number), 0
             camera, meshes = made(number, draw)
             while any(_leaves_frame(mesh, camera, self.half_width) for mesh in meshes):
                 draw, drawn_again = draw + 1, drawn_again + 1
@@ -83,8 +114,7 @@ class Beyond:
             skipped = 0
 
 
-def body_name(number: int) -> str:
-    """Name of a body of a sample."""
+def _body_name(number: int) -> str:
     return f"sample-{number}"
 
 

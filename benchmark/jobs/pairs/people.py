@@ -9,11 +9,10 @@ from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.pairs.beyond import Beyond, body_name
+from benchmark.jobs.pairs.beyond import Beyond
 from benchmark.jobs.recipes import dataset_module, source_code
 from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import SAMPLED_POSES
-from benchmark.storage import keys
 
 _Body = tuple[humans.Subject, Sequence[Pose]]
 
@@ -22,7 +21,7 @@ _IMAGES = 1 + SAMPLED_POSES
 
 
 def sampled_people(asked: Beyond, unseen: MakesPairs) -> TrainingData:
-    """Pairs of sampled people; they are made as they are read, for they are too many to be kept.
+    """Pairs of sampled people.
 
     Parameters
     ----------
@@ -31,19 +30,14 @@ def sampled_people(asked: Beyond, unseen: MakesPairs) -> TrainingData:
     unseen
         Makes pairs of the subjects that are tested.
     """
-    n_bodies = asked.n_bodies
-    bodies = humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0)
-    names = [body_name(number) for number in range(n_bodies)]
+    bodies = humans.sample_humans(asked.n_bodies, SAMPLED_POSES, seed=0)
     recipes = [humans.recipe(body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses)]
-    return TrainingData(
-        name=asked.training.name,
-        title=f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {asked.dataset.title}",
-        digest=keys.digest([recipes, asked.frame(FRONT), source_code(dataset_module(asked.dataset)).digest]),
-        subjects=tuple(names),
-        identifiers=tuple(f"{name}_{number}" for name in names for number in range(_IMAGES)),
-        n_pairs=len(recipes),
-        pairs=lambda start=0: _pairs(bodies, asked, start),
-        unseen=unseen,
+    return asked.data(
+        f"{asked.n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {asked.dataset.title}",
+        [recipes, asked.frame(FRONT), source_code(dataset_module(asked.dataset)).digest],
+        _IMAGES,
+        lambda start=0: _pairs(bodies, asked, start),
+        unseen,
     )
 
 

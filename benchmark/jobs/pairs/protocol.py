@@ -63,25 +63,25 @@ def training_data(
     dataset = open_dataset(training.dataset, data_root)
     preparation = Preparation(dataset, "view", store)
     tested = training.tested.of(dataset)
+
+    def unseen(start: int = 0) -> Iterator[TrainingPair]:
+        return _pairs(_renderable(tested, preparation, say)[start:], preparation)
+
     if beyond := _BEYOND_SETS.get(training.name):
-        data = beyond(
-            Beyond(training, dataset, preparation.half_width, n_sampled, say),
-            lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
+        data = beyond(Beyond(training, dataset, preparation.half_width, n_sampled, say), unseen)
+    else:
+        pairs = _renderable(training.trained.of(dataset), preparation, say)
+        shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
+        data = TrainingData(
+            name=training.name,
+            title=f"{dataset.title}, {training.words}",
+            digest=keys.digest([[preparation.recipe(entry) for entry in pair] for pair in pairs]),
+            subjects=tuple(dict.fromkeys(entry.subject for entry in shown)),
+            identifiers=tuple(entry.identifier for entry in shown),
+            n_pairs=len(pairs),
+            pairs=lambda start=0: _pairs(pairs[start:], preparation),
+            unseen=unseen,
         )
-        _check_apart(data, tested)
-        return data
-    pairs = _renderable(training.trained.of(dataset), preparation, say)
-    shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
-    data = TrainingData(
-        name=training.name,
-        title=f"{dataset.title}, {training.words}",
-        digest=keys.digest([[preparation.recipe(entry) for entry in pair] for pair in pairs]),
-        subjects=tuple(dict.fromkeys(entry.subject for entry in shown)),
-        identifiers=tuple(entry.identifier for entry in shown),
-        n_pairs=len(pairs),
-        pairs=lambda start=0: _pairs(pairs[start:], preparation),
-        unseen=lambda start=0: _pairs(_renderable(tested, preparation, say)[start:], preparation),
-    )
     _check_apart(data, tested)
     return data
 
