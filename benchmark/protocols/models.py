@@ -12,7 +12,7 @@ from typing import Any
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
-from benchmark.learning import Learner, card_digest, find_model, read_card
+from benchmark.learning import CARD, Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
@@ -103,20 +103,35 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
             f"run `{_command(spec, missing)}`",
         )
     try:
-        models = {name: _model(method, name, folder) for name, folder in found.items() if folder is not None}
+        models = {name: _model(spec, name, folder) for name, folder in found.items() if folder is not None}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.mend) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
-def _model(method: Learner, training: str, folder: Path) -> Model:
+#: Models by method, training and the state of their card: many jobs share one, and its card can name 10 000 subjects.
+_READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
+
+
+def _model(spec: MethodSpec, training: str, folder: Path) -> Model:
     """The model in a folder; raises ``ConfigurationError`` if its card is not that of such a model."""
+    try:
+        status = (folder / CARD).stat()
+    except OSError:
+        return _read(spec, training, folder)  # which says what is wrong
+    known_as = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
+    if known_as not in _READ:
+        _READ[known_as] = _read(spec, training, folder)
+    return _READ[known_as]
+
+
+def _read(spec: MethodSpec, training: str, folder: Path) -> Model:
     card = read_card(folder)
     if card["data"] != training:
         raise ConfigurationError(
             f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
         )
-    check = getattr(method, "check_card", None)
+    check = getattr(spec.create(), "check_card", None)
     if check is not None:
         check(card, folder)
     return Model(training, folder, card)
