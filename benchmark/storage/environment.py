@@ -6,6 +6,7 @@ import json
 import platform
 from functools import cache
 from importlib.metadata import version
+from typing import Any
 
 #: Packages that compute.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
@@ -27,6 +28,15 @@ def environment() -> dict[str, str]:
 def environment_text() -> str:
     """The same as one line, to be kept with every artefact."""
     return json.dumps(environment(), sort_keys=True)
+
+
+def in_words(environment: Any) -> str:
+    """What a record or an artefact says of its environment, as a line; something else that a file holds as it is."""
+    try:
+        found = json.loads(environment) if isinstance(environment, str) else environment
+    except (ValueError, RecursionError):
+        found = environment
+    return ", ".join(f"{name} {value}" for name, value in found.items()) if isinstance(found, dict) else str(found)
 
 
 def _linear_algebra() -> dict[str, str]:

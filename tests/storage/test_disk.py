@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.jobs import run_plan
+from benchmark.storage.environment import in_words
 from benchmark.storage.records import Records
 from benchmark.storage.store import StorageError, Store
 from tests.records import record
@@ -150,3 +151,17 @@ def test_jobs_that_cannot_be_done_tell_their_environment_as_all_others_do(tmp_pa
         assert set(each) == {"environment", "artefacts"}
         assert each["artefacts"] == 0
         assert "numpy" in json.loads(each["environment"])
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        ('{"python": "3.11.7", "numpy": "2.0"}', "python 3.11.7, numpy 2.0"),
+        ({"python": "3.11.7"}, "python 3.11.7"),
+        ("no JSON {", "no JSON {"),
+        ("[1, 2]", "[1, 2]"),
+        ("[" * 100_000, "[" * 100_000),
+    ],
+)
+def test_an_environment_is_told_in_words_and_what_is_none_as_it_is(made, told):
+    assert in_words(made) == told

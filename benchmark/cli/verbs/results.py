@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -162,6 +161,7 @@ def _explain_job(job: Job, record: Record | None) -> None:
 
 
 def _explain_record(record: Record, *, title: bool = True) -> None:
+    from benchmark.storage.environment import in_words
     from benchmark.storage.merging import told
 
     facts: list[tuple[str, str]] = [("status", f"{record['status']} {_scores(record)}".strip())]
@@ -176,7 +176,8 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
         if record.get("peak_mib") is not None:
             facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
     for made in record.get("environments", ()):
-        facts.append(("made with", _environment(made)))
+        count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
+        facts.append(("made with", count + in_words(made.get("environment", made))))
     for shape, said in record.get("unsupported", ())[:10]:
         facts.append(("unsupported", f"{shape}: {said}"))
     for stage, parts in record["recipe"].get("code", {}).items():
@@ -188,16 +189,6 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
         say(f"  {name:<10}  {text}")
     if trace := record.get("traceback"):
         say_lines("  " + trace.rstrip().replace("\n", "\n  "))
-
-
-def _environment(made: dict[str, Any]) -> str:
-    text = made.get("environment")
-    try:
-        found = dict(json.loads(text)) if isinstance(text, str) else made
-    except (ValueError, TypeError, RecursionError):
-        return str(text)
-    count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
-    return count + ", ".join(f"{name} {value}" for name, value in found.items())
 
 
 def _scores(record: Record) -> str:

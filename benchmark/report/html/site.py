@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
@@ -19,6 +17,7 @@ from benchmark.report.html.queries import write_queries
 from benchmark.report.html.scripts import data_script
 from benchmark.report.html.thumbnails import write_thumbnails
 from benchmark.report.kept import Kept
+from benchmark.storage.environment import in_words
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record
 from benchmark.system.text import brief
@@ -216,7 +215,7 @@ def overview(tables: Sequence[html.TablePages], command: str) -> html.Overview:
                     keys.add(record["key"])
                     finished.append(str(record.get("finished", "")))
                     for made in record.get("environments", ()):
-                        told = _environment(made)
+                        told = in_words(made.get("environment", ""))
                         environments[told] = environments.get(told, 0) + int(made.get("artefacts", 0))
     runs = list(dict.fromkeys(pages.run for pages in tables))
     dates = sorted(filter(None, finished))
@@ -230,12 +229,3 @@ def overview(tables: Sequence[html.TablePages], command: str) -> html.Overview:
         [*runs, command],
         facts,
     )
-
-
-def _environment(made: dict[str, Any]) -> str:
-    text = made.get("environment")
-    try:
-        found = dict(json.loads(text)) if isinstance(text, str) else {}
-    except (ValueError, TypeError, RecursionError):
-        return brief(text)
-    return ", ".join(f"{name} {value}" for name, value in found.items())
