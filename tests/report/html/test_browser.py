@@ -1,12 +1,9 @@
 """The report in a browser: Debian's chromium without a screen, the report opened from its folder."""
 
-import io
-import shutil
 import time
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from benchmark.methods.registry import methods
 from benchmark.report.content import contents
@@ -15,19 +12,16 @@ from benchmark.report.html.site import write_report
 from benchmark.report.kept import Kept
 from benchmark.report.results import Results
 from benchmark.storage.store import Store
+from tests.browser import CHROMIUM, DRIVER, PHONE, Browser, chromium
 from tests.records import failed
 from tests.toy import write_rods
-
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs Debian's packages chromium and chromium-driver"),
 ]
 
-PATIENCE = 60
 SCENES = ("scene", "scene2")
-PHONE, DESK = (390, 844), (1400, 1000)
 
 
 @pytest.fixture(scope="module")
@@ -57,83 +51,16 @@ def site(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    webdriver = pytest.importorskip("selenium.webdriver", reason="needs the Python package selenium")
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    profile = tmp_path_factory.mktemp("profile")
-    for argument in (
-        "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", f"--user-data-dir={profile}",
-        "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND",
-    ):  # fmt: skip
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    yield driver
-    driver.quit()
+def driver(tmp_path_factory):
+    pytest.importorskip("selenium", reason="needs the Python package selenium")
+    with chromium(tmp_path_factory.mktemp("profile")) as found:
+        yield found
 
 
 @pytest.fixture
-def browser(chromium, site):
+def browser(driver, site):
     """Opens a page of the report; at the end nothing may have been complained about."""
-
-    class Browser:
-        def __init__(self):
-            self.run = chromium.execute_script
-
-        def open(self, name, size=DESK, dark=False, fresh=True):
-            given = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-            chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
-            scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-            chromium.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
-            chromium.get("about:blank")  # the address behind # alone would load nothing anew
-            chromium.get(f"file://{site}/{name}")
-            if fresh:
-                self.run("localStorage.clear(); delete document.documentElement.dataset.theme")
-
-        def wait(self, script, *arguments):
-            end = time.monotonic() + PATIENCE
-            while time.monotonic() < end:
-                if found := self.run(f"return {script}", *arguments):
-                    return found
-                time.sleep(0.1)
-            raise AssertionError(f"never true: {script}; {self.complaints()}")
-
-        def click(self, selector):
-            self.wait("document.querySelector(arguments[0]) !== null", selector)
-            self.run("document.querySelector(arguments[0]).click()", selector)
-
-        def press(self, keys):
-            from selenium.webdriver import ActionChains
-
-            ActionChains(chromium).send_keys(keys).perform()
-
-        def drag(self, selector, start, by):
-            from selenium.webdriver import ActionChains
-            from selenium.webdriver.common.by import By
-
-            place = chromium.find_element(By.CSS_SELECTOR, selector)
-            moved = ActionChains(chromium).move_to_element_with_offset(place, *start).click_and_hold()
-            moved.move_by_offset(by[0] // 2, by[1] // 2).move_by_offset(by[0] // 2, by[1] // 2).release().perform()
-
-        def column(self, number):
-            rows = "[...document.querySelectorAll('#scores tbody tr')].filter((row) => !row.hidden)"
-            return self.run(f"return {rows}.map((row) => row.cells[{number}].textContent)")
-
-        def picture(self, selector):
-            from selenium.webdriver.common.by import By
-
-            png = chromium.find_element(By.CSS_SELECTOR, selector).screenshot_as_png
-            return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
-
-        def complaints(self):
-            told = chromium.get_log("browser")
-            return [line["message"] for line in told if line["level"] in ("SEVERE", "ERROR")]
-
-    found = Browser()
-    found.complaints()  # of other pages
+    found = Browser(driver, site)
     yield found
     assert found.complaints() == []
 
@@ -157,7 +84,7 @@ def test_a_table_is_sorted_by_a_click_or_a_key_and_filtered(browser):
     assert browser.column(1)[-1] == "--"
     browser.click(head)
     assert browser.column(0) == given
-    browser.run("let box = document.querySelector('.filter'); box.value = 'pca'; box.dispatchEvent(new Event('input'))")
+    browser.choose(".filter", "pca")
     assert browser.column(0) == ["PCA"]
 
 

@@ -197,7 +197,11 @@
     }], layout: { height: size, margin: { l: 30, r: 5, t: 10, b: 40 }, xaxis: { type: "category", tickangle: -40, title: { text: "nearest match" }, showgrid: false }, yaxis: { type: "category", autorange: "reversed", showgrid: false, title: { text: "query" } } } };
   }
 
-  function short(title) { return title.length > 26 ? title.slice(0, 25) + "…" : title; }
+  /* A title beside a chart. Variants are told apart by their end: their parameters go without names, and what is still long loses its middle. */
+  function short(title) {
+    const [told, most] = [title.replace(/[\w-]+=/g, ""), innerWidth < 640 ? 22 : 34];
+    return told.length > most ? `${told.slice(0, most - 14)}…${told.slice(-13)}` : told;
+  }
 
   /* Plotly takes equal names for one place. */
   function unique(names) {
