@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from benchmark.report.columns import Style, cells, groups_of, number
+from benchmark.report.notes import notes
 from benchmark.system.text import clean
 from retrieval.measures import PRINTED
 
@@ -46,7 +47,7 @@ def draw(tables: Iterable[TableContent]) -> None:
         for part in [whole] if fits else [drawn(table, group) for group in range(len(groups_of(table)))]:
             console.print()
             console.print(part)
-        for note in table.notes():
+        for note in notes(table):
             console.print(Padding(Text(f"- {clean(note)}"), (0, 0, 0, 1)))
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, Literal
 
 from benchmark.contracts import Input
@@ -143,7 +142,7 @@ def make_plan(
         What compares the forms; None for the default one.
     """
     chosen = scorer or ScorerSpec()
-    before = cache(lambda: by_place(store.records))  # all records are read only where a job has none
+    before = by_place(store.records)
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     for gallery in galleries:
@@ -160,7 +159,7 @@ def _job(
     input_: Input,
     spec: MethodSpec,
     data: Mapping[str, Any],
-    before: Callable[[], Mapping[Place, list[Record]]],
+    before: Mapping[Place, list[Record]],
     store: Store,
     seed: int,
     retry: frozenset[str],
@@ -195,7 +194,7 @@ def _job(
         return job("stale", f"{status} before, asked to retry", recipe)
     if store.published.read(key) is not None:
         return job("published", "finished elsewhere; a run makes it anew here", recipe)
-    older = before().get(Place(gallery.name, input_, spec.name, seed, scorer.name))
+    older = before.get(Place(gallery.name, input_, spec.name, seed, scorer.name))
     if not older:
         return job("missing", "never run", recipe)
     return job("stale", difference(older[-1]["recipe"], recipe), recipe)

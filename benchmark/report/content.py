@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -77,6 +77,8 @@ class TableContent:
         Galleries that a row is the mean over.
     scorer
         Name of what compared the forms; "" for the default scorer.
+    elsewhere
+        Titles of rows that have scores under an input that is not shown alone, by that input.
     """
 
     table: Table
@@ -86,6 +88,7 @@ class TableContent:
     chance: Figures
     n_galleries: int
     scorer: str = ""
+    elsewhere: Mapping[Input, tuple[str, ...]] = field(default_factory=dict)
 
     @cached_property
     def judgements(self) -> Judgements:
@@ -129,137 +132,20 @@ class TableContent:
         """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
         rows = [row for row in self.rows if row.paper or (not paper_only and _is_run(row, input_))]
         alone = tuple(replace(row, cells={name: c for name, c in row.cells.items() if name == input_}) for row in rows)
-        return replace(self, inputs=(input_,), rows=alone)
+        hidden: dict[Input, tuple[str, ...]] = {
+            other: tuple(row.title for row in rows if _is_run(row, other) and not _is_run(row, input_))
+            for other in self.inputs
+            if other != input_
+        }
+        return replace(self, inputs=(input_,), rows=alone, elsewhere=hidden)
 
-    def notes(self, *, reasons: bool = True) -> list[str]:
-        """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
-
-        Parameters
-        ----------
-        reasons
-            Whether to say of each outdated row what has changed.
-        """
-        lines = []
-        if self.quick:
-            lines.append("Quick run: some poses of each subject were left out.")
-        if self.n_galleries > 1:
-            lines.append(_OF_MEANS)
-        if any(judged.is_inseparable for judged in self.judgements.values()):
-            lines.append(_MARKS)
-        lines += self._left_out()
-        if trained := self._trainings():
-            lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
-        lines += [line for row in self.rows for line in _of_jobs(row)]
-        lines += [f"{', '.join(titles)}, {what}" for what, titles in self._without_scores().items()]
-        outdated = self._outdated()
-        if reasons:
-            lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in outdated.items()]
-        elif outdated:
-            lines.append(f"{OUTDATED} Made before the last change of code or packages.")
-        not_run = [row.title for row in self.rows if all(cell.status == "missing" for cell in row.cells.values())]
-        if not_run:
-            lines.append(f"Not run: {', '.join(not_run)}.")
-        if bridges := self._bridges():
-            lines.append(bridges)
-        return [*lines, *self._lost()]
-
-    def _left_out(self) -> Iterable[str]:
-        for row in self.rows:
-            for input_, cell in row.cells.items():
-                if left_out := cell.record.get("unsupported", []):
-                    names = ", ".join(brief(name) for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-                    yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {brief(left_out[0][1])}"
-
-    def _without_scores(self) -> dict[str, list[str]]:
-        found: dict[str, list[str]] = {}
-        for row in self.rows:
-            for input_, cell in row.cells.items():
-                if cell.status not in ("ok", "missing"):
-                    reason = brief(cell.record.get("reason", ""))
-                    found.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(row.title)
-        return found
-
-    def _outdated(self) -> dict[str, list[str]]:
-        found: dict[str, list[str]] = {}
-        for row in self.rows:
-            for cell in row.cells.values():
-                if cell.outdated:
-                    of_rows = found.setdefault(f"made before the last change ({brief(cell.outdated)})", [])
-                    of_rows += [row.title] if row.title not in of_rows else []
-        return found
-
-    def _trainings(self) -> list[str]:
-        """Which schedule made the models, and on which data; rows that share them share a line."""
-        titles: dict[str, list[str]] = {}
-        for row in self.rows:
-            by_schedule: dict[tuple[str, bool], list[str]] = {}
-            for model in (model for cell in row.cells.values() for model in cell.models):
-                by_schedule.setdefault((model["schedule"], model["extra_data"]), []).append(model["data"])
-            for (schedule, extra), data in by_schedule.items():
-                sets = list(dict.fromkeys(data))
-                named = sets[0] + (f" (and {len(sets) - 1} more such sets)" if len(sets) > 1 else "")
-                what = f"trained on {'extra data, ' if extra else ''}{named}: {schedule}"
-                titles.setdefault(what, []).append(row.title)
-        return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
-
-    def _bridges(self) -> str:
-        if found := self._noted("bridges", "view"):
-            return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
-        return ""
-
-    def _lost(self) -> Iterable[str]:
-        """How much of the shapes was lost before any method saw them, where it is worth telling."""
-        for input_ in self.inputs:
-            found = self._noted("lost_area", input_)
-            if found and found["max"] > _WORTH_TELLING:
-                what = "of what the camera sees" if input_ == "view" else "of the area"
-                yield (
-                    f"{input_.capitalize()} input: preparation lost {found['mean']:.1%} {what} per shape on average, "
-                    f"{found['max']:.1%} at most."
-                )
-
-    def _noted(self, name: str, input_: Input) -> Mapping[str, float] | None:
-        """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
-        for row in self.rows:
-            records = row.cells[input_].records if input_ in row.cells else ()
-            noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
-            # A method may note something else by this name.
-            found = [(each, shapes) for each, shapes in noted if each and {"mean", "max"} <= each.keys()]
-            if found:
-                total = sum(shapes for _, shapes in found)
-                mean = sum(each["mean"] * shapes for each, shapes in found) / total
-                return {"mean": mean, "max": max(each["max"] for each, _ in found)}
-        return None
-
-
-#: Share of the largest loss from which on a table tells how much was lost.
-_WORTH_TELLING = 0.01
 
 #: Characters of a file name, which has room for 255 bytes.
 _LONGEST_NAME = 60
 
-_MARKS = (
-    "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
-    "(paired permutation test over queries, Holm's correction, 5 %)."
-)
-
-_OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
-
 
 def _is_run(row: Row, input_: Input) -> bool:
     return input_ in row.cells and row.cells[input_].status != "missing"
-
-
-def _of_jobs(row: Row) -> Iterable[str]:
-    """Whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
-    for input_, cell in row.cells.items():
-        if seen := cell.record.get("seen"):
-            yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
-        if 0 < cell.n_averaged < cell.n_wanted:
-            yield (
-                f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
-                f"({brief(cell.record.get('reason', 'the others were not run'))})"
-            )
 
 
 def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "") -> str:

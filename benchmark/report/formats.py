@@ -11,6 +11,7 @@ from benchmark.report.cell import Cell
 from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
+from benchmark.report.notes import notes
 from benchmark.report.statistics.judgement import Judgement
 from retrieval.measures import PRINTED
 
@@ -31,8 +32,8 @@ def markdown(table: TableContent) -> str:
         first, *rest = line
         aligned = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))
         lines.append(markdown_row([first.ljust(widths[0]), *aligned]))
-    notes = table.notes()
-    return "\n".join([*lines, *([""] if notes else []), *(f"- {markdown_line(note)}" for note in notes)]) + "\n"
+    told = notes(table)
+    return "\n".join([*lines, *([""] if told else []), *(f"- {markdown_line(note)}" for note in told)]) + "\n"
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ from benchmark.report.columns import BLANK, Group, Style, cells, groups_of, numb
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import latex_text
 from benchmark.report.floats import table_float
+from benchmark.report.notes import notes
 from benchmark.storage.keys import digest
 from retrieval.measures import PRINTED
 
@@ -67,7 +68,7 @@ def latex(table: TableContent, name: str = "", further: Sequence[Group] = ()) ->
         f"l{'r' * len(PRINTED) * len(groups)}",
         lines,
         remark=f"made from records {_digest(table)}",
-        notes=table.notes(reasons=False),
+        notes=notes(table, reasons=False),
         spans_columns=len(table.inputs) > 1,
     )
 

@@ -125,9 +125,12 @@ def test_every_make_target_and_verb_exists():
 
 
 def shown() -> dict[tuple[str, str, str], dict[str, float]]:
-    """Our scores in the committed tables by table, input and method."""
+    """Our scores in the committed tables by table, input and method; of Table III that of TOSCA."""
     rows = json.loads((ROOT / "results" / "tables" / "tables.json").read_text(encoding="utf-8"))
-    return {(row["table"], row["input"], row["method"]): row for row in rows if row["NN"] is not None}
+    chosen = [row for row in rows if row["NN"] is not None and row["dataset"] != "animals"]
+    found = {(row["table"], row["input"], row["method"]): row for row in chosen}
+    assert len(found) == len(chosen)
+    return found
 
 
 def forms(table: str, input_: str) -> dict[str, dict[str, float]]:

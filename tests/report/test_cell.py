@@ -11,6 +11,7 @@ from benchmark.report.content import contents, row_of
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.html.table import score_table
 from benchmark.report.latex import latex
+from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from tests.records import failed, record
 
@@ -126,9 +127,9 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
 def test_a_missing_fold_is_told():
     table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6), of_fold(2, 0, make=failed, reason="needs the model"))["I"]
     told = "Our, view: mean of 2 instead of 3 (humans fold 2: needs the model)"
-    assert told in table.notes()
+    assert told in notes(table)
     table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6))["I"]
-    assert "Our, view: mean of 2 instead of 3 (not run)" in table.notes()
+    assert "Our, view: mean of 2 instead of 3 (not run)" in notes(table)
 
 
 def test_a_quick_table_is_one_fold_and_no_mean():
@@ -148,9 +149,9 @@ def test_extra_training_data_is_marked():
 
 @pytest.mark.parametrize(("most", "told"), [(0.25, True), (0.011, True), (0.01, False), (0.0, False)])
 def test_a_table_tells_how_much_preparation_lost(most, told):
-    notes = {"lost_area": {"mean": 0.004, "max": most}}
-    found = results(*(record(input_=input_, notes=notes) for input_ in ("mesh", "view")))
-    lines = [line for table in contents(found) for line in table.notes() if "preparation lost" in line]
+    noted = {"lost_area": {"mean": 0.004, "max": most}}
+    found = results(*(record(input_=input_, notes=noted) for input_ in ("mesh", "view")))
+    lines = [line for table in contents(found) for line in notes(table) if "preparation lost" in line]
     expected = [
         f"Mesh input: preparation lost 0.4% of the area per shape on average, {most:.1%} at most.",
         f"View input: preparation lost 0.4% of what the camera sees per shape on average, {most:.1%} at most.",

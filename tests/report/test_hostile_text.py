@@ -23,6 +23,7 @@ from benchmark.report.html.scripts import data_script
 from benchmark.report.html.site import overview, pages_of
 from benchmark.report.html.table import score_table
 from benchmark.report.kept import Kept
+from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from benchmark.storage.store import Store
 from benchmark.system.text import LONGEST_REASON, clean
@@ -183,7 +184,7 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     for name, content in files.items():
         content.encode("utf-8")
         assert all(line.isprintable() for line in content.split("\n")), name
-    wanted = {f"{table.file_stem}.md": (3 * 5, len(table.notes())), f"intervals-{table.file_stem}.md": (11, 3)}
+    wanted = {f"{table.file_stem}.md": (3 * 5, len(notes(table))), f"intervals-{table.file_stem}.md": (11, 3)}
     assert {name for name in names if name.endswith(".md")} == set(wanted)
     for name, (n_cells, n_notes) in wanted.items():
         tokens = MARKDOWN.parse(files[name])
@@ -247,9 +248,9 @@ def test_a_long_reason_is_cut_in_tables_and_whole_in_the_record():
     reason = "because " * 400
     bad = failed("failed", reason)
     (table,) = contents([Result(record("gps", unsupported=[["cat0", reason]]), reason), Result(bad)])
-    for note in table.notes():
+    for note in notes(table):
         assert len(note) < LONGEST_REASON + 100
-    assert sum(reason[:400] in note for note in table.notes()) == 3
+    assert sum(reason[:400] in note for note in notes(table)) == 3
     assert bad["reason"] == reason
 
 

@@ -13,6 +13,7 @@ from benchmark.report.content import Row, TableContent
 from benchmark.report.files import render
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
+from benchmark.report.notes import notes
 from retrieval.chance import chance_levels
 from tests.records import record
 
@@ -81,6 +82,18 @@ def test_what_was_not_run_is_one_note():
     rows = tuple(replace(row, cells={"mesh": Cell()}) for row in content.rows)
     lines = markdown(replace(content, rows=rows, inputs=("mesh",))).splitlines()
     assert [line for line in lines if line.startswith("- ")] == ["- Not run: Classic MDS, Fast MDS, 50 % of_mine."]
+
+
+def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
+    content = table()
+    seen, blank, *others = content.rows
+    rows = (
+        replace(seen, cells={**seen.cells, "mesh": Cell()}),
+        replace(blank, cells=dict.fromkeys(blank.cells, Cell())),
+    )
+    complete = replace(content, rows=(*rows, *others)).of("mesh")
+    assert "Run on the view input alone: Classic MDS." in notes(complete)
+    assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
 
 
 def test_real_data_is_named_as_such():

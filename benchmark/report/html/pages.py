@@ -11,6 +11,7 @@ from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
 from benchmark.report.html.scripts import script_json
 from benchmark.report.html.table import plain_table, score_table
+from benchmark.report.notes import notes
 from retrieval.measures import MEASURES, PRINTED
 
 TITLE = "Canonical forms benchmark"
@@ -136,8 +137,8 @@ def index_page(tables: Sequence[TablePages], overview: Overview, hero: Mapping[s
 def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
     """Scores of one table, and the charts that go with them."""
     table = pages.table
-    notes = table.notes()
-    told = f"<ul>{''.join(f'<li>{html_line(note)}</li>' for note in notes)}</ul>" if notes else ""
+    lines = notes(table)
+    told = f"<ul>{''.join(f'<li>{html_line(line)}</li>' for line in lines)}</ul>" if lines else ""
     missing = (
         f"<p class='missing'>{pages.n_distances} of {pages.n_ranked} jobs have their distances here; "
         f"<code>{html_text(pages.run)}</code> makes the others, then write this report again.</p>"

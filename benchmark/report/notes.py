@@ -1,0 +1,146 @@
+"""What stands below a table: what its reader must know of the jobs behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from benchmark.contracts import Input
+from benchmark.reference import paper
+from benchmark.report.content import OUTDATED, Row, TableContent
+from benchmark.system.text import brief
+
+#: Share of the largest loss from which on a table tells how much was lost.
+_WORTH_TELLING = 0.01
+
+_MARKS = (
+    "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
+    "(paired permutation test over queries, Holm's correction, 5 %)."
+)
+
+_OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
+
+
+def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
+    """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
+
+    Parameters
+    ----------
+    table
+        What they stand below.
+    reasons
+        Whether to say of each outdated row what has changed.
+    """
+    lines = []
+    if table.quick:
+        lines.append("Quick run: some poses of each subject were left out.")
+    if table.n_galleries > 1:
+        lines.append(_OF_MEANS)
+    if any(judged.is_inseparable for judged in table.judgements.values()):
+        lines.append(_MARKS)
+    lines += _left_out(table)
+    if trained := _trainings(table):
+        lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
+    lines += [line for row in table.rows for line in _of_jobs(row)]
+    lines += [f"{', '.join(titles)}, {what}" for what, titles in _without_scores(table).items()]
+    outdated = _outdated(table)
+    if reasons:
+        lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in outdated.items()]
+    elif outdated:
+        lines.append(f"{OUTDATED} Made before the last change of code or packages.")
+    lines += [
+        f"Run on the {name} input alone: {', '.join(titles)}." for name, titles in table.elsewhere.items() if titles
+    ]
+    blank = [row.title for row in table.rows if all(cell.status == "missing" for cell in row.cells.values())]
+    not_run = [title for title in blank if not any(title in titles for titles in table.elsewhere.values())]
+    if not_run:
+        lines.append(f"Not run: {', '.join(not_run)}.")
+    if bridges := _bridges(table):
+        lines.append(bridges)
+    return [*lines, *_lost(table)]
+
+
+def _left_out(table: TableContent) -> Iterable[str]:
+    for row in table.rows:
+        for input_, cell in row.cells.items():
+            if left_out := cell.record.get("unsupported", []):
+                names = ", ".join(brief(name) for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
+                yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {brief(left_out[0][1])}"
+
+
+def _without_scores(table: TableContent) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for row in table.rows:
+        for input_, cell in row.cells.items():
+            if cell.status not in ("ok", "missing"):
+                reason = brief(cell.record.get("reason", ""))
+                found.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(row.title)
+    return found
+
+
+def _outdated(table: TableContent) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for row in table.rows:
+        for cell in row.cells.values():
+            if cell.outdated:
+                of_rows = found.setdefault(f"made before the last change ({brief(cell.outdated)})", [])
+                of_rows += [row.title] if row.title not in of_rows else []
+    return found
+
+
+def _trainings(table: TableContent) -> list[str]:
+    """Which schedule made the models, and on which data; rows that share them share a line."""
+    titles: dict[str, list[str]] = {}
+    for row in table.rows:
+        by_schedule: dict[tuple[str, bool], list[str]] = {}
+        for model in (model for cell in row.cells.values() for model in cell.models):
+            by_schedule.setdefault((model["schedule"], model["extra_data"]), []).append(model["data"])
+        for (schedule, extra), data in by_schedule.items():
+            sets = list(dict.fromkeys(data))
+            named = sets[0] + (f" (and {len(sets) - 1} more such sets)" if len(sets) > 1 else "")
+            what = f"trained on {'extra data, ' if extra else ''}{named}: {schedule}"
+            titles.setdefault(what, []).append(row.title)
+    return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
+
+
+def _bridges(table: TableContent) -> str:
+    if found := _noted(table, "bridges", "view"):
+        return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
+    return ""
+
+
+def _lost(table: TableContent) -> Iterable[str]:
+    """How much of the shapes was lost before any method saw them, where it is worth telling."""
+    for input_ in table.inputs:
+        found = _noted(table, "lost_area", input_)
+        if found and found["max"] > _WORTH_TELLING:
+            what = "of what the camera sees" if input_ == "view" else "of the area"
+            yield (
+                f"{input_.capitalize()} input: preparation lost {found['mean']:.1%} {what} per shape on average, "
+                f"{found['max']:.1%} at most."
+            )
+
+
+def _noted(table: TableContent, name: str, input_: Input) -> Mapping[str, float] | None:
+    """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
+    for row in table.rows:
+        records = row.cells[input_].records if input_ in row.cells else ()
+        noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
+        # A method may note something else by this name.
+        found = [(each, shapes) for each, shapes in noted if each and {"mean", "max"} <= each.keys()]
+        if found:
+            total = sum(shapes for _, shapes in found)
+            mean = sum(each["mean"] * shapes for each, shapes in found) / total
+            return {"mean": mean, "max": max(each["max"] for each, _ in found)}
+    return None
+
+
+def _of_jobs(row: Row) -> Iterable[str]:
+    """Whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
+    for input_, cell in row.cells.items():
+        if seen := cell.record.get("seen"):
+            yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
+        if 0 < cell.n_averaged < cell.n_wanted:
+            yield (
+                f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
+                f"({brief(cell.record.get('reason', 'the others were not run'))})"
+            )
