@@ -10,6 +10,9 @@ from collections.abc import Sequence
 
 from benchmark.report.escaping import latex_text
 
+#: Lines of a table and its notes that a page has room for, and characters of a line of notes in one column, across two.
+_PAGE, _LINES = 56, (55, 100)
+
 
 def table_float(
     name: str,
@@ -41,6 +44,9 @@ def table_float(
         Whether it spans both columns of a paper.
     """
     environment = "table*" if spans_columns else "table"
+    said = " ".join(latex_text(_sentence(note)) for note in notes)
+    # Of two sizes that a paper's tables have the one that fits its page: LaTeX lets what is too tall run off it.
+    size = r"\scriptsize" if len(lines) + len(said) / _LINES[spans_columns] > _PAGE else r"\footnotesize"
     found = [
         f"% {name}{f', {remark}' if remark else ''}; needs booktabs and graphicx",
         r"\providecommand{\tablenotes}[1]{\par\smallskip{\footnotesize\raggedright #1\par}}",
@@ -48,7 +54,7 @@ def table_float(
         r"\centering",
         rf"\caption{{{latex_text(caption)}}}",
         rf"\label{{tab:{name}}}",
-        r"\smallskip\footnotesize\setlength{\tabcolsep}{3pt}",
+        rf"\smallskip{size}\setlength{{\tabcolsep}}{{3pt}}",
         rf"\sbox0{{\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"\toprule",
         *lines,
@@ -56,8 +62,8 @@ def table_float(
         r"\end{tabular}}",
         r"\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\usebox0}\else\usebox0\fi",
     ]
-    if notes:
-        found.append(rf"\tablenotes{{{' '.join(latex_text(_sentence(note)) for note in notes)}}}")
+    if said:
+        found.append(rf"\tablenotes{{{'' if 'footnote' in size else size + ' '}{said}}}")
     return "\n".join([*found, rf"\end{{{environment}}}"]) + "\n"
 
 

@@ -18,6 +18,9 @@ _LEGEND = (
     f"above chance. {BLANK}: not all strengths were run."
 )
 
+#: Characters of a header that the text of an article has room for.
+_COLUMN = 80
+
 
 def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, str]:
     """Texts by file name, as :func:`benchmark.report.files.render` makes those of the other tables."""
@@ -65,7 +68,8 @@ def latex(found: Robustness) -> str:
     rows = [[title, *_halves(found, method)] for method, title in found.titles.items()]
     lines = [_latex_row(header), r"\midrule", *map(_latex_row, rows)]
     caption = f"What breaks the methods: {_title(found)}. {_LEGEND}"
-    return table_float(found.file_stem, caption, f"l{'r' * (len(header) - 1)}", lines)
+    wide = sum(map(len, header)) > _COLUMN
+    return table_float(found.file_stem, caption, f"l{'r' * (len(header) - 1)}", lines, spans_columns=wide)
 
 
 def _latex_row(cells: Iterable[str]) -> str:
