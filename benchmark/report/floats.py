@@ -46,7 +46,8 @@ def table_float(
     environment = "table*" if spans_columns else "table"
     said = " ".join(latex_text(_sentence(note)) for note in notes)
     # Of two sizes that a paper's tables have the one that fits its page: LaTeX lets what is too tall run off it.
-    size = r"\scriptsize" if len(lines) + len(said) / _LINES[spans_columns] > _PAGE else r"\footnotesize"
+    is_tall = len(lines) + len(said) / _LINES[spans_columns] > _PAGE
+    size = r"\scriptsize" if is_tall else r"\footnotesize"
     found = [
         f"% {name}{f', {remark}' if remark else ''}; needs booktabs and graphicx",
         r"\providecommand{\tablenotes}[1]{\par\smallskip{\footnotesize\raggedright #1\par}}",
@@ -63,7 +64,7 @@ def table_float(
         r"\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\usebox0}\else\usebox0\fi",
     ]
     if said:
-        found.append(rf"\tablenotes{{{'' if 'footnote' in size else size + ' '}{said}}}")
+        found.append(rf"\tablenotes{{{f'{size} ' if is_tall else ''}{said}}}")
     return "\n".join([*found, rf"\end{{{environment}}}"]) + "\n"
 
 
