@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -33,13 +33,14 @@ OUTDATED = "†"
 
 @dataclass(frozen=True)
 class Row:
-    """One method: its figures in the paper and ours by input."""
+    """One method: its figures in the paper and ours by input, with inputs that it has other jobs of."""
 
     method: str
     title: str
     family: str
     paper: Figures | None
     cells: Mapping[Input, Cell]
+    elsewhere: tuple[Input, ...] = ()
 
     @property
     def models(self) -> list[Mapping[str, Any]]:
@@ -77,8 +78,6 @@ class TableContent:
         Galleries that a row is the mean over.
     scorer
         Name of what compared the forms; "" for the default scorer.
-    elsewhere
-        Titles of rows that have scores under an input that is not shown alone, by that input.
     """
 
     table: Table
@@ -88,7 +87,6 @@ class TableContent:
     chance: Figures
     n_galleries: int
     scorer: str = ""
-    elsewhere: Mapping[Input, tuple[str, ...]] = field(default_factory=dict)
 
     @cached_property
     def judgements(self) -> Judgements:
@@ -131,13 +129,15 @@ class TableContent:
     def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
         """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
         rows = [row for row in self.rows if row.paper or (not paper_only and _is_run(row, input_))]
-        alone = tuple(replace(row, cells={name: c for name, c in row.cells.items() if name == input_}) for row in rows)
-        hidden: dict[Input, tuple[str, ...]] = {
-            other: tuple(row.title for row in rows if _is_run(row, other) and not _is_run(row, input_))
-            for other in self.inputs
-            if other != input_
-        }
-        return replace(self, inputs=(input_,), rows=alone, elsewhere=hidden)
+        alone = [
+            replace(
+                row,
+                cells={name: cell for name, cell in row.cells.items() if name == input_},
+                elsewhere=tuple(other for other in self.inputs if other != input_ and _is_run(row, other)),
+            )
+            for row in rows
+        ]
+        return replace(self, inputs=(input_,), rows=tuple(alone))
 
 
 #: Characters of a file name, which has room for 255 bytes.

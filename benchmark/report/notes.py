@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from benchmark.contracts import Input
+from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, Row, TableContent
 from benchmark.system.text import brief
@@ -47,16 +48,20 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in outdated.items()]
     elif outdated:
         lines.append(f"{OUTDATED} Made before the last change of code or packages.")
-    lines += [
-        f"Run on the {name} input alone: {', '.join(titles)}." for name, titles in table.elsewhere.items() if titles
-    ]
-    blank = [row.title for row in table.rows if all(cell.status == "missing" for cell in row.cells.values())]
-    not_run = [title for title in blank if not any(title in titles for titles in table.elsewhere.values())]
-    if not_run:
-        lines.append(f"Not run: {', '.join(not_run)}.")
+    lines += _not_here(table)
     if bridges := _bridges(table):
         lines.append(bridges)
     return [*lines, *_lost(table)]
+
+
+def _not_here(table: TableContent) -> Iterable[str]:
+    """Rows without a job under the inputs of the table: those that have one under another input, and the others."""
+    blank = [row for row in table.rows if all(cell.status == "missing" for cell in row.cells.values())]
+    for input_ in INPUTS:
+        if titles := [row.title for row in blank if input_ in row.elsewhere]:
+            yield f"Run on the {input_} input alone: {', '.join(titles)}."
+    if titles := [row.title for row in blank if not row.elsewhere]:
+        yield f"Not run: {', '.join(titles)}."
 
 
 def _left_out(table: TableContent) -> Iterable[str]:

@@ -8,6 +8,8 @@ from functools import cache
 from importlib.metadata import version
 from typing import Any
 
+from benchmark.system.text import brief
+
 #: Packages that compute.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
 
@@ -31,12 +33,12 @@ def environment_text() -> str:
 
 
 def in_words(environment: Any) -> str:
-    """What a record or an artefact says of its environment, as a line; something else that a file holds as it is."""
+    """What a record or an artefact says of its environment, as a line; something else that a file holds cut off."""
     try:
         found = json.loads(environment) if isinstance(environment, str) else environment
     except (ValueError, RecursionError):
         found = environment
-    return ", ".join(f"{name} {value}" for name, value in found.items()) if isinstance(found, dict) else str(found)
+    return ", ".join(f"{name} {value}" for name, value in found.items()) if isinstance(found, dict) else brief(found)
 
 
 def _linear_algebra() -> dict[str, str]:

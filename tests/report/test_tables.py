@@ -96,6 +96,17 @@ def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
     assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
 
 
+def test_two_rows_of_one_title_are_told_apart_by_where_they_were_run():
+    content = table()
+    seen, blank, *others = content.rows
+    rows = (
+        replace(seen, cells={**seen.cells, "mesh": Cell()}),
+        replace(blank, title=seen.title, cells=dict.fromkeys(blank.cells, Cell())),
+    )
+    said = notes(replace(content, rows=(*rows, *others)).of("mesh"))
+    assert {"Run on the view input alone: Classic MDS.", "Not run: Classic MDS."} <= set(said)
+
+
 def test_real_data_is_named_as_such():
     assert "Animals: Beasts & Co (4 shapes" in markdown(table(stand_in=""))
 

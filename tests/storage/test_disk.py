@@ -13,6 +13,7 @@ from benchmark.jobs import run_plan
 from benchmark.storage.environment import in_words
 from benchmark.storage.records import Records
 from benchmark.storage.store import StorageError, Store
+from benchmark.system.text import LONGEST_REASON
 from tests.records import record
 from tests.toy import write_rods
 
@@ -160,8 +161,13 @@ def test_jobs_that_cannot_be_done_tell_their_environment_as_all_others_do(tmp_pa
         ({"python": "3.11.7"}, "python 3.11.7"),
         ("no JSON {", "no JSON {"),
         ("[1, 2]", "[1, 2]"),
-        ("[" * 100_000, "[" * 100_000),
     ],
 )
 def test_an_environment_is_told_in_words_and_what_is_none_as_it_is(made, told):
     assert in_words(made) == told
+
+
+def test_a_long_environment_that_is_none_is_cut():
+    told = in_words("[" * 100_000)
+    assert told.startswith("[[[[")
+    assert len(told) <= LONGEST_REASON
