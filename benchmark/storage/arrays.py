@@ -21,11 +21,20 @@ _CONTENTS = "__contents__"
 #: Bytes of all arrays together beyond which a file is not read, however small it is itself.
 LARGEST = 2**31
 
+#: Marks, behind kind and shape, a symmetric matrix of which the rows of the upper triangle are kept.
+_UPPER = "upper triangle"
+
+#: Rows that are compared with columns at a time.
+_BLOCK = 256
+
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> None:
     """Write arrays as ``.npz``, with what they are.
+
+    Where room is to be saved, half of a symmetric matrix is written: distances of a large gallery are most of a results
+    folder.
 
     Parameters
     ----------
@@ -38,9 +47,13 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
     compressed
         Whether to take time to save room.
     """
-    contents = {"key": key, "arrays": {name: _kind(np.asanyarray(array)) for name, array in arrays.items()}}
+    whole = {name: np.asanyarray(array) for name, array in arrays.items()}
+    halved = {name for name, array in whole.items() if compressed and _is_symmetric(array)}
+    kinds = {name: [*_kind(array), *([_UPPER] if name in halved else [])] for name, array in whole.items()}
+    kept = {name: _upper(array) if name in halved else array for name, array in whole.items()}
     save = np.savez_compressed if compressed else np.savez
-    save(file, allow_pickle=False, **arrays, **{_CONTENTS: np.array(json.dumps(contents))})
+    contents = json.dumps({"key": key, "arrays": kinds})
+    save(file, allow_pickle=False, **kept, **{_CONTENTS: np.array(contents)})
 
 
 def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> dict[str, NDArray[Any]]:
@@ -72,14 +85,50 @@ def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = Non
         told = json.loads(str(_read(archive, parts.pop(_CONTENTS))))
         if told["key"] != key or told["arrays"].keys() != parts.keys():
             raise ValueError("the file holds something else than its name says")
-        arrays = {name: _read(archive, part) for name, part in parts.items() if wanted is None or wanted(name)}
-    if any(_kind(array) != told["arrays"][name] for name, array in arrays.items()):
-        raise ValueError("an array is not what the file says of it")
-    return arrays
+        chosen = {name: part for name, part in parts.items() if wanted is None or wanted(name)}
+        return {name: _as_told(_read(archive, part), told["arrays"][name]) for name, part in chosen.items()}
 
 
 def _kind(array: NDArray[Any]) -> list[Any]:
     return [array.dtype.str, list(array.shape)]
+
+
+def _as_told(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
+    """The array that a file says it holds, unfolded where half of it was kept."""
+    dtype, shape, *marks = kind
+    if marks == [_UPPER]:
+        count = shape[0]
+        if _kind(array) == [dtype, [count * (count + 1) // 2]] and shape == [count, count]:
+            return _unfolded(array, count)
+    elif not marks and _kind(array) == kind:
+        return array
+    raise ValueError("an array is not what the file says of it")
+
+
+def _is_symmetric(array: NDArray[Any]) -> bool:
+    """Whether a matrix of floats equals its transpose to the last bit, signs of zeros and kinds of NaN with them."""
+    is_square = array.ndim == 2 and array.shape[0] == array.shape[1]
+    if not is_square or array.dtype.kind != "f" or array.itemsize > 8 or not array.flags.c_contiguous:
+        return False
+    bits = array.view(f"u{array.itemsize}")
+    starts = range(0, len(bits), _BLOCK)
+    return all(np.array_equal(bits[k : k + _BLOCK, k:], bits[k:, k : k + _BLOCK].T) for k in starts)
+
+
+def _upper(matrix: NDArray[Any]) -> NDArray[Any]:
+    """Rows of the upper triangle with the diagonal, one after the other."""
+    return np.concatenate([row[k:] for k, row in enumerate(matrix)]) if len(matrix) else matrix.ravel()
+
+
+def _unfolded(upper: NDArray[Any], count: int) -> NDArray[Any]:
+    """The symmetric matrix of such rows."""
+    matrix = np.empty((count, count), upper.dtype)
+    start = 0
+    for k in range(count):
+        row = upper[start : start + count - k]
+        matrix[k, k:] = matrix[k:, k] = row
+        start += count - k
+    return matrix
 
 
 def _read(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
