@@ -90,7 +90,7 @@ def run(size: int, folder: Path) -> dict[str, Any]:
 
 def ranking(size: int) -> dict[str, Any]:
     """Match made-up signatures as numerous as real ones, keep the distances and score them, in this process."""
-    from benchmark.jobs.stages.ranking import form_distances, scores
+    from benchmark.jobs.stages.ranking import scores
     from benchmark.storage.records import as_text
     from benchmark.storage.store import Store
     from retrieval.cmbof import CMBOF
@@ -100,10 +100,10 @@ def ranking(size: int) -> dict[str, Any]:
     # As many different forms would take long to draw; which ones are equal changes neither time nor memory.
     drawn = clock_matching.gallery(min(size, 200))
     forms = [drawn[k % len(drawn)] for k in range(size)]
-    form_distances(CMBOF(), forms[:10])  # compiles
+    CMBOF().distances(forms[:10])  # compiles
     labels = [f"body-{k // POSES}" for k in range(size)]
     begun = time.perf_counter()
-    matrix = form_distances(CMBOF(), forms)
+    matrix = CMBOF().distances(forms)
     matched = time.perf_counter()
     with TemporaryDirectory() as folder:
         store = Store.open(Path(folder))
