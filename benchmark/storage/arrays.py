@@ -85,6 +85,8 @@ def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = Non
         told = json.loads(str(_read(archive, parts.pop(_CONTENTS))))
         if told["key"] != key or told["arrays"].keys() != parts.keys():
             raise ValueError("the file holds something else than its name says")
+        if sum(part.file_size * (2 if _is_half(told["arrays"][name]) else 1) for name, part in parts.items()) > LARGEST:
+            raise ValueError("the arrays are too large once unfolded")
         chosen = {name: part for name, part in parts.items() if wanted is None or wanted(name)}
         return {name: _as_told(_read(archive, part), told["arrays"][name]) for name, part in chosen.items()}
 
@@ -95,19 +97,23 @@ def _kind(array: NDArray[Any]) -> list[Any]:
 
 def _as_told(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
     """The array that a file says it holds, unfolded where half of it was kept."""
-    dtype, shape, *marks = kind
-    if marks == [_UPPER]:
-        count = shape[0]
-        if _kind(array) == [dtype, [count * (count + 1) // 2]] and shape == [count, count]:
+    if not _is_half(kind):
+        if _kind(array) == kind:
+            return array
+    else:
+        dtype, (count, width), _ = kind
+        if count == width and _kind(array) == [dtype, [count * (count + 1) // 2]]:
             return _unfolded(array, count)
-    elif not marks and _kind(array) == kind:
-        return array
     raise ValueError("an array is not what the file says of it")
+
+
+def _is_half(kind: list[Any]) -> bool:
+    return len(kind) == 3 and kind[2] == _UPPER
 
 
 def _is_symmetric(array: NDArray[Any]) -> bool:
     """Whether a matrix of floats equals its transpose to the last bit, signs of zeros and kinds of NaN with them."""
-    is_square = array.ndim == 2 and array.shape[0] == array.shape[1]
+    is_square = array.ndim == 2 and 0 < array.shape[0] == array.shape[1]
     if not is_square or array.dtype.kind != "f" or array.itemsize > 8 or not array.flags.c_contiguous:
         return False
     bits = array.view(f"u{array.itemsize}")
@@ -117,7 +123,7 @@ def _is_symmetric(array: NDArray[Any]) -> bool:
 
 def _upper(matrix: NDArray[Any]) -> NDArray[Any]:
     """Rows of the upper triangle with the diagonal, one after the other."""
-    return np.concatenate([row[k:] for k, row in enumerate(matrix)]) if len(matrix) else matrix.ravel()
+    return np.concatenate([row[k:] for k, row in enumerate(matrix)])
 
 
 def _unfolded(upper: NDArray[Any], count: int) -> NDArray[Any]:

@@ -141,5 +141,6 @@ def test_the_queries_tell_sampled_animals_from_the_best_classical_form_in_what_t
 
 def test_cats_and_horses_alone_are_not_above_the_best_classical_form(records: pd.DataFrame) -> None:
     rows = records[(records["gallery"] == "tosca held out") & (records["input"] == "view")].set_index("method")
-    assert told(rows.loc[SAMPLED_ANIMALS]) in " ".join(PAGE.split())
-    assert told(rows.loc["mesh-unfolding"]) in " ".join(PAGE.split())
+    assert not any(rows.loc[SAMPLED_ANIMALS, measure] > rows.loc["mesh-unfolding", measure] for measure in PRINTED)
+    for method in (SAMPLED_ANIMALS, "mesh-unfolding"):
+        assert told(rows.loc[method]) in " ".join(PAGE.split())

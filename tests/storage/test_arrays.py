@@ -248,3 +248,11 @@ def test_a_half_that_is_not_what_the_file_says_of_it_is_refused(tmp_path, kind):
     path.write_bytes(archive(parts | {"__contents__.npy": npy(np.array(json.dumps(contents)))}))
     with pytest.raises((ValueError, IndexError, TypeError)):
         load_arrays(path, KEY)
+
+
+def test_a_half_that_unfolds_to_more_than_is_read_is_not_unfolded(tmp_path, monkeypatch):
+    path, matrix = tmp_path / "file", symmetric(200)
+    kept(path, matrix)
+    monkeypatch.setattr(module, "LARGEST", matrix.nbytes * 3 // 4)  # the half would pass
+    with pytest.raises(ValueError, match="too large once unfolded"):
+        load_arrays(path, KEY)
