@@ -19,6 +19,7 @@ from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
 from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
+from benchmark.cli.verbs.rekey import rekey, sample
 from benchmark.cli.verbs.results import compare, merge, prune, why
 from benchmark.cli.verbs.run import plan, run
 from benchmark.cli.verbs.tables import report, tables
@@ -54,7 +55,7 @@ def completion_(shell: str) -> None:
 
 for verb in (
     run, plan, list_, describe, tables, report, canonicalise, check, new,
-    data, train, merge, compare, prune, why, compile_,
+    data, train, merge, compare, prune, why, rekey, sample, compile_,
 ):  # fmt: skip
     cli.add_command(verb)
 

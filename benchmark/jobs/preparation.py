@@ -22,7 +22,7 @@ from benchmark.storage.store import Artefact, Store
 
 Arrays = Mapping[str, NDArray[Any]]
 
-#: Array that stands where there is no result: the problem and its mend.
+#: Array that stands where there is no result: the problem, its mend, and the kind of error.
 REFUSED = "refused"
 
 
@@ -138,13 +138,13 @@ def attempted(compute: Callable[[], Arrays]) -> Arrays:
     try:
         return compute()
     except ShapeError as error:
-        return {REFUSED: np.array([error.problem, error.mend])}
+        return {REFUSED: np.array([error.problem, error.mend, type(error).__name__])}
 
 
 def treated(artefact: Artefact) -> Arrays:
     """Arrays of a stage that was attempted; raises ``UnsupportedShape`` with the reason where there are none."""
     if REFUSED in artefact.arrays:
-        problem, mend = artefact.arrays[REFUSED].tolist()
+        problem, mend = artefact.arrays[REFUSED].tolist()[:2]
         raise UnsupportedShape(problem, mend)
     return artefact.arrays
 

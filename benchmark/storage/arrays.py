@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import math
@@ -54,6 +55,16 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
     save = np.savez_compressed if compressed else np.savez
     contents = json.dumps({"key": key, "arrays": kinds})
     save(file, allow_pickle=False, **kept, **{_CONTENTS: np.array(contents)})
+
+
+def digest_of(arrays: Arrays) -> str:
+    """Return the digest of arrays, their names, types and shapes: 16 hexadecimal digits, the same for the same bits."""
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.asanyarray(arrays[name])
+        found.update(json.dumps([name, *_kind(array)]).encode())
+        found.update(np.ascontiguousarray(array).data)
+    return found.hexdigest()[:16]
 
 
 def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> dict[str, NDArray[Any]]:

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from benchmark.errors import BenchmarkError
-from benchmark.storage.arrays import Arrays, load_arrays, save_arrays
+from benchmark.storage.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records
 from benchmark.system.files import write_atomically
 
-_COST, _ENVIRONMENT = "__cost__", "__environment__"
+_COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 
 
 class StorageError(BenchmarkError):
@@ -29,13 +29,28 @@ class StorageError(BenchmarkError):
 
 @dataclass(frozen=True)
 class Artefact:
-    """Arrays of one stage, with what they originally cost and where they were made."""
+    """Arrays of one stage, with what they originally cost and where they were made.
+
+    Parameters
+    ----------
+    key
+        Digest of the recipe.
+    arrays
+        By name.
+    cost, environment
+        As when they were made.
+    was_cached
+        Whether they were read.
+    digest
+        Digest of all arrays of the stage, also where some were read alone; "" for a file that does not tell.
+    """
 
     key: str
     arrays: Arrays
     cost: Cost
     environment: str
     was_cached: bool
+    digest: str = ""
 
 
 @dataclass(frozen=True)
@@ -127,9 +142,10 @@ class Store:
             return found
         with self.meter.measured(work) as cost:
             arrays = compute()
-        extra = {_COST: np.array(cost().to_json()), _ENVIRONMENT: np.array(environment_text())}
+        told = {_COST: cost().to_json(), _ENVIRONMENT: environment_text(), _DIGEST: digest_of(arrays)}
+        extra = {name: np.array(text) for name, text in told.items()}
         self._write(path, lambda file: save_arrays(file, key, {**arrays, **extra}, compressed=not scratch))
-        return Artefact(key, arrays, cost(), environment_text(), was_cached=False)
+        return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=told[_DIGEST])
 
     def find(
         self, recipe: Mapping[str, Any], *, scratch: bool = False, wanted: Callable[[str], bool] | None = None
@@ -145,6 +161,11 @@ class Store:
         """
         key = digest(recipe)
         return _load(self._path(key, scratch=scratch), key, wanted)
+
+    def digest_under(self, key: str) -> str:
+        """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
+        found = _load(self._path(key), key, lambda name: False)
+        return found.digest if found else ""
 
     def discard(self, key: str) -> None:
         """Forget the arrays under a key."""
@@ -198,11 +219,12 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     """Read an artefact; None if it is missing or damaged, in whatever way: it can be made again."""
 
     def is_read(name: str) -> bool:
-        return wanted is None or name in (_COST, _ENVIRONMENT) or wanted(name)
+        return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST) or wanted(name)
 
     try:
         arrays = load_arrays(path, key, is_read)
         cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
+        digest = str(arrays.pop(_DIGEST, ""))
     except Exception:
         return None
-    return Artefact(key, arrays, cost, environment, was_cached=True)
+    return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest)

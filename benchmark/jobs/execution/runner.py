@@ -32,7 +32,7 @@ from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
 
-__all__ = ["failure", "keep", "make_forms", "work"]
+__all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
 
 class Tell(Protocol):
@@ -207,10 +207,21 @@ def make_forms(order: Order, identifiers: Iterable[str], say: Callable[[str], No
 def _rank(order: Order, tell: Callable[[str], object]) -> None:
     store = Store.open(order.results)
     with _guarded(order, store):
-        keep(order, store, _ranked(order, store, tell))
+        keep(order, store, ranked(order, store, tell))
 
 
-def _ranked(order: Order, store: Store, tell: Callable[[str], object]) -> dict[str, Any]:
+def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
+    """Return the content of the record of a job whose shapes are treated.
+
+    Parameters
+    ----------
+    order
+        The job.
+    store
+        Where its forms and signatures are; what is missing is made.
+    tell
+        Told which part of the ranking is under way.
+    """
     start = time.perf_counter()
     dataset = open_dataset(order.dataset, order.data_root)
     _require_same_code(order, dataset)

@@ -1,0 +1,397 @@
+"""Stages of a few shapes of each row, made by the code of one tree, with the digest of all that came out.
+
+The verb ``sample`` reads a request from a file and answers in another one, so that two commits can be asked the same,
+however their insides are called. A request is a JSON object:
+
+- ``rows``: what :class:`Row` holds, each with the ``sample`` of its shapes; without one, recipes alone are asked for;
+- ``results``: folder whose models are used; ``store``: folder of the arrays of the samples;
+- ``data_root``, ``plugins``;
+- ``regions``: parts of the code whose execution is to be told, by file; see :mod:`benchmark.jobs.rekey.reached`;
+- ``small``: whether shapes and views are small enough for kernels that are not compiled; ``meshes``: store of an
+  earlier request whose meshes are taken then, "" to read or generate them.
+
+The answer has one JSON object a line: the root of the tree; for each row its ``key``, ``recipe`` and either the keys of
+its ``artefacts`` or its ``stages``; and the regions that were ``reached`` after each group of rows.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+from benchmark.contracts import Input, Mesh
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.errors import ConfigurationError, ShapeError, one_line
+from benchmark.jobs.execution.runner import ranked
+from benchmark.jobs.orders import Order
+from benchmark.jobs.plan import Job, data_recipe, job_recipe
+from benchmark.jobs.preparation import REFUSED, Preparation
+from benchmark.jobs.recipes import distances_recipe, source_recipe
+from benchmark.jobs.rekey.reached import Reached
+from benchmark.jobs.treatment import Treatment
+from benchmark.methods.registry import MethodSpec, methods, variant
+from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
+from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.models import find_models
+from benchmark.protocols.tables import Table
+from benchmark.storage.arrays import digest_of
+from benchmark.storage.keys import digest
+from benchmark.storage.records import scorer_name
+from benchmark.storage.store import Artefact, Store
+
+#: Stages in their order, as an answer names them.
+STAGES = ("mesh", "prepared", "form", "signature", "distances", "measures", "training")
+
+#: Parts of the content of a record that are measures.
+_MEASURES = (
+    "status", "scores", "codebook_deviation", "per_query", "tied_queries", "lone_queries", "chance", "splits",
+    "shapes", "labels",
+)  # fmt: skip
+
+#: Vertices of a prepared shape, and pixels of a view, where kernels are not compiled.
+SMALL_SHAPE, SMALL_VIEW = 60, 32
+
+#: What came out of a stage of a shape: its digest, and the key of its arrays; "" where none were kept.
+Outcome = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A record as both trees of a comparison can be asked for it.
+
+    Parameters
+    ----------
+    source, identifiers
+        The data set by the name under which it is opened, and the shapes of the gallery.
+    input, method, scorer, seed, split_size
+        The job.
+    sample
+        The shapes to make; none to be told recipes alone.
+    last
+        Last stage that is made, of :data:`STAGES`.
+    train
+        Whether three steps of the training of its models are made as well.
+    """
+
+    source: str
+    identifiers: tuple[str, ...]
+    input: str
+    method: str
+    scorer: str = DEFAULT
+    seed: int = 0
+    split_size: int = 0
+    sample: tuple[str, ...] = ()
+    last: str = "measures"
+    train: bool = False
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Row:
+        """Return the row of a record that has scores."""
+        return cls(
+            source=record["data"]["source"],
+            identifiers=tuple(record["shapes"]) + tuple(name for name, _ in record["unsupported"]),
+            input=record["input"],
+            method=record["method"],
+            scorer=scorer_name(record) or DEFAULT,
+            seed=int(record["recipe"].get("seed", 0)),
+            split_size=int(record["recipe"].get("split_size", 0)),
+        )
+
+    @classmethod
+    def read(cls, told: Mapping[str, Any]) -> Row:
+        """Return a row that travelled as JSON; fields of later versions are of no account."""
+        known = {name: told[name] for name in cls.__dataclass_fields__ if name in told}
+        return cls(**known | {name: tuple(known.get(name, ())) for name in ("identifiers", "sample")})
+
+    def plain(self) -> dict[str, Any]:
+        """Return the row as it travels."""
+        return asdict(self)
+
+
+def sample_of(record: Mapping[str, Any], size: int) -> tuple[str, ...]:
+    """Choose the shapes of a record that are made by both trees: a rule that looks at classes and refusals alone.
+
+    Two shapes of the first class, which makes a relevant pair, then one of each further class, the last class first,
+    from the first to the last pose in turn; beside them the first and the last shape that was refused.
+
+    Parameters
+    ----------
+    record
+        A record with scores.
+    size
+        Shapes besides those that were refused.
+    """
+    classes: dict[str, list[str]] = {}
+    for name, label in zip(record["shapes"], record["labels"], strict=True):
+        classes.setdefault(label, []).append(name)
+    pairs = [members for members in classes.values() if len(members) > 1]
+    chosen = [pairs[0][0], pairs[0][-1]] if pairs else []
+    others = [members for members in reversed(classes.values()) if members not in pairs[:1]]
+    places = [members[(k * len(members)) // max(len(others), 1)] for k, members in enumerate(others)]
+    rest = [name for name in record["shapes"] if name not in {*chosen, *places}]
+    chosen += [*places, *rest][: max(size - len(chosen), 0)]
+    refused = [name for name, _ in record["unsupported"]]
+    return tuple(dict.fromkeys([*chosen, *refused[:1], *refused[-1:]]))
+
+
+def answer(request: Mapping[str, Any], out: Path) -> None:
+    """Answer a request; groups of rows that the file answers already are passed over.
+
+    Parameters
+    ----------
+    request
+        See the top of this module.
+    out
+        File to which the answer is appended.
+    """
+    rows = [Row.read(told) for told in request["rows"]]
+    known = _known_lines(out)
+    done = {line["row"] for line in known if "row" in line}
+    tools = _Tools.of(request)
+    if request.get("small"):
+        _make_small()
+    reached = Reached(request.get("regions", {}), Path(__file__).parents[3])
+    with out.open("a", encoding="utf-8") as file:
+
+        def tell(**line: Any) -> None:
+            file.write(json.dumps(line, allow_nan=True) + "\n")
+            file.flush()
+
+        tell(root=str(Path(__file__).parents[3]))
+        groups: dict[tuple[Any, ...], list[int]] = {}
+        for number, row in enumerate(rows):
+            if number not in done:
+                groups.setdefault((row.source, row.input, row.seed), []).append(number)
+        for group in groups.values():
+            tell(begun=group)
+            for number, found in tools.group([rows[number] for number in group], reached):
+                tell(row=group[number], **found)
+            tell(reached=sorted(reached.found))
+
+
+def _known_lines(out: Path) -> list[dict[str, Any]]:
+    """Lines of an answer that was begun, without the last one if it is cut off."""
+    if not out.exists():
+        return []
+    lines = []
+    for text in out.read_text(encoding="utf-8").splitlines():
+        try:
+            lines.append(json.loads(text))
+        except ValueError:
+            break
+    out.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    return lines
+
+
+@dataclass
+class _Tools:
+    """What the rows of a request share."""
+
+    methods: Mapping[str, MethodSpec]
+    scorers: Mapping[str, ScorerSpec]
+    data_root: Path | None
+    models: Path
+    store: Store
+    small: bool
+    meshes: Store | None
+    _datasets: dict[str, Dataset] = field(default_factory=dict)
+    _data: dict[tuple[Any, ...], dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, request: Mapping[str, Any]) -> _Tools:
+        files = [Path(name) for name in request.get("plugins", ())]
+        root = request.get("data_root")
+        return cls(
+            methods(files),
+            scorers(files),
+            Path(root) if root else None,
+            Path(request["results"]) / "models",
+            Store.open(Path(request["store"])),
+            bool(request.get("small")),
+            Store(Path(request["meshes"]) / "runs") if request.get("meshes") else None,
+        )
+
+    def group(self, rows: Sequence[Row], reached: Reached) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Answer rows of one data set, input and seed; shapes are prepared once for all of them."""
+        jobs: dict[int, Job] = {}
+        for number, row in enumerate(rows):
+            try:
+                jobs[number] = self.job(row)
+            except Exception as error:  # a plug-in may raise anything
+                yield number, {"error": one_line(error)}
+        asked = {number: rows[number] for number in jobs if rows[number].sample}
+        for number, job in jobs.items():
+            if number not in asked:
+                artefacts = list(self.artefacts(job)) if job.models is not None else []
+                yield number, {"key": job.key, "recipe": job.recipe, "artefacts": artefacts}
+        if not asked:
+            return
+        with reached.watching():
+            stages = self._made(asked, jobs)
+        for number, found in stages.items():
+            yield number, {"key": jobs[number].key, "recipe": jobs[number].recipe, "stages": found}
+
+    def job(self, row: Row) -> Job:
+        """Return the job of a row; it belongs to no table of the paper."""
+        dataset = self._dataset(row.source)
+        names = frozenset(row.identifiers)
+        entries = tuple(entry for entry in dataset.entries if entry.identifier in names)
+        if len(entries) < len(names):
+            raise ConfigurationError(f"{len(names) - len(entries)} shapes of {row.source} are not here", "--data-root")
+        gallery = self._gallery(row, dataset, entries)
+        spec, input_ = variant(row.method, self.methods), cast(Input, row.input)
+        scorer = ScorerSpec() if spec.describes else scorer_of(row.scorer, self.scorers)
+        models = find_models(spec, gallery, self.models)
+        place = (row.source, input_, row.identifiers)
+        if place not in self._data:
+            self._data[place] = data_recipe(gallery, input_)
+        recipe = job_recipe(gallery, input_, spec, self._data[place], models, row.seed, scorer)
+        return Job(digest(recipe), gallery, input_, spec, recipe, "missing", "", models, scorer)
+
+    def artefacts(self, job: Job) -> Iterator[str]:
+        """Return the keys of all arrays that stay of a job, in an order that depends on its shapes alone."""
+        treatment = self._treatment(job, Preparation(job.gallery.dataset, job.input, self.store))
+        forms = []
+        for entry in job.gallery.entries:
+            forms.append(treatment.recipe(entry))
+            yield digest(treatment.preparation.recipe(entry))
+            yield digest(forms[-1])
+        draws = (None,) if job.method.describes else range(job.scorer.info.draws)
+        yield from (digest(distances_recipe(forms, job.scorer, draw)) for draw in draws)
+        yield treatment.preparation.frame_key
+
+    def _dataset(self, source: str) -> Dataset:
+        if source not in self._datasets:
+            found = open_dataset(source, self.data_root)
+            self._datasets[source] = _smaller(found, self.meshes) if self.small else found
+        return self._datasets[source]
+
+    def _gallery(self, row: Row, dataset: Dataset, entries: tuple[Entry, ...]) -> Gallery:
+        table = Table("sample", "", dataset.name, all_unseen=False, split_size=row.split_size)
+        return Gallery(table, row.source, dataset, entries, data_root=self.data_root)
+
+    def _treatment(self, job: Job, preparation: Preparation) -> Treatment:
+        return Treatment(preparation, self.store, job.method, job.recipe["seed"], job.models, job.scorer)
+
+    def _made(self, rows: Mapping[int, Row], jobs: Mapping[int, Job]) -> dict[int, dict[str, Any]]:
+        """Make the samples of rows of one data set, input and seed: outcomes by row, stage and shape."""
+        first = jobs[next(iter(rows))]
+        preparation = Preparation(first.gallery.dataset, first.input, self.store)
+        treatments = {number: self._treatment(jobs[number], preparation) for number in rows}
+        found: dict[int, dict[str, dict[str, Outcome]]] = {number: {} for number in rows}
+        wanted = dict.fromkeys(name for row in rows.values() for name in row.sample)
+        by_identifier = {entry.identifier: entry for entry in first.gallery.dataset.entries}
+        for name in wanted:
+            entry = by_identifier[name]
+            shared = {
+                "mesh": self._mesh(preparation, entry),
+                "prepared": _attempt(partial(preparation.artefact, entry)),
+            }
+            for number, row in rows.items():
+                if name in row.sample:
+                    for stage, outcome in _until(row.last, shared, treatments[number], entry):
+                        found[number].setdefault(stage, {})[name] = outcome
+        for number, row in rows.items():
+            if STAGES.index(row.last) >= STAGES.index("distances"):
+                found[number] |= self._ranked(row, jobs[number])
+        return found
+
+    def _mesh(self, preparation: Preparation, entry: Entry) -> Outcome:
+        def compute() -> dict[str, Any]:
+            mesh = preparation.mesh(entry)
+            return {"vertices": mesh.vertices, "faces": mesh.faces}
+
+        recipe = _mesh_recipe(preparation.dataset, entry)
+        return _attempt(lambda: self.store.get_or_compute(recipe, compute, scratch=True))
+
+    def _ranked(self, row: Row, job: Job) -> dict[str, dict[str, Outcome]]:
+        """Rank the gallery of the sample: its distances and measures."""
+        names = frozenset(row.sample)
+        entries = tuple(entry for entry in job.gallery.entries if entry.identifier in names)
+        small = self.job(replace(row, identifiers=tuple(entry.identifier for entry in entries), split_size=0))
+        scope = SimpleNamespace(results=self.store.root.parent, data_root=self.data_root, seed=row.seed)
+        try:
+            content = ranked(Order.of(small, scope), self.store)
+        except Exception as error:  # a plug-in may raise anything
+            return {"measures": {"": (f"raises {type(error).__name__}", "")}}
+        forms = [self._treatment(small, Preparation(small.gallery.dataset, small.input, self.store)).recipe(e)
+                 for e in entries if e.identifier in content.get("shapes", ())]  # fmt: skip
+        draws = (None,) if small.method.describes else range(small.scorer.info.draws)
+        keys = {str(draw): digest(distances_recipe(forms, small.scorer, draw)) for draw in draws}
+        measures = {name: content[name] for name in _MEASURES if name in content}
+        kept = {draw: self.store.digest_under(key) for draw, key in keys.items()} if content["status"] == "ok" else {}
+        return {
+            "distances": {draw: (found, keys[draw]) for draw, found in kept.items()},
+            "measures": {"": (digest(measures), "")},
+        }
+
+
+def _until(
+    last: str, shared: Mapping[str, Outcome], treatment: Treatment, entry: Entry
+) -> Iterator[tuple[str, Outcome]]:
+    """Outcomes of the stages of one shape, up to the last one that is wanted, or the first that refuses it."""
+    made: dict[str, Callable[[], Outcome]] = {
+        "mesh": lambda: shared["mesh"],
+        "prepared": lambda: shared["prepared"],
+        "form": lambda: _attempt(lambda: treatment.answer(entry)),
+        "signature": lambda: _attempt(lambda: cast(Artefact, treatment.treat(entry).features)),
+    }
+    for stage, make in made.items():
+        outcome = make()
+        yield stage, outcome
+        if stage == last or not outcome[1] or (stage == "form" and treatment.describes):
+            return
+
+
+def _attempt(make: Callable[[], Artefact]) -> Outcome:
+    """Digest and key of what a stage makes; of what it refuses, the kind of error."""
+    try:
+        made = make()
+    except ShapeError as error:
+        return f"refuses with {type(error).__name__}", ""
+    except Exception as error:  # a plug-in may raise anything
+        return f"raises {type(error).__name__}", ""
+    if REFUSED in made.arrays:
+        return f"refuses with {made.arrays[REFUSED].tolist()[-1]}", ""
+    return made.digest or digest_of(made.arrays), made.key
+
+
+def _mesh_recipe(dataset: Dataset, entry: Entry) -> dict[str, Any]:
+    return {"stage": "sampled mesh", "source": source_recipe(dataset, entry)}
+
+
+def _make_small() -> None:
+    """Let shapes and views of this process be small enough for kernels that are not compiled."""
+    from benchmark.geometry import depth
+    from benchmark.jobs.stages import complete
+    from retrieval.cmbof import CMBOF
+
+    complete.N_VERTICES = SMALL_SHAPE
+    depth.SAMPLES = 2 * SMALL_SHAPE
+    settings: Any = CMBOF.__init__
+    settings.__kwdefaults__.update({"image_size": SMALL_VIEW, "n_words": 20})
+
+
+def _smaller(dataset: Dataset, meshes: Store | None) -> Dataset:
+    """The data set with decimated meshes, those of an earlier request where they are there."""
+    from benchmark.geometry.preparation import decimate
+
+    kind: Any = type(dataset)
+
+    def load(self: Any, entry: Entry) -> Mesh:
+        found = meshes and meshes.find(_mesh_recipe(dataset, entry), scratch=True)
+        mesh = Mesh(found.arrays["vertices"], found.arrays["faces"]) if found else kind.load(self, entry)
+        return decimate(mesh, 2 * SMALL_SHAPE) if mesh.n_vertices > 4 * SMALL_SHAPE else mesh
+
+    smaller = copy.copy(dataset)
+    object.__setattr__(
+        smaller, "__class__", type(kind.__name__, (kind,), {"load": load, "__module__": kind.__module__})
+    )
+    return smaller

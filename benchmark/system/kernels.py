@@ -1,0 +1,86 @@
+"""Compiled kernels on the disk: those that are older than code that was compiled into them go.
+
+numba keeps a kernel until its own file changes; the kernels of other files that it calls are part of it, too.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from benchmark.system.fingerprints import FIRST_PARTY
+
+#: Endings of numba's files.
+_ENDINGS = (".nbi", ".nbc")
+
+
+def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
+    """Return the modules under a root that have compiled kernels, each with their files."""
+    for package in FIRST_PARTY:
+        for folder in sorted((root / package).rglob("__pycache__")):
+            kept: dict[str, list[Path]] = {}
+            for path in sorted(folder.iterdir()):
+                if path.suffix in _ENDINGS:
+                    kept.setdefault(path.name.partition(".")[0], []).append(path)
+            for name, paths in kept.items():
+                source = folder.parent / f"{name}.py"
+                if source.is_file():
+                    yield source, paths
+
+
+def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> int:
+    """Remove compiled kernels that are older than their own module, or than one whose kernels or constants they use.
+
+    Parameters
+    ----------
+    root
+        Folder that holds the packages of the suite.
+    changed
+        Files that are newer than the kernels; None goes by the times of files.
+
+    Returns
+    -------
+    int
+        Number of files that were removed.
+    """
+    known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
+    count = 0
+    for source, kept in compiled_files(root):
+        behind = _compiled_together(source, known)
+        newest = max(path.stat().st_mtime_ns for path in behind)
+        for path in kept:
+            if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
+                with suppress(OSError):
+                    path.unlink()
+                    count += 1
+    return count
+
+
+def _sources(root: Path) -> Iterator[Path]:
+    for package in FIRST_PARTY:
+        yield from sorted((root / package).rglob("*.py"))
+
+
+def _compiled_together(source: Path, known: Mapping[str, Path]) -> set[Path]:
+    """A module with all those whose kernels and constants may be part of its own kernels."""
+    found, pending = {source}, [source]
+    while pending:
+        new = _callees(pending.pop(), known) - found
+        found |= new
+        pending += new
+    return found
+
+
+def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
+    """Modules from which one imports kernels or constants."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_bytes())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = {alias.name for alias in node.names}
+            found |= {known[name] for each in names if (name := f"{node.module}.{each}") in known}
+            path = known.get(node.module)
+            if path and (any(name.isupper() for name in names) or b"njit" in path.read_bytes()):
+                found.add(path)
+    return found
