@@ -51,6 +51,12 @@ def method_code(spec: MethodSpec) -> fingerprints.Fingerprint:
     return fingerprints.fingerprint(spec.module, *inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
 
 
+def training_code(spec: MethodSpec) -> dict[str, str]:
+    """Return the fingerprints of the modules that only the training of a learner imports; they make no form."""
+    of_forms = method_code(spec).code
+    return {name: text for name, text in fingerprints.fingerprint(spec.module).code.items() if name not in of_forms}
+
+
 def features_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
     """Code between the form and its signature."""
     return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features")

@@ -127,6 +127,7 @@ def rekey(commit: str, scope: Scope, say: Callable[[str], None], *, dry_run: boo
         for candidate in found.candidates:
             if not candidate.is_current:
                 candidate.check_recipes(old.name)
+        found.candidates = _latest(found.candidates)
         to_compare = [each for each in found.candidates if not (each.is_current or each.problem)]
         if to_compare:
             _sample(found, to_compare, scope, trees, folder, say)
@@ -158,6 +159,12 @@ def _planned(
         by_row = {line["row"]: line for line in lines if "row" in line}
         answers.append([by_row[number] for number in range(len(records))])
     return [Candidate(record, *each) for record, *each in zip(records, *answers, strict=True)]
+
+
+def _latest(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates without those whose place has a record that is current, or may move."""
+    settled = {each.place for each in candidates if each.is_current or not each.problem}
+    return [each for each in candidates if each.is_current or not each.problem or each.place not in settled]
 
 
 def _request(scope: Scope, rows: Sequence[Row], store: Path, **further: Any) -> dict[str, Any]:
@@ -204,7 +211,9 @@ def _sample(
         candidate.compare(answers[OLD][number], answers[NEW][number], store / "runs")
     reached = [{name for line in each for name in line.get("reached", ())} for each in lines]
     unreached = [change for change in differing if change.name not in reached[change.tree]]
-    if compiled := [change for change in unreached if change.is_compiled]:
+    open_rows = [each for each in candidates if not each.problem]
+    compiled = [c for c in unreached if c.is_compiled and any(c.module in each.modules(c.tree) for each in open_rows)]
+    if compiled:
         for number, tree in enumerate(trees):
             wanted = [change for change in compiled if change.tree == number]
             if wanted:
@@ -254,7 +263,7 @@ def _small_rows(wanted: Iterable[Change], candidates: Sequence[Candidate], rows:
     for module, tree in {(change.module, change.tree): None for change in wanted}:
         methods: dict[tuple[str, str, str], int] = {}
         for number, candidate in enumerate(candidates):
-            if module in candidate.modules(tree):
+            if module in candidate.modules(tree) and not candidate.problem:
                 row = rows[number]
                 methods.setdefault((row.method, row.input, row.scorer), number)
         chosen |= {number: rows[number] for number in list(methods.values())[:_SMALL_ROWS]}

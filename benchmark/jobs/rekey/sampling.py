@@ -17,10 +17,14 @@ its ``artefacts`` or its ``stages``; and the regions that were ``reached`` after
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -28,23 +32,28 @@ from typing import Any, cast
 from benchmark.contracts import Input, Mesh
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, ShapeError, one_line
 from benchmark.jobs.execution.runner import ranked
 from benchmark.jobs.orders import Order
+from benchmark.jobs.pairs import training_data
 from benchmark.jobs.plan import Job, data_recipe, job_recipe
 from benchmark.jobs.preparation import REFUSED, Preparation
-from benchmark.jobs.recipes import distances_recipe, source_recipe
+from benchmark.jobs.recipes import distances_recipe, source_recipe, training_code
 from benchmark.jobs.rekey.reached import Reached
 from benchmark.jobs.treatment import Treatment
+from benchmark.learning import CARD, WEIGHTS, TrainingData, TrainingPair, read_card
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.models import find_models
+from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.tables import Table
+from benchmark.protocols.trainings import find_training
 from benchmark.storage.arrays import digest_of
 from benchmark.storage.keys import digest
 from benchmark.storage.records import scorer_name
 from benchmark.storage.store import Artefact, Store
+from benchmark.streaming import StreamedData
 
 #: Stages in their order, as an answer names them.
 STAGES = ("mesh", "prepared", "form", "signature", "distances", "measures", "training")
@@ -57,6 +66,10 @@ _MEASURES = (
 
 #: Vertices of a prepared shape, and pixels of a view, where kernels are not compiled.
 SMALL_SHAPE, SMALL_VIEW = 60, 32
+
+#: Options of a training of three steps.
+_PAIR_STEPS = {"epochs": 3, "batch": 2, "resolution": 128, "device": "cpu", "threads": 1}
+_STREAM_STEPS = {"steps": 3, "bodies": 2, "device": "cpu", "threads": 1}
 
 #: What came out of a stage of a shape: its digest, and the key of its arrays; "" where none were kept.
 Outcome = tuple[str, str]
@@ -78,6 +91,8 @@ class Row:
         Last stage that is made, of :data:`STAGES`.
     train
         Whether three steps of the training of its models are made as well.
+    models
+        Name of the training and digest of each model; where they are not here, another one of the method stands in.
     """
 
     source: str
@@ -90,6 +105,7 @@ class Row:
     sample: tuple[str, ...] = ()
     last: str = "measures"
     train: bool = False
+    models: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Row:
@@ -102,6 +118,7 @@ class Row:
             scorer=scorer_name(record) or DEFAULT,
             seed=int(record["recipe"].get("seed", 0)),
             split_size=int(record["recipe"].get("split_size", 0)),
+            models=tuple(sorted(record["recipe"].get("models", {}).items())),
         )
 
     @classmethod
@@ -230,7 +247,8 @@ class _Tools:
         for number, job in jobs.items():
             if number not in asked:
                 artefacts = list(self.artefacts(job)) if job.models is not None else []
-                yield number, {"key": job.key, "recipe": job.recipe, "artefacts": artefacts}
+                found = {"key": job.key, "recipe": job.recipe, "artefacts": artefacts}
+                yield number, found | ({"training": training_code(job.method)} if job.models else {})
         if not asked:
             return
         with reached.watching():
@@ -248,12 +266,24 @@ class _Tools:
         gallery = self._gallery(row, dataset, entries)
         spec, input_ = variant(row.method, self.methods), cast(Input, row.input)
         scorer = ScorerSpec() if spec.describes else scorer_of(row.scorer, self.scorers)
-        models = find_models(spec, gallery, self.models)
         place = (row.source, input_, row.identifiers)
         if place not in self._data:
             self._data[place] = data_recipe(gallery, input_)
-        recipe = job_recipe(gallery, input_, spec, self._data[place], models, row.seed, scorer)
+        named = {}
+        try:
+            models = find_models(spec, gallery, self.models)
+        except MissingModel:
+            models, named = self._standing_in(spec, entries), {"models": dict(row.models)}
+        recipe = job_recipe(gallery, input_, spec, self._data[place], models, row.seed, scorer) | named
         return Job(digest(recipe), gallery, input_, spec, recipe, "missing", "", models, scorer)
+
+    def _standing_in(self, spec: MethodSpec, entries: Iterable[Entry]) -> dict[str, Model]:
+        """Return a model of the same network for shapes whose own is not here; raises ``MissingModel`` without one."""
+        learner: Any = spec.create()
+        for card in sorted(learner.shipped_models.glob(f"*/{learner.model_name}/{CARD}")):
+            model = Model(card.parent.parent.name, card.parent, read_card(card.parent))
+            return {entry.identifier: model for entry in entries}
+        raise MissingModel(f"{spec.name} has no model here", "bring the model that made the row")
 
     def artefacts(self, job: Job) -> Iterator[str]:
         """Return the keys of all arrays that stay of a job, in an order that depends on its shapes alone."""
@@ -301,6 +331,35 @@ class _Tools:
         for number, row in rows.items():
             if STAGES.index(row.last) >= STAGES.index("distances"):
                 found[number] |= self._ranked(row, jobs[number])
+            if row.train:
+                found[number]["training"] = self._trained(jobs[number])
+        return found
+
+    def _trained(self, job: Job) -> dict[str, Outcome]:
+        """Train each model of a job for three steps on two pairs, or bodies: the digest of its weights."""
+        learner: Any = job.method.create()
+        found: dict[str, Outcome] = {}
+        for name in dict.fromkeys(model.training for model in job.models.values()):
+            training = find_training(name)
+            few = Part(training.trained.subjects[:1], (training.trained.poses or (0, 1))[:2])
+            whole = training_data(replace(training, trained=few), self.store, self.data_root, lambda said: None, 2)
+
+            def pairs(start: int = 0, data: TrainingData = whole) -> Iterator[TrainingPair]:
+                return islice(data.pairs(start), 2 - start)
+
+            data = replace(whole, n_pairs=2, pairs=pairs, unseen=pairs)
+            options = _STREAM_STEPS if isinstance(data, StreamedData) else _PAIR_STEPS
+            with suppress(ConfigurationError):
+                learner.check_options(options | {"workers": 0})
+                options = options | {"workers": 0}
+            with tempfile.TemporaryDirectory() as folder:
+                error = "no weights"
+                try:
+                    learner.train(data, Path(folder), options, lambda said: None)
+                except Exception as raised:  # of what comes after the steps, too
+                    error = f"raises {type(raised).__name__}"
+                weights = Path(folder) / WEIGHTS
+                found[name] = hashlib.sha256(weights.read_bytes()).hexdigest()[:16] if weights.is_file() else error, ""
         return found
 
     def _mesh(self, preparation: Preparation, entry: Entry) -> Outcome:

@@ -14,6 +14,7 @@ from benchmark.jobs.rekey.changes import NEW, OLD, Change
 from benchmark.jobs.rekey.sampling import STAGES
 from benchmark.storage import keys
 from benchmark.storage.arrays import load_arrays
+from benchmark.storage.records import Place, place
 
 #: Parts of a recipe that may differ where no digit does: text of the code, and digests that hold some of it.
 _OF_CODE = frozenset({"code", "gallery", "view"})
@@ -42,6 +43,11 @@ class Candidate:
     problem: str = ""
     shapes: tuple[str, ...] = ()
     changes: list[Change] = field(default_factory=list)
+
+    @property
+    def place(self) -> Place:
+        """Where the record belongs in tables."""
+        return place(self.record)
 
     @property
     def is_current(self) -> bool:
