@@ -93,6 +93,8 @@ class Row:
         Whether three steps of the training of its models are made as well.
     models
         Name of the training and digest of each model; where they are not here, another one of the method stands in.
+    has_artefacts
+        Whether the keys of its arrays are asked for.
     """
 
     source: str
@@ -106,6 +108,7 @@ class Row:
     last: str = "measures"
     train: bool = False
     models: tuple[tuple[str, str], ...] = ()
+    has_artefacts: bool = False
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Row:
@@ -119,6 +122,7 @@ class Row:
             seed=int(record["recipe"].get("seed", 0)),
             split_size=int(record["recipe"].get("split_size", 0)),
             models=tuple(sorted(record["recipe"].get("models", {}).items())),
+            has_artefacts=bool(record.get("artefacts")),
         )
 
     @classmethod
@@ -220,6 +224,7 @@ class _Tools:
     meshes: Store | None
     _datasets: dict[str, Dataset] = field(default_factory=dict)
     _data: dict[tuple[Any, ...], dict[str, Any]] = field(default_factory=dict)
+    _preparations: dict[tuple[str, Input], Preparation] = field(default_factory=dict)
 
     @classmethod
     def of(cls, request: Mapping[str, Any]) -> _Tools:
@@ -246,7 +251,7 @@ class _Tools:
         asked = {number: rows[number] for number in jobs if rows[number].sample}
         for number, job in jobs.items():
             if number not in asked:
-                artefacts = list(self.artefacts(job)) if job.models is not None else []
+                artefacts = list(self.artefacts(job)) if rows[number].has_artefacts else []
                 found = {"key": job.key, "recipe": job.recipe, "artefacts": artefacts}
                 yield number, found | ({"training": training_code(job.method)} if job.models else {})
         if not asked:
@@ -287,7 +292,10 @@ class _Tools:
 
     def artefacts(self, job: Job) -> Iterator[str]:
         """Return the keys of all arrays that stay of a job, in an order that depends on its shapes alone."""
-        treatment = self._treatment(job, Preparation(job.gallery.dataset, job.input, self.store))
+        place = (job.gallery.source, job.input)
+        if place not in self._preparations:
+            self._preparations[place] = Preparation(job.gallery.dataset, job.input, self.store)
+        treatment = self._treatment(job, self._preparations[place])
         forms = []
         for entry in job.gallery.entries:
             forms.append(treatment.recipe(entry))
