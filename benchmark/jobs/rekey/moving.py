@@ -194,9 +194,15 @@ def _sample(
     differing = [
         change for change in changes(*trees) if any(change.module in each.modules(change.tree) for each in candidates)
     ]
+    groups: dict[tuple[Any, ...], list[Candidate]] = {}
+    for each in candidates:  # galleries of one data set share their samples
+        row = Row.of(each.record)
+        place = (row.source, row.input, row.method, row.scorer, row.seed, row.models, each.last, _trains(each))
+        groups.setdefault(place, []).append(each)
+    largest = [max(group, key=lambda each: each.record["n_shapes"]) for group in groups.values()]
     rows = [
         replace(Row.of(each.record), sample=sample_of(each.record, scope.size), last=each.last, train=_trains(each))
-        for each in candidates
+        for each in largest
     ]
     store = folder / "samples" / digest([[row.plain() for row in rows], [tree.digest() for tree in trees]])[:12]
     parts = _parts(rows, scope.jobs)
@@ -204,11 +210,12 @@ def _sample(
     for number, tree in enumerate(trees):
         regions = _regions(change for change in differing if change.tree == number)
         requests = [_request(scope, [rows[row] for row in part], store, regions=regions) for part in parts]
-        watch = _Progress(f"samples of {tree.name}", len(rows), say)
+        watch = _Progress(f"samples of {tree.name}", sum(len(row.sample) for row in rows), say)
         lines.append(_asked(tree, requests, folder, watch))
     answers = [{parts[line["request"]][line["row"]]: line for line in each if "row" in line} for each in lines]
-    for number, candidate in enumerate(candidates):
-        candidate.compare(answers[OLD][number], answers[NEW][number], store / "runs")
+    for number, group in enumerate(groups.values()):
+        for candidate in group:
+            candidate.compare(answers[OLD][number], answers[NEW][number], store / "runs")
     reached = [{name for line in each for name in line.get("reached", ())} for each in lines]
     unreached = [change for change in differing if change.name not in reached[change.tree]]
     open_rows = [each for each in candidates if not each.problem]
@@ -217,12 +224,13 @@ def _sample(
         for number, tree in enumerate(trees):
             wanted = [change for change in compiled if change.tree == number]
             if wanted:
-                small = _small_rows(wanted, candidates, rows)
+                small = _small_rows(wanted, largest, rows)
                 request = _request(
                     scope, small, folder / "small" / str(number), regions=_regions(wanted), small=True,
                     meshes="" if any(row.last == "mesh" for row in small) else str(store),
                 )  # fmt: skip
-                watch = _Progress(f"kernels of {tree.name}, not compiled", len(small), say)
+                total = sum(len(row.sample) for row in small)
+                watch = _Progress(f"kernels of {tree.name}, not compiled", total, say)
                 told = _asked(tree, [request], folder, watch, variables={"NUMBA_DISABLE_JIT": "1"}, limit=_SMALL_LIMIT)
                 reached[number] |= {name for line in told for name in line.get("reached", ())}
         unreached = [change for change in differing if change.name not in reached[change.tree]]
@@ -278,14 +286,14 @@ class _Progress:
 
         self._what, self._total, self._say, self._now = what, total, say, time.monotonic
         self._begun = self._said = self._now()
-        say(f"{what}: {total} rows")
+        say(f"{what}: {total} shapes")
 
     def __call__(self, done: int) -> None:
         now = self._now()
         if now - self._said >= 10.0:
             self._said = now
             left = (now - self._begun) * (self._total - done) / done if done else None
-            self._say(f"{self._what}: {done} of {self._total} rows" + (f", about {left:.0f} s left" if left else ""))
+            self._say(f"{self._what}: {done} of {self._total} shapes" + (f", about {left:.0f} s left" if left else ""))
 
 
 def _move(candidate: Candidate, scope: Scope, trees: tuple[Tree, Tree]) -> Record:

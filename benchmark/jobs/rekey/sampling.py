@@ -11,7 +11,8 @@ however their insides are called. A request is a JSON object:
   earlier request whose meshes are taken then, "" to read or generate them.
 
 The answer has one JSON object a line: the root of the tree; for each row its ``key``, ``recipe`` and either the keys of
-its ``artefacts`` or its ``stages``; and the regions that were ``reached`` after each group of rows.
+its ``artefacts`` or its ``stages``; and after each shape the ``steps`` that were made and the regions that were
+``reached``.
 """
 
 from __future__ import annotations
@@ -192,9 +193,8 @@ def answer(request: Mapping[str, Any], out: Path) -> None:
                 groups.setdefault((row.source, row.input, row.seed), []).append(number)
         for group in groups.values():
             tell(begun=group)
-            for number, found in tools.group([rows[number] for number in group], reached):
+            for number, found in tools.group([rows[number] for number in group], reached, tell):
                 tell(row=group[number], **found)
-            tell(reached=sorted(reached.found))
 
 
 def _known_lines(out: Path) -> list[dict[str, Any]]:
@@ -240,7 +240,9 @@ class _Tools:
             Store(Path(request["meshes"]) / "runs") if request.get("meshes") else None,
         )
 
-    def group(self, rows: Sequence[Row], reached: Reached) -> Iterator[tuple[int, dict[str, Any]]]:
+    def group(
+        self, rows: Sequence[Row], reached: Reached, tell: Callable[..., None]
+    ) -> Iterator[tuple[int, dict[str, Any]]]:
         """Answer rows of one data set, input and seed; shapes are prepared once for all of them."""
         jobs: dict[int, Job] = {}
         for number, row in enumerate(rows):
@@ -257,7 +259,7 @@ class _Tools:
         if not asked:
             return
         with reached.watching():
-            stages = self._made(asked, jobs)
+            stages = self._made(asked, jobs, lambda steps: tell(steps=steps, reached=sorted(reached.found)))
         for number, found in stages.items():
             yield number, {"key": jobs[number].key, "recipe": jobs[number].recipe, "stages": found}
 
@@ -318,7 +320,9 @@ class _Tools:
     def _treatment(self, job: Job, preparation: Preparation) -> Treatment:
         return Treatment(preparation, self.store, job.method, job.recipe["seed"], job.models, job.scorer)
 
-    def _made(self, rows: Mapping[int, Row], jobs: Mapping[int, Job]) -> dict[int, dict[str, Any]]:
+    def _made(
+        self, rows: Mapping[int, Row], jobs: Mapping[int, Job], tell: Callable[[int], None]
+    ) -> dict[int, dict[str, Any]]:
         """Make the samples of rows of one data set, input and seed: outcomes by row, stage and shape."""
         first = jobs[next(iter(rows))]
         preparation = Preparation(first.gallery.dataset, first.input, self.store)
@@ -336,11 +340,13 @@ class _Tools:
                 if name in row.sample:
                     for stage, outcome in _until(row.last, shared, treatments[number], entry):
                         found[number].setdefault(stage, {})[name] = outcome
+            tell(sum(name in row.sample for row in rows.values()))
         for number, row in rows.items():
             if STAGES.index(row.last) >= STAGES.index("distances"):
                 found[number] |= self._ranked(row, jobs[number])
             if row.train:
                 found[number]["training"] = self._trained(jobs[number])
+        tell(0)
         return found
 
     def _trained(self, job: Job) -> dict[str, Outcome]:
@@ -380,9 +386,10 @@ class _Tools:
 
     def _ranked(self, row: Row, job: Job) -> dict[str, dict[str, Outcome]]:
         """Rank the gallery of the sample: its distances and measures."""
-        names = frozenset(row.sample)
-        entries = tuple(entry for entry in job.gallery.entries if entry.identifier in names)
-        small = self.job(replace(row, identifiers=tuple(entry.identifier for entry in entries), split_size=0))
+        entries = tuple(entry for entry in job.gallery.entries if entry.identifier in row.sample)
+        names = tuple(entry.identifier for entry in entries)
+        n_classes = len({entry.subject for entry in entries})
+        small = self.job(replace(row, identifiers=names, split_size=n_classes if row.split_size else 0))
         scope = SimpleNamespace(results=self.store.root.parent, data_root=self.data_root, seed=row.seed)
         try:
             content = ranked(Order.of(small, scope), self.store)

@@ -167,7 +167,7 @@ def ask(
     folder
         Where requests and answers are kept.
     watch
-        Told the number of rows that are answered, over all requests.
+        Told the number of shapes that are done, over all requests.
     variables
         Variables of the environment.
     limit
@@ -253,7 +253,7 @@ class _Asked:
     def answered(self) -> int:
         size = self._answer.stat().st_size if self._answer.exists() else 0
         if size != self._seen:
-            self._seen, self._count = size, len(self._rows())
+            self._seen, self._count = size, sum(line.get("steps", 0) for line in self.lines())
         return self._count
 
     def _rows(self) -> set[int]:
