@@ -62,17 +62,22 @@ def features_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
     return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features")
 
 
-def scorer_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
-    """Code between the form and the measures of a gallery."""
-    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", f"{_STAGES}.ranking")
+def distances_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
+    """Code between the forms and the distances of a gallery."""
+    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", f"{_STAGES}.distances")
+
+
+def measures_code() -> fingerprints.Fingerprint:
+    """Code between the distances and the measures of a gallery."""
+    return fingerprints.fingerprint(f"{_STAGES}.measures")
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
-    """What determines the mesh of a shape; for one that cannot be read, the reason."""
+    """What determines the mesh of a shape; for one that cannot be read, the kind of error."""
     try:
         data = dataset.recipe(entry)
     except ShapeError as error:
-        data = str(error)
+        data = type(error).__name__
     return {"stage": "source", "data": data, "code": source_code(dataset_module(dataset)).digest}
 
 
@@ -155,7 +160,7 @@ def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) 
         "forms": forms,
         "scorer": _named(scorer),
         "codebook": draw,
-        "code": scorer_code(scorer).digest,
+        "code": distances_code(scorer).digest,
     }
 
 
@@ -184,5 +189,6 @@ def job_code(source: str, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -
         "source": source_code(source).plain(),
         "preparation": preparation_code(input_).plain(),
         "method": method_code(spec).plain(),
-        "scorer": scorer_code(scorer).plain(),
+        "scorer": distances_code(scorer).plain(),
+        "measures": measures_code().plain(),
     }

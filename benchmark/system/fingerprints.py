@@ -60,7 +60,7 @@ def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
     *modules
         Dotted names of modules, or paths of plugin files.
     without
-        Functions that the stage never calls, by name: what is imported in their bodies is left out.
+        Functions that the stage never calls, by name: they are left out, and what is imported in their bodies.
     """
     return _fingerprint(modules, tuple(without))
 
@@ -237,12 +237,18 @@ def _parse(source: bytes, name: str, package: str, without: tuple[str, ...]) -> 
     tree = ast.parse(source)
     names = tuple(sorted(set(_imports(tree, "" if name.endswith(".py") else package, frozenset(without)))))
     for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef)):
+            node.body = [part for part in node.body if not _is_one_of(part, without)]
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(
             node
         ):
             node.body = node.body[1:]
     text = json.dumps(_skeleton(tree), separators=(",", ":"))
     return _Module(hashlib.sha256(text.encode()).hexdigest()[:16], names)
+
+
+def _is_one_of(node: ast.AST, functions: Iterable[str]) -> bool:
+    return isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name in functions
 
 
 def _skeleton(node: Any) -> Any:
@@ -261,7 +267,7 @@ def _imports(tree: ast.AST, package: str, without: frozenset[str]) -> Iterator[s
         if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
             yield from _imports(ast.Module(node.orelse, []), package, without)
             continue
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name in without:
+        if _is_one_of(node, without):
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -7,8 +7,8 @@ import pytest
 
 from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
+from benchmark.jobs.stages.distances import descriptor_distances
 from benchmark.jobs.stages.form import canonicalise, describe, form_mesh
-from benchmark.jobs.stages.ranking import descriptor_distances
 from tests.toy import rod
 
 ROD = rod(0.1, 0.5)

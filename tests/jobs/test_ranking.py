@@ -8,7 +8,7 @@ import pytest
 from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
-from benchmark.jobs.stages.ranking import over_splits, scores
+from benchmark.jobs.stages.measures import over_splits, scores
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.storage.store import Store

@@ -34,7 +34,7 @@ from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
-from benchmark.jobs.stages import complete, ranking
+from benchmark.jobs.stages import complete, distances, measures
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
@@ -142,9 +142,9 @@ def named(stage: str, dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) ->
         "view": lambda: [recipes.preparation_code("view")],
         "form": lambda: [recipes.method_code(spec)],
         "features": lambda: [recipes.features_code(scorer)],
-        "distances": lambda: [recipes.scorer_code(scorer)],
-        "descriptors": lambda: [recipes.method_code(spec), recipes.scorer_code(scorer)],
-        "measures": lambda: [recipes.scorer_code(scorer)],
+        "distances": lambda: [recipes.distances_code(scorer)],
+        "descriptors": lambda: [recipes.method_code(spec), recipes.distances_code(scorer)],
+        "measures": lambda: [recipes.measures_code()],
     }[stage]()
     return {name for fingerprint in found for name in fingerprint.code}
 
@@ -172,11 +172,11 @@ def watch(tracer: Tracer, *, with_features: bool) -> None:
         return traced
 
     Store.get_or_compute = get_or_compute  # type: ignore[method-assign]
-    ranking.descriptor_distances = ranked("descriptors", ranking.descriptor_distances)
-    ranking.scores = ranked("measures", ranking.scores)
-    ranking.over_splits = ranked("measures", ranking.over_splits)
+    distances.descriptor_distances = ranked("descriptors", distances.descriptor_distances)
+    measures.scores = ranked("measures", measures.scores)
+    measures.over_splits = ranked("measures", measures.over_splits)
     if not with_features:
-        ranking.form_distances = lambda _, signatures, draw: _ramp(len(signatures))
+        distances.form_distances = lambda _, signatures, draw: _ramp(len(signatures))
         runner.features_of = lambda found: found  # type: ignore[assignment]
         from benchmark.jobs.stages import features
 
@@ -267,9 +267,8 @@ class Watching:
             (runner, "features_of"),
             (runner, "open_dataset"),
         ]
-        self._changed += [
-            (ranking, name) for name in ("descriptor_distances", "scores", "over_splits", "form_distances")
-        ]
+        self._changed += [(distances, name) for name in ("descriptor_distances", "form_distances")]
+        self._changed += [(measures, name) for name in ("scores", "over_splits")]
         self._changed += [(features, "extract")]
         self._before = [getattr(place, name) for place, name in self._changed]
 

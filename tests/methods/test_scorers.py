@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
 from benchmark.jobs import recipes
-from benchmark.jobs.stages import features, ranking
+from benchmark.jobs.stages import distances, features
 from benchmark.methods.inspection import describe
 from benchmark.methods.registry import plugin_methods
 from benchmark.methods.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
@@ -54,7 +54,7 @@ def test_built_in_scorers_keep_the_contract(name):
     assert isinstance(scorer, Scorer)
     assert scorer.info.name == name
     signatures = [features.extract(scorer, rod(radius, 0.5, rings=8, sides=6)) for radius in (0.1, 0.2, 0.1)]
-    matrix = ranking.form_distances(scorer, signatures, 0)
+    matrix = distances.form_distances(scorer, signatures, 0)
     assert matrix[0, 2] == 0 < matrix[0, 1] == matrix[1, 0]
 
 
@@ -72,8 +72,8 @@ def test_the_recipe_names_the_scorer_but_for_the_default_one():
     assert "name" not in default
     assert (default["codebooks"], default["n_words"]) == ([0, 1, 2], 1500)
     assert (other["name"], other["codebooks"], other["n_shells"]) == ("spherical-harmonics", [0], 32)
-    assert "retrieval.spherical_harmonics" in recipes.scorer_code(scorer_of("spherical-harmonics", scorers())).code
-    assert "retrieval.spherical_harmonics" not in recipes.scorer_code(ScorerSpec()).code
+    assert "retrieval.spherical_harmonics" in recipes.distances_code(scorer_of("spherical-harmonics", scorers())).code
+    assert "retrieval.spherical_harmonics" not in recipes.distances_code(ScorerSpec()).code
 
 
 def test_a_plugin_file_may_hold_a_scorer_alone(plugin):
@@ -106,7 +106,7 @@ def test_distances_of_the_wrong_shape_are_refused(plugin, monkeypatch):
     (spec,) = plugin_scorers(plugin)
     monkeypatch.setattr(spec.load(), "compare", lambda self, signatures, draw: np.zeros(2))
     with pytest.raises(InvalidForm, match="scorer 'extent' returned an array of shape"):
-        ranking.form_distances(spec.create(), [{}, {}], 0)
+        distances.form_distances(spec.create(), [{}, {}], 0)
 
 
 @pytest.mark.slow

@@ -89,7 +89,7 @@ def run(size: int, folder: Path) -> dict[str, Any]:
 
 def ranking(size: int) -> dict[str, Any]:
     """Match made-up signatures as numerous as real ones, keep the distances and score them, in this process."""
-    from benchmark.jobs.stages.ranking import scores
+    from benchmark.jobs.stages.measures import scores
     from benchmark.storage.records import as_text
     from benchmark.storage.store import Store
     from retrieval.cmbof import CMBOF

@@ -25,7 +25,8 @@ from torch import Tensor, nn  # noqa: E402
 
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.pairs import training_data  # noqa: E402
-from benchmark.jobs.stages.ranking import form_distances, scores  # noqa: E402
+from benchmark.jobs.stages.distances import form_distances  # noqa: E402
+from benchmark.jobs.stages.measures import scores  # noqa: E402
 from benchmark.protocols.trainings import TRAININGS, fold_name, with_validation  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
 from learned.images import enlarge  # noqa: E402

@@ -93,8 +93,8 @@ def compile_bodies() -> None:
 
 def compile_scorer() -> None:
     """Rank the figure against its bent self."""
+    from benchmark.jobs.stages.distances import form_distances
     from benchmark.jobs.stages.features import extract
-    from benchmark.jobs.stages.ranking import form_distances
     from benchmark.methods.conformance.shapes import BENDS, figure
     from benchmark.methods.scorers import ScorerSpec
 

@@ -24,7 +24,7 @@ from benchmark.jobs import recipes
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.stages import ranking
+from benchmark.jobs.stages import distances, measures
 from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
@@ -243,8 +243,8 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     treated = list(found.values())
     return {
         "status": "ok",
-        **ranking.scores(gallery.matrices(), labels),
-        **(ranking.over_splits(gallery.matrices(), labels, order.split_size) if order.split_size else {}),
+        **measures.scores(gallery.matrices(), labels),
+        **(measures.over_splits(gallery.matrices(), labels, order.split_size) if order.split_size else {}),
         "shapes": [entry.identifier for entry in kept],
         "labels": labels,
         "n_shapes": len(kept),
@@ -307,9 +307,9 @@ class _Gallery:
             method = self._treatment.method
             if draw is None:
                 assert not isinstance(method, Method)  # noqa: S101
-                return {"distances": ranking.descriptor_distances(method, self._descriptors)}
+                return {"distances": distances.descriptor_distances(method, self._descriptors)}
             self._tell(f"comparing {len(self._signatures)} forms, {draw + 1} of {len(self._recipes)}")
-            return {"distances": ranking.form_distances(self._treatment.scorer, self._signatures, draw)}
+            return {"distances": distances.form_distances(self._treatment.scorer, self._signatures, draw)}
 
         return self._store.get_or_compute(self._recipes[draw], compute, work="rank").arrays["distances"]
 

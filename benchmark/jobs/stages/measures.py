@@ -1,54 +1,23 @@
-"""From the forms of a gallery to distances, and from distances to measures."""
+"""Measures of a gallery from its distances."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.methods.answers import distances_of, real_numbers
 from retrieval.chance import chance_levels
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 from retrieval.splits import all_splits, ranges, scores_of_splits
 
-if TYPE_CHECKING:
-    from benchmark.contracts import Descriptor
-    from benchmark.scoring import Scorer, SignatureArrays
-
 Matrix = NDArray[np.float64]
 
 #: Decimals of the measures of single queries in a record.
 _DECIMALS = 6
-
-
-_MEND = "return the distances of all pairs as a symmetric matrix of finite numbers"
-
-
-def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> Matrix:
-    """Dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
-
-    Raises
-    ------
-    InvalidForm
-        If the scorer returns anything but a square matrix of finite real numbers.
-    """
-    count = len(signatures)
-    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), _MEND)
-
-
-def descriptor_distances(method: Descriptor, descriptors: Sequence[Matrix]) -> Matrix:
-    """Dissimilarities that a descriptor finds between all pairs of shapes, shape (N, N).
-
-    Raises
-    ------
-    InvalidForm
-        If the descriptor returns anything but a square matrix of finite real numbers.
-    """
-    return distances_of(method, descriptors)
 
 
 def scores(matrices: Iterable[Matrix], labels: Sequence[str]) -> dict[str, Any]:
