@@ -59,6 +59,8 @@ class Order:
         Test subjects in each of all the ways to choose some; 0 where nobody asks for them.
     scorer
         What compares the forms.
+    ranks_again
+        Whether nothing but its measures is to be made.
     """
 
     key: str
@@ -75,6 +77,7 @@ class Order:
     all_unseen: bool
     split_size: int = 0
     scorer: ScorerSpec = field(default_factory=ScorerSpec)
+    ranks_again: bool = False
 
     @classmethod
     def of(cls, job: Job, scope: Scope) -> Order:
@@ -94,6 +97,7 @@ class Order:
             all_unseen=job.gallery.table.all_unseen,
             split_size=job.gallery.table.split_size,
             scorer=job.scorer,
+            ranks_again=job.ranks_again,
         )
 
     @property
@@ -159,6 +163,9 @@ def shares(orders: list[Order], workers: int) -> list[Share]:
         groups.setdefault(place, []).append(order)
     found = []
     for group in groups.values():
+        if again := tuple(order for order in group if order.ranks_again):
+            found.append(Share(again, ()))
+            group = [order for order in group if not order.ranks_again]
         identifiers = list(dict.fromkeys(identifier for order in group for identifier in order.identifiers))
         size = min(LARGEST_SHARE, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
         for start in range(0, len(identifiers), size):

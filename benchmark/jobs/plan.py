@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from benchmark.contracts import Input
@@ -58,6 +58,8 @@ class Job:
         Trained model of each shape by identifier; empty for a method that does not learn.
     scorer
         What compares the forms; of no account for a descriptor, whose recipe names the default one.
+    ranks_again
+        Whether nothing but its measures is to be made: its distances are kept from an older record.
     """
 
     key: str
@@ -69,6 +71,7 @@ class Job:
     reason: str
     models: Mapping[str, Model] = field(default_factory=dict)
     scorer: ScorerSpec = field(default_factory=ScorerSpec)
+    ranks_again: bool = False
 
     @property
     def name(self) -> str:
@@ -197,7 +200,16 @@ def _job(
     older = before.get(Place(gallery.name, input_, spec.name, seed, scorer.name))
     if not older:
         return job("missing", "never run", recipe)
-    return job("stale", difference(older[-1]["recipe"], recipe), recipe)
+    stale = job("stale", difference(older[-1]["recipe"], recipe), recipe)
+    return replace(stale, ranks_again=_has_distances(older[-1], recipe, store))
+
+
+def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
+    """Whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
+    if older["status"] != "ok" or not older.get("artefacts"):
+        return False
+    parts = [{**each, "code": {**each["code"], "measures": None}} for each in (older["recipe"], keys.plain(recipe))]
+    return parts[0] == parts[1] and all(map(store.has, older["artefacts"]))
 
 
 def job_recipe(

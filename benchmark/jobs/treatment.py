@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -106,20 +106,28 @@ class Treatment:
         return Treated(prepared, answer, found, said)
 
     def found(self, entry: Entry) -> Treated:
-        """The same as :meth:`treat`, reading no more than ranking needs of what is there already."""
+        """The same as :meth:`treat` without a signature, reading no more than ranking needs of what is there already.
+
+        Raises
+        ------
+        ShapeError
+            If the shape cannot be treated.
+        """
         prepared = self.store.find(self.preparation.recipe(entry), wanted=_is_small)
-        recipe = self.recipe(entry)
-        answer = self.store.find(recipe, wanted=None if self.describes else _is_small)
+        answer = self.store.find(self.recipe(entry), wanted=None if self.describes else _is_small)
         if prepared is None or answer is None:
             return self.treat(entry)
-        said = {**notes(treated(prepared)), **notes(treated(answer))}
-        if self.describes:
-            return Treated(prepared, answer, None, said)
-        features_found = self.store.find(features_recipe(recipe, self.scorer_spec), scratch=True)
-        if features_found is None:
+        return Treated(prepared, answer, None, {**notes(treated(prepared)), **notes(treated(answer))})
+
+    def with_signature(self, entry: Entry, found: Treated) -> Treated:
+        """What was found of a shape with the signature of its form; raises ``ShapeError`` if it has none."""
+        if found.features is not None:
+            return found
+        signature = self.store.find(features_recipe(self.recipe(entry), self.scorer_spec), scratch=True)
+        if signature is None:
             return self.treat(entry)
-        treated(features_found)
-        return Treated(prepared, answer, features_found, said)
+        treated(signature)
+        return replace(found, features=signature)
 
     def found_form(self, entry: Entry) -> Mesh | None:
         """Canonical form of a shape if it has been made; raises ``ShapeError`` if the shape cannot be treated."""

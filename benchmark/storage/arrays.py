@@ -19,6 +19,9 @@ Arrays = Mapping[str, NDArray[Any]]
 #: Entry that tells the key of the file, and kind and shape of each array.
 _CONTENTS = "__contents__"
 
+#: Begins the names of arrays that tell of others, and are no result themselves.
+ABOUT = "about:"
+
 #: Bytes of all arrays together beyond which a file is not read, however small it is itself.
 LARGEST = 2**31
 
@@ -58,9 +61,12 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
 
 
 def digest_of(arrays: Arrays) -> str:
-    """Return the digest of arrays, their names, types and shapes: 16 hexadecimal digits, the same for the same bits."""
+    """Return the digest of arrays, their names, types and shapes: 16 hexadecimal digits, the same for the same bits.
+
+    What begins with :data:`ABOUT` is left out.
+    """
     found = hashlib.sha256()
-    for name in sorted(arrays):
+    for name in sorted(name for name in arrays if not name.startswith(ABOUT)):
         array = np.asanyarray(arrays[name])
         found.update(json.dumps([name, *_kind(array)]).encode())
         found.update(np.ascontiguousarray(array).data)

@@ -19,7 +19,9 @@ Record = dict[str, Any]
 LARGEST_FILE = 2**25
 
 #: Parts that say when and where a job was done, not what came out.
-CIRCUMSTANCES = frozenset({"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"})
+CIRCUMSTANCES = frozenset(
+    {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts", "digests", "commit", "rekeyed"}
+)
 
 #: Parts that have no meaning on another machine.
 LOCAL = frozenset({"artefacts"})

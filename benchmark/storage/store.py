@@ -162,6 +162,10 @@ class Store:
         key = digest(recipe)
         return _load(self._path(key, scratch=scratch), key, wanted)
 
+    def has(self, key: str) -> bool:
+        """Return whether there is a file of arrays that stay under a key, whole or not."""
+        return self._path(key).is_file()
+
     def digest_under(self, key: str) -> str:
         """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
         found = _load(self._path(key), key, lambda name: False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import statistics
 import time
@@ -9,8 +10,9 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,9 +29,10 @@ from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import distances, measures
 from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.storage import keys
+from benchmark.storage.arrays import ABOUT
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
-from benchmark.storage.store import StorageError, Store
+from benchmark.storage.store import Artefact, StorageError, Store
 from benchmark.system import fingerprints
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
@@ -227,20 +230,13 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     _require_same_code(order, dataset)
     entries = _entries(order, dataset)
     treatment = _treatment(order, Preparation(dataset, order.input, store), store)
-    found: dict[str, Treated] = {}
-    refused: list[tuple[str, str]] = []
-    for entry in entries:
-        try:
-            found[entry.identifier] = treatment.found(entry)
-        except ShapeError as error:
-            refused.append((entry.identifier, str(error)))
-    kept = [entry for entry in entries if entry.identifier in found]
+    gallery = _Gallery.of(store, treatment, entries, tell)
+    kept, refused = gallery.entries, gallery.refused
     labels = [entry.subject for entry in kept]
     if len(set(labels)) < 2 or len(set(labels)) == len(labels):
         reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {refused[0][1]}"
         return failure("unsupported", reason) | {"unsupported": refused}
-    gallery = _Gallery(store, treatment, kept, found, tell)
-    treated = list(found.values())
+    treated = list(gallery.found.values())
     return {
         "status": "ok",
         **measures.scores(gallery.matrices(), labels),
@@ -250,10 +246,11 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
         "n_shapes": len(kept),
         "n_classes": len(set(labels)),
         "unsupported": refused,
+        "digests": gallery.digests,
         "notes": _summary(each.notes for each in treated),
-        **_costs(treated),
+        **_costs(treated, gallery.signatures),
         "wall_seconds": round(time.perf_counter() - start, 3),
-        "environments": _environments(treated),
+        "environments": _environments(treated, gallery.signatures),
         "artefacts": sorted(
             {a.key for t in treated for a in (t.prepared, t.answer)}
             | {key for key in (*gallery.keys, treatment.preparation.frame_key) if key}
@@ -262,56 +259,144 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     }
 
 
-class _Gallery:
-    """Distances of a gallery, one draw of the scorer at a time.
-
-    Of the distances, which are large, one matrix is held at a time.
+@dataclass(frozen=True)
+class _Signatures:
+    """What is told of the signatures of a gallery beside its distances, for a ranking that needs the latter alone.
 
     Parameters
     ----------
-    store, treatment, entries
-        The shapes.
-    found
-        What became of them; the arrays of their signatures are taken out.
-    tell
-        Told which draw is under way.
+    digest
+        Digest of all of them, in the order of the gallery.
+    seconds
+        Median of a shape.
+    environments
+        Number of signatures by the environment in which they were made.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        treatment: Treatment,
-        entries: Sequence[Entry],
-        found: dict[str, Treated],
-        tell: Callable[[str], object],
-    ) -> None:
-        self._store, self._treatment, self._tell = store, treatment, tell
-        forms = [treatment.recipe(entry) for entry in entries]
-        draws: Sequence[int | None] = (None,) if treatment.describes else range(treatment.scorer.info.draws)
-        self._recipes = {draw: recipes.distances_recipe(forms, treatment.scorer_spec, draw) for draw in draws}
-        #: Names of the distances in the store.
-        self.keys = [keys.digest(recipe) for recipe in self._recipes.values()]
-        if treatment.describes:
-            self._descriptors = [found[entry.identifier].answer.arrays["descriptor"] for entry in entries]
-            return
-        self._signatures = [features_of(found[entry.identifier]) for entry in entries]
-        for identifier, each in found.items():
-            found[identifier] = replace(each, features=each.features and replace(each.features, arrays={}))
+    digest: str = ""
+    seconds: float = 0.0
+    environments: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, found: Iterable[Treated]) -> _Signatures:
+        made = [each.features for each in found if each.features is not None]
+        if not made:
+            return cls()
+        seconds = statistics.median(cost.seconds for cost in _settled([each.cost for each in made]))
+        counts = Counter(each.environment for each in made)
+        return cls(_digest(each.digest for each in made), round(seconds, 4), dict(counts))
+
+
+#: Array beside distances that tells of the signatures.
+_SIGNATURES = f"{ABOUT}signatures"
+
+
+@dataclass
+class _Gallery:
+    """The shapes of a job that can be ranked, and their distances, one draw of the scorer at a time.
+
+    Of the distances, which are large, one matrix is held at a time. Where all of them are kept from an earlier ranking,
+    no signature is made or read.
+
+    Parameters
+    ----------
+    store, treatment
+        Where the shapes are, and what makes their forms.
+    tell
+        Told which draw is under way.
+    entries, found
+        The shapes that have a form and a signature, and what became of them.
+    refused
+        The others, each with the reason.
+    recipes
+        What determines the distances of each draw.
+    """
+
+    store: Store
+    treatment: Treatment
+    tell: Callable[[str], object]
+    entries: list[Entry] = field(default_factory=list)
+    found: dict[str, Treated] = field(default_factory=dict)
+    refused: list[tuple[str, str]] = field(default_factory=list)
+    recipes: dict[int | None, recipes.Recipe] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, store: Store, treatment: Treatment, entries: Sequence[Entry], tell: Callable[[str], object]
+    ) -> _Gallery:
+        """Look for the forms, and for the signatures unless all distances are kept."""
+        gallery = cls(store, treatment, tell)
+        gallery._keep(entries, treatment.found)
+        if not (treatment.describes or all(map(store.digest_under, gallery.keys))):
+            found = dict(gallery.found)
+            gallery._keep(gallery.entries, lambda entry: treatment.with_signature(entry, found[entry.identifier]))
+        order = {entry.identifier: number for number, entry in enumerate(entries)}
+        gallery.refused.sort(key=lambda each: order[each[0]])
+        return gallery
+
+    def _keep(self, entries: Iterable[Entry], find: Callable[[Entry], Treated]) -> None:
+        """Keep the shapes of which something is found, in their order."""
+        self.entries, self.found = [], {}
+        for entry in list(entries):
+            try:
+                self.found[entry.identifier] = find(entry)
+                self.entries.append(entry)
+            except ShapeError as error:
+                self.refused.append((entry.identifier, str(error)))
+        forms = [self.treatment.recipe(entry) for entry in self.entries]
+        draws = (None,) if self.treatment.describes else range(self.treatment.scorer.info.draws)
+        self.recipes = {draw: recipes.distances_recipe(forms, self.treatment.scorer_spec, draw) for draw in draws}
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of the distances in the store."""
+        return [keys.digest(recipe) for recipe in self.recipes.values()]
 
     def matrices(self) -> Iterator[NDArray[Any]]:
         """The distances under each draw, shape (N, N) each."""
-        yield from map(self._matrix, self._recipes)
+        yield from (self._matrix(draw).arrays["distances"] for draw in self.recipes)
 
-    def _matrix(self, draw: int | None) -> NDArray[Any]:
+    def _matrix(self, draw: int | None) -> Artefact:
+        """Distances of one draw; they are written with what is told of the signatures."""
+
         def compute() -> Mapping[str, NDArray[Any]]:
-            method = self._treatment.method
+            method = self.treatment.method
             if draw is None:
                 assert not isinstance(method, Method)  # noqa: S101
-                return {"distances": distances.descriptor_distances(method, self._descriptors)}
-            self._tell(f"comparing {len(self._signatures)} forms, {draw + 1} of {len(self._recipes)}")
-            return {"distances": distances.form_distances(self._treatment.scorer, self._signatures, draw)}
+                descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
+                return {"distances": distances.descriptor_distances(method, descriptors)}
+            self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
+            signatures = [features_of(self.found[entry.identifier]) for entry in self.entries]
+            about = json.dumps(asdict(_Signatures.of(self.found.values())), sort_keys=True)
+            matrix = distances.form_distances(self.treatment.scorer, signatures, draw)
+            return {"distances": matrix, _SIGNATURES: np.array(about)}
 
-        return self._store.get_or_compute(self._recipes[draw], compute, work="rank").arrays["distances"]
+        return self.store.get_or_compute(self.recipes[draw], compute, work="rank")
+
+    @cached_property
+    def signatures(self) -> _Signatures:
+        """What is told of the signatures."""
+        if self.treatment.describes or any(each.features is not None for each in self.found.values()):
+            return _Signatures.of(self.found.values())
+        first = self.store.find(next(iter(self.recipes.values())), wanted=_SIGNATURES.__eq__)
+        return _Signatures(**json.loads(str(first.arrays[_SIGNATURES]))) if first else _Signatures()
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Digests of all that the scores come from, stage by stage, in the order of the gallery."""
+        found = {
+            "shapes": _digest(each.prepared.digest for each in self.found.values()),
+            "forms": _digest(each.answer.digest for each in self.found.values()),
+            "signatures": self.signatures.digest,
+            "distances": _digest(map(self.store.digest_under, self.keys)),
+        }
+        return {stage: text for stage, text in found.items() if text}
+
+
+def _digest(digests: Iterable[str]) -> str:
+    """One digest of several, 16 hexadecimal digits; "" where one of them is not known."""
+    found = list(digests)
+    return keys.digest(found)[:16] if all(found) else ""
 
 
 def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
@@ -322,7 +407,7 @@ def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], data
     return {"models": list(models.values()), "seen": treatment.seen(entries, dataset)}
 
 
-def _costs(treated: Sequence[Treated]) -> dict[str, Any]:
+def _costs(treated: Sequence[Treated], signatures: _Signatures) -> dict[str, Any]:
     """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
     phases: dict[str, list[Cost]] = {}
     for each in treated:
@@ -330,11 +415,11 @@ def _costs(treated: Sequence[Treated]) -> dict[str, Any]:
         for stage, cost in each.answer.cost.shared.items():
             phases.setdefault(stage, []).append(cost)
         phases.setdefault("canonicalise", []).append(each.answer.cost)
-        if each.features is not None:
-            phases.setdefault("features", []).append(each.features.cost)
     seconds = {
         phase: round(statistics.median(c.seconds for c in _settled(costs)), 4) for phase, costs in phases.items()
     }
+    if signatures.environments:
+        seconds["features"] = signatures.seconds
     peaks = [cost.peak_mib for cost in _settled(phases["canonicalise"]) if cost.peak_mib is not None]
     return {
         "cost": {"seconds_per_shape": seconds, "shapes_timed": len(_settled(phases["canonicalise"]))},
@@ -347,9 +432,9 @@ def _settled(costs: Sequence[Cost]) -> list[Cost]:
     return [cost for cost in costs if not cost.first_use] or list(costs)
 
 
-def _environments(treated: Sequence[Treated]) -> list[dict[str, Any]]:
+def _environments(treated: Sequence[Treated], signatures: _Signatures) -> list[dict[str, Any]]:
     """Where the artefacts were made: each environment with the number of artefacts."""
-    counts = Counter(a.environment for t in treated for a in (t.prepared, t.answer, t.features) if a is not None)
+    counts = Counter(a.environment for t in treated for a in (t.prepared, t.answer)) + Counter(signatures.environments)
     return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
 
 
