@@ -61,8 +61,7 @@ STAGES = ("mesh", "prepared", "form", "signature", "distances", "measures", "tra
 
 #: Parts of the content of a record that are measures.
 _MEASURES = (
-    "status", "scores", "codebook_deviation", "per_query", "tied_queries", "lone_queries", "chance", "splits",
-    "shapes", "labels",
+    "status", "scores", "codebook_deviation", "per_query", "tied_queries", "lone_queries", "splits", "shapes", "labels",
 )  # fmt: skip
 
 #: Vertices of a prepared shape, and pixels of a view, where kernels are not compiled.
@@ -116,7 +115,7 @@ class Row:
         """Return the row of a record that has scores."""
         return cls(
             source=record["data"]["source"],
-            identifiers=tuple(record["shapes"]) + tuple(name for name, _ in record["unsupported"]),
+            identifiers=tuple(dict.fromkeys([*record["shapes"], *(name for name, _ in record["unsupported"])])),
             input=record["input"],
             method=record["method"],
             scorer=scorer_name(record) or DEFAULT,
@@ -151,15 +150,17 @@ def sample_of(record: Mapping[str, Any], size: int) -> tuple[str, ...]:
         Shapes besides those that were refused.
     """
     classes: dict[str, list[str]] = {}
+    refused = [name for name, _ in record["unsupported"]]
+    answered = [name for name in record["shapes"] if name not in refused]
     for name, label in zip(record["shapes"], record["labels"], strict=True):
-        classes.setdefault(label, []).append(name)
+        if name not in refused:
+            classes.setdefault(label, []).append(name)
     pairs = [members for members in classes.values() if len(members) > 1]
     chosen = [pairs[0][0], pairs[0][-1]] if pairs else []
     others = [members for members in reversed(classes.values()) if members not in pairs[:1]]
     places = [members[(k * len(members)) // max(len(others), 1)] for k, members in enumerate(others)]
-    rest = [name for name in record["shapes"] if name not in {*chosen, *places}]
+    rest = [name for name in answered if name not in {*chosen, *places}]
     chosen += [*places, *rest][: max(size - len(chosen), 0)]
-    refused = [name for name, _ in record["unsupported"]]
     return tuple(dict.fromkeys([*chosen, *refused[:1], *refused[-1:]]))
 
 
@@ -176,17 +177,18 @@ def answer(request: Mapping[str, Any], out: Path) -> None:
     rows = [Row.read(told) for told in request["rows"]]
     known = _known_lines(out)
     done = {line["row"] for line in known if "row" in line}
-    tools = _Tools.of(request)
     if request.get("small"):
         _make_small()
-    reached = Reached(request.get("regions", {}), Path(__file__).parents[3])
-    with out.open("a", encoding="utf-8") as file:
+    root = Path(__file__).parents[3]
+    reached = Reached(request.get("regions", {}), root)
+    with out.open("a", encoding="utf-8") as file, reached.watching():  # methods are made of parameters, too
 
         def tell(**line: Any) -> None:
             file.write(json.dumps(line, allow_nan=True) + "\n")
             file.flush()
 
-        tell(root=str(Path(__file__).parents[3]))
+        tell(root=str(root))
+        tools = _Tools.of(request)
         groups: dict[tuple[Any, ...], list[int]] = {}
         for number, row in enumerate(rows):
             if number not in done:
@@ -258,8 +260,7 @@ class _Tools:
                 yield number, found | ({"training": training_code(job.method)} if job.models else {})
         if not asked:
             return
-        with reached.watching():
-            stages = self._made(asked, jobs, lambda steps: tell(steps=steps, reached=sorted(reached.found)))
+        stages = self._made(asked, jobs, lambda steps: tell(steps=steps, reached=sorted(reached.found)))
         for number, found in stages.items():
             yield number, {"key": jobs[number].key, "recipe": jobs[number].recipe, "stages": found}
 
@@ -395,8 +396,9 @@ class _Tools:
             content = ranked(Order.of(small, scope), self.store)
         except Exception as error:  # a plug-in may raise anything
             return {"measures": {"": (f"raises {type(error).__name__}", "")}}
-        forms = [self._treatment(small, Preparation(small.gallery.dataset, small.input, self.store)).recipe(e)
-                 for e in entries if e.identifier in content.get("shapes", ())]  # fmt: skip
+        treatment = self._treatment(small, Preparation(small.gallery.dataset, small.input, self.store))
+        refused = {name for name, _ in content["unsupported"]}
+        forms = [treatment.recipe(entry) for entry in entries if entry.identifier not in refused]
         draws = (None,) if small.method.describes else range(small.scorer.info.draws)
         keys = {str(draw): digest(distances_recipe(forms, small.scorer, draw)) for draw in draws}
         measures = {name: content[name] for name in _MEASURES if name in content}
