@@ -17,6 +17,7 @@ from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
 from benchmark.storage.records import NO_SCORER, Place, Record, by_place
 from benchmark.storage.store import Store
+from benchmark.system.parsed_sources import kept_parses
 from retrieval.chance import chance_levels
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
@@ -148,12 +149,13 @@ def make_plan(
     before = by_place(store.records)
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
-    for gallery in galleries:
-        rows = gallery.rows(specs, store.models)
-        for input_ in wanted_inputs:
-            if rows and input_ in gallery.inputs:
-                data = data_recipe(gallery, input_)
-                jobs += [_job(gallery, input_, spec, data, before, store, seed, retry, chosen) for spec in rows]
+    with kept_parses():
+        for gallery in galleries:
+            rows = gallery.rows(specs, store.models)
+            for input_ in wanted_inputs:
+                if rows and input_ in gallery.inputs:
+                    data = data_recipe(gallery, input_)
+                    jobs += [_job(gallery, input_, spec, data, before, store, seed, retry, chosen) for spec in rows]
     return jobs
 
 
@@ -200,7 +202,7 @@ def _job(
     older = before.get(Place(gallery.name, input_, spec.name, seed, scorer.name))
     if not older:
         return job("missing", "never run", recipe)
-    stale = job("stale", difference(older[-1]["recipe"], recipe), recipe)
+    stale = job("stale", what_changed(older[-1], recipe), recipe)
     return replace(stale, ranks_again=_has_distances(older[-1], recipe, store))
 
 
@@ -265,6 +267,25 @@ def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
         sensors = [repr(sensor) for entry in gallery.entries if (sensor := recipes.sensor_of(dataset, entry))]
         recipe["view"] = keys.digest([frame, cameras, *([sensors] if sensors else [])])
     return recipe
+
+
+def what_changed(record: Record, now: Mapping[str, Any]) -> str:
+    """Name the parts of the recipe of a record that changed, and how to show that older code made the same.
+
+    Parameters
+    ----------
+    record
+        A record of the same place in the plan.
+    now
+        The recipe, or those parts of it that can be told.
+    """
+    then = {part: record["recipe"].get(part) for part in now}
+    told = difference(then, now)
+    made_by = record["rekeyed"][-1]["to"] if record.get("rekeyed") else record.get("commit", "")
+    is_older_code = [part for part in PARTS if then.get(part) != keys.plain(now).get(part)] == ["code"]
+    if not (is_older_code and made_by and not made_by.endswith("+")):
+        return told
+    return f"{told} (older code; 'rekey --from {made_by}' may show that nothing changed)"
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from benchmark.report.statistics.intervals import intervals
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.storage.merging import told
-from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
+from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, scorer_name
 from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.
@@ -82,6 +82,27 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
         }
 
     return _compare(of(first), of(second))
+
+
+def compare_digests(first: Iterable[Record], second: Iterable[Record]) -> list[str]:
+    """Tell of the newest records of each place in which stages two folders differ in a bit, the first stage first."""
+    sides = _newest(first), _newest(second)
+    both = [where for where in sides[0] if where in sides[1]]
+    said, same, unknown = [], 0, 0
+    for where in both:
+        here, there = (side[where].get("digests", {}) for side in sides)
+        common = [stage for stage in DIGESTS if stage in here and stage in there]
+        differing = [stage for stage in common if here[stage] != there[stage]]
+        same += bool(common) and not differing
+        unknown += not common
+        if differing:
+            equal = [stage for stage in common if stage not in differing]
+            said.append(
+                f"{told(sides[0][where])}: {', '.join(differing)} differ"
+                + (f", {', '.join(equal)} do not" if equal else "")
+            )
+    said.append(f"{same} of {len(both)} pairs are the same in every bit, {len(said)} differ, {unknown} do not tell")
+    return said
 
 
 def _seeded(where: Place) -> str:

@@ -12,7 +12,7 @@ from benchmark.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs import recipes
-from benchmark.jobs.plan import data_recipe, difference
+from benchmark.jobs.plan import data_recipe, what_changed
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
@@ -119,7 +119,7 @@ class Results:
         except BenchmarkError:
             return ""  # an unknown plugin, or a method that cannot be imported here
         known_then = {part: then.get(part) for part in now}
-        return "" if keys.plain(now) == known_then else difference(known_then, now)
+        return "" if keys.plain(now) == known_then else what_changed(record, now)
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:
         """The parts of the recipe that can be told without the data, and with it where it is here."""

@@ -23,6 +23,9 @@ CIRCUMSTANCES = frozenset(
     {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts", "digests", "commit", "rekeyed"}
 )
 
+#: Stages whose digests a record holds, in their order; descriptors have no signatures.
+DIGESTS = ("shapes", "forms", "signatures", "distances")
+
 #: Parts that have no meaning on another machine.
 LOCAL = frozenset({"artefacts"})
 

@@ -59,17 +59,18 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @click.command()
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
+@click.option("--digests", is_flag=True, help="Of two folders: in which stages their results differ in a bit.")
 @scorer_option
 @plugin_option
 @results_option
-def compare(first: str, second: str, scorer: str, plugins: tuple[Path, ...], results: Path) -> None:
+def compare(first: str, second: str, digests: bool, scorer: str, plugins: tuple[Path, ...], results: Path) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
     """
     from benchmark.methods.registry import methods, variant
     from benchmark.methods.scorers import scorer_of, scorers
-    from benchmark.report.comparison import compare_folders, compare_methods, lines
+    from benchmark.report.comparison import compare_digests, compare_folders, compare_methods, lines
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store
 
@@ -83,6 +84,12 @@ def compare(first: str, second: str, scorer: str, plugins: tuple[Path, ...], res
         records = [records_under(store) for store in stores]
     finally:
         name_skipped(*stores)
+    if digests:
+        if not are_folders:
+            raise ConfigurationError("digests are compared between two results folders", "name two folders")
+        for line in compare_digests(*records):
+            say(line)
+        return
     if are_folders:
         found = compare_folders(*records)
     else:
@@ -178,6 +185,12 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
     for made in record.get("environments", ()):
         count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
         facts.append(("made with", count + in_words(made.get("environment", made))))
+    for note in record.get("rekeyed", ()):
+        facts.append(("rekeyed", f"{note['from']} -> {note['to']} on {note['date']} ({note['machine']}): "
+                      f"{note['last_stage']} of {', '.join(note['shapes'])} the same; "
+                      f"{len(note['functions'])} functions differed and ran"))  # fmt: skip
+    if digests := record.get("digests"):
+        facts.append(("digests", _plain(digests)))
     for shape, said in record.get("unsupported", ())[:10]:
         facts.append(("unsupported", f"{shape}: {said}"))
     for stage, parts in record["recipe"].get("code", {}).items():

@@ -34,6 +34,7 @@ from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
 from benchmark.storage.store import Artefact, StorageError, Store
 from benchmark.system import fingerprints
+from benchmark.system.commits import commit
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
@@ -69,6 +70,7 @@ def keep(order: Order, store: Store, content: Mapping[str, Any]) -> Record:
         "key": order.key,
         "recipe": keys.plain(order.recipe),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "commit": commit(),
         **content,
     }
     store.write_record(record)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import ConfigurationError
+from benchmark.system.commits import ROOT, commit, git
 from benchmark.system.fingerprints import FIRST_PARTY
 from benchmark.system.kernels import compiled_files, drop_stale_kernels
 
@@ -59,13 +60,13 @@ class Tree:
 
 
 @contextmanager
-def checked_out(commit: str, folder: Path, working: Tree) -> Iterator[Tree]:
+def checked_out(name: str, folder: Path, working: Tree) -> Iterator[Tree]:
     """Check a commit out beside the working tree; kernels that it shares are not compiled again.
 
     Parameters
     ----------
-    commit
-        Anything that git takes for one.
+    name
+        Anything that git takes for a commit.
     folder
         Where it goes; removed in the end.
     working
@@ -76,15 +77,15 @@ def checked_out(commit: str, folder: Path, working: Tree) -> Iterator[Tree]:
     ConfigurationError
         If the suite is not in a git repository, there is no such commit, or it knows no samples.
     """
-    name = git(working.root, "rev-parse", "--verify", f"{commit}^{{commit}}")
-    if name is None:
-        raise ConfigurationError(f"'{commit}' is no commit of {working.root}", "name one that 'git log' lists")
+    digits = git(working.root, "rev-parse", "--verify", f"{name}^{{commit}}")
+    if digits is None:
+        raise ConfigurationError(f"'{name}' is no commit of {working.root}", "name one that 'git log' lists")
     remove_tree(folder, working)
     git(working.root, "worktree", "prune")
-    if git(working.root, "worktree", "add", "--detach", "--force", str(folder), name) is None:
-        raise ConfigurationError(f"git cannot check out {commit} in {folder}", "run 'git worktree prune'")
+    if git(working.root, "worktree", "add", "--detach", "--force", str(folder), digits) is None:
+        raise ConfigurationError(f"git cannot check out {name} in {folder}", "run 'git worktree prune'")
     try:
-        tree = Tree(folder, name[:10])
+        tree = Tree(folder, digits[:10])
         if not (folder / "benchmark" / "jobs" / "rekey" / "sampling.py").is_file():
             raise ConfigurationError(
                 f"the code of {tree.name} cannot make samples", "name a later commit, or run the rows again"
@@ -127,23 +128,11 @@ def remove_tree(folder: Path, working: Tree) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def git(root: Path, *words: str) -> str | None:
-    """Return what git says in a repository; None where it fails, or there is no git."""
-    try:
-        done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, check=False)
-    except OSError:
-        return None
-    return done.stdout.strip() if done.returncode == 0 else None
-
-
 def working_tree() -> Tree:
     """Return the tree of the code that runs, named by its commit, with "+" if it differs from it."""
-    root = Path(__file__).parents[3]
-    commit = git(root, "rev-parse", "--short=10", "HEAD")
-    if commit is None:
-        raise ConfigurationError(f"{root} is no git repository", "clone the suite to compare its commits")
-    changed = git(root, "status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY)
-    return Tree(root, f"{commit}+" if changed else commit)
+    if not (name := commit()):
+        raise ConfigurationError(f"{ROOT} is no git repository", "clone the suite to compare its commits")
+    return Tree(ROOT, name)
 
 
 def ask(

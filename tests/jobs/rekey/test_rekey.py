@@ -1,0 +1,181 @@
+"""``rekey`` through the command line: a copy of the suite with results of its own, one edit at a time."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmark.jobs.rekey.sampling import sample_of
+from benchmark.system.fingerprints import FIRST_PARTY
+from tests.toy import write_rods
+
+ROOT = Path(__file__).parents[3]
+CHOSEN = ("-m", "classic-mds", "-m", "identity", "--input", "mesh")
+
+
+class Copy:
+    """A repository with the packages of the suite, a data set with a shape that is refused, and results."""
+
+    def __init__(self, folder):
+        self.root, self.data, self.results = folder / "suite", folder / "rods", folder / "results"
+        for package in FIRST_PARTY:  # with kernels that are compiled, and without the weights of networks
+            ignored = shutil.ignore_patterns("models", "*.pyc")
+            shutil.copytree(ROOT / package, self.root / package, ignore=ignored)
+        (self.root / ".gitignore").write_text("__pycache__/\n")
+        write_rods(self.data, bends=(0.0, 1.2))
+        (self.data / "thin9.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
+        self.git("init", "-q")
+        self.commit()
+        self.git("tag", "first")
+        assert self.run("run", "-d", str(self.data), *CHOSEN)[0] == 0
+
+    def git(self, *words):
+        name = ("-c", "user.name=test", "-c", "user.email=test@test")
+        subprocess.run(["git", *name, *words], cwd=self.root, check=True, capture_output=True)
+
+    def commit(self):
+        self.git("add", "-A")
+        self.git("commit", "-q", "-m", "edit")
+
+    def run(self, *words):
+        """Exit code and output of a verb of the copy."""
+        done = subprocess.run(
+            [sys.executable, "-m", "benchmark", *words, "--results", str(self.results)],
+            capture_output=True, text=True, check=False, cwd=self.root, env=os.environ | {"PYTHONPATH": str(self.root)},
+        )  # fmt: skip
+        return done.returncode, done.stdout + done.stderr
+
+    def edited(self, *edits):
+        """Exit code and output of ``rekey`` after an edit that was committed."""
+        for file, before, after in edits:
+            path = self.root / file
+            text = path.read_text()
+            assert before in text, (file, before)
+            path.write_text(text.replace(before, after))
+        self.commit()
+        return self.run("rekey", "--from", "HEAD~1")
+
+    def planned(self):
+        return self.run("plan", "-d", str(self.data), *CHOSEN)[1].splitlines()[-1]
+
+    def records(self):
+        return [json.loads(path.read_text()) for path in (self.results / "runs" / "records").glob("*.json")]
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    return Copy(tmp_path_factory.mktemp("rekey"))
+
+
+@pytest.fixture
+def copy(original, tmp_path):
+    """The copy as it was, beside it what an edit brings about."""
+    kept = tmp_path / "kept"
+    shutil.copytree(original.results, kept)
+    yield original
+    original.git("reset", "-q", "--hard", "first")
+    original.git("clean", "-q", "-fd")
+    shutil.rmtree(original.results)
+    shutil.copytree(kept, original.results)
+
+
+ORIENTATION = "baselines/_kernels/orientation.py"
+
+SAME = {
+    "a local": [(ORIENTATION, "settled", "turned")],
+    "a parameter": [(ORIENTATION, "weights", "masses")],
+    "an annotation": [("benchmark/geometry/mesh.py", "def area(self) -> float:", "def area(self) -> 'float':")],
+    "the text of an error": [("benchmark/geometry/io.py", "faces name vertices", "triangles name vertices")],
+}
+
+DIFFERENT = {
+    "a constant in a kernel": ([("benchmark/geometry/geodesics.py", "0.5 * (matrix", "0.51 * (matrix")], "differs"),
+    "a number of vertices": ([("benchmark/jobs/stages/complete.py", "= 2000", "= 150")], "differs"),
+    "a rule for shapes that are refused": (
+        [("benchmark/geometry/io.py", "faces.max() >= len(vertices)", "faces.max() >= 10 + len(vertices)")], "differs",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_function_that_is_renamed_with_its_callers_moves_all_rows(copy):
+    everywhere = [
+        (str(path.relative_to(copy.root)), "canonical_signs", "settled_signs")
+        for path in (copy.root / "baselines").rglob("*.py")
+        if "canonical_signs" in path.read_text()
+    ]
+    before = {record["key"]: record for record in copy.records()}
+    code, said = copy.edited(*everywhere)
+    assert code == 0, said
+    assert "1 rows moved, 0 stay, 1 have the keys of this code" in said
+    assert copy.planned() == "0 of 2 jobs to run"
+    (moved,) = [record for record in copy.records() if record["key"] not in before]
+    (note,) = moved["rekeyed"]
+    assert note["last_stage"] == "form" and "thin9" in note["shapes"] and len(note["shapes"]) == 4
+    old = next(record for record in before.values() if record["method"] == moved["method"])
+    kept = {name: part for name, part in moved.items() if name not in ("key", "recipe", "rekeyed", "artefacts")}
+    assert kept == {name: part for name, part in old.items() if name in kept}
+    # The arrays came along: forms are found under the new keys.
+    assert all((copy.results / "runs/artefacts" / key[:2] / f"{key}.npz").is_file() for key in moved["artefacts"])
+    assert "rekeyed" in copy.run("why", moved["key"])[1]
+    assert "1 have the keys" not in copy.run("rekey", "--from", "HEAD")[1]
+
+
+@pytest.mark.slow
+def test_what_no_sample_reaches_is_told_by_name_and_its_rows_stay(copy):
+    refusal = "        raise UnsupportedShape("
+    code, said = copy.edited(("baselines/_kernels/checks.py", refusal, f"        number = 1\n{refusal}"))
+    assert code == 1
+    assert "not run by any sample: baselines._kernels.checks." in said
+    assert "0 rows moved, 1 stay, 1 have the keys of this code" in said
+    assert copy.planned() == "1 of 2 jobs to run"
+
+
+@pytest.mark.slow
+def test_one_difference_refuses_the_rows_that_it_concerns_and_no_others(copy):
+    code, said = copy.edited((ORIENTATION, "< 0, -1.0, 1.0", "< 0, 1.0, -1.0"))
+    assert code == 1, said
+    assert "rods mesh classic-mds: form of" in said and "'vertices' by up to" in said
+    assert "0 rows moved, 1 stay, 1 have the keys of this code" in said
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("edits", SAME.values(), ids=SAME)
+def test_edits_that_change_no_digit_move_all_rows(copy, edits):
+    code, said = copy.edited(*edits)
+    assert code == 0, said
+    assert copy.planned() == "0 of 2 jobs to run"
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("edits", "expected"), DIFFERENT.values(), ids=DIFFERENT)
+def test_edits_that_change_a_digit_are_refused(copy, edits, expected):
+    code, said = copy.edited(*edits)
+    assert code == 1, said
+    assert expected in said
+
+
+def test_a_sample_has_a_pair_further_classes_and_what_was_refused():
+    record = {
+        "shapes": ["a0", "a1", "a2", "b0", "b1", "c0", "c1"],
+        "labels": ["a", "a", "a", "b", "b", "c", "c"],
+        "unsupported": [["b9", "why"], ["c8", "why"], ["c9", "why"]],
+    }
+    assert sample_of(record, 3) == ("a0", "a2", "c0", "b9", "c9")
+    assert sample_of(record, 4) == ("a0", "a2", "c0", "b1", "b9", "c9")
+    assert sample_of(record, 6)[:6] == ("a0", "a2", "c0", "b1", "a1", "b0")
+    alone = {"shapes": ["a0", "b0"], "labels": ["a", "b"], "unsupported": []}
+    assert set(sample_of(alone, 3)) == {"a0", "b0"}
+
+
+def test_a_commit_that_is_none_is_refused(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmark", "rekey", "--from", "no-such-commit", "--results", str(tmp_path)],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "holds no record with scores" in done.stderr
