@@ -8,7 +8,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from benchmark.parameters.description import described
-from benchmark.parameters.values import spelt
+from benchmark.parameters.values import format_value
 from benchmark.reference.bibliography import source_of
 from benchmark.system.text import clean
 
@@ -21,7 +21,7 @@ _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "
 def facts_of(spec: MethodSpec) -> dict[str, Any]:
     """Everything that is to be known of a method before it is run, in plain values."""
     info, made = spec.info, spec.load()
-    chosen = {name: spelt(value) for name, value in spec.parameters.items()}
+    chosen = {name: format_value(value) for name, value in spec.parameters.items()}
     return {
         "name": spec.name,
         "title": info.title,

@@ -13,7 +13,7 @@ from pathlib import Path
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.methods.installed import installed
 from benchmark.methods.specs import MethodSpec, plugin_methods
-from benchmark.parameters.grid import combinations, parted
+from benchmark.parameters.grid import combinations, split_name
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
@@ -130,7 +130,7 @@ def variants(name: str, known: Mapping[str, MethodSpec]) -> list[MethodSpec]:
     ConfigurationError
         If the name or a parameter is unknown, or a value does not fit.
     """
-    base, inside = parted(name) or (name, "")
+    base, inside = split_name(name) or (name, "")
     if base not in known:
         raise installed(frozenset(BUILT_IN)).faults.get(base) or did_you_mean("method", base, known)
     made = (_with(known[base], given) for given in combinations(inside))

@@ -12,8 +12,8 @@ from typing import Any, cast
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.methods.information import problems_of_scorer
 from benchmark.methods.loading import classes_of, load_class, make, module_of
-from benchmark.parameters.grid import parted
-from benchmark.parameters.values import assignments, departures, parameter_values, spelt
+from benchmark.parameters.grid import split_name
+from benchmark.parameters.values import assignments, format_value, non_default_values, parameter_values
 from benchmark.scoring import Scorer, ScorerInfo
 from benchmark.storage.records import DEFAULT_SCORER
 
@@ -55,18 +55,18 @@ class ScorerSpec:
 
     def __post_init__(self) -> None:
         if self.parameters:
-            object.__setattr__(self, "parameters", departures(self.load(), self.parameters, self.base_name))
+            object.__setattr__(self, "parameters", non_default_values(self.load(), self.parameters, self.base_name))
 
     @property
     def name(self) -> str:
         """Name on the command line, in its one spelling."""
-        chosen = ",".join(f"{key}={spelt(value)}" for key, value in self.parameters.items())
+        chosen = ",".join(f"{key}={format_value(value)}" for key, value in self.parameters.items())
         return f"{self.base_name}[{chosen}]" if chosen else self.base_name
 
     @property
     def title(self) -> str:
         """Name in the tables, with the parameters that differ from their defaults."""
-        chosen = ", ".join(f"{key}={spelt(value)}" for key, value in self.parameters.items())
+        chosen = ", ".join(f"{key}={format_value(value)}" for key, value in self.parameters.items())
         return f"{self.info.title} ({chosen})" if chosen else self.info.title
 
     @property
@@ -148,7 +148,7 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
     ConfigurationError
         If the name or a parameter is unknown, or a value does not fit.
     """
-    base, inside = parted(name) or (name, "")
+    base, inside = split_name(name) or (name, "")
     if base not in known:
         raise did_you_mean("scorer", base, known)
     spec = ScorerSpec(base, known[base].target, assignments(inside))

@@ -15,7 +15,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of
 from benchmark.methods.loading import classes_of, load_class, make, module_of
 from benchmark.parameters.grid import quoted
-from benchmark.parameters.values import departures, parameter_values, spelt
+from benchmark.parameters.values import format_value, non_default_values, parameter_values
 from benchmark.scoring import ScorerInfo
 from benchmark.system import fingerprints
 from benchmark.system.plugins import import_plugin
@@ -52,7 +52,7 @@ class MethodSpec:
 
     def __post_init__(self) -> None:
         if self.parameters:
-            object.__setattr__(self, "parameters", departures(self.load(), self.parameters, self.base_name))
+            object.__setattr__(self, "parameters", non_default_values(self.load(), self.parameters, self.base_name))
 
     @property
     def name(self) -> str:
@@ -62,7 +62,8 @@ class MethodSpec:
     def _chosen(self, separator: str) -> str:
         """Parameters as they are written on the command line; a text that would be read as another one is quoted."""
         texts = {
-            key: quoted(value) if isinstance(value, str) else spelt(value) for key, value in self.parameters.items()
+            key: quoted(value) if isinstance(value, str) else format_value(value)
+            for key, value in self.parameters.items()
         }
         return separator.join(f"{key}={text}" for key, text in texts.items())
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from benchmark.parameters.constraints import Constraint, Interval
-from benchmark.parameters.values import spelt
+from benchmark.parameters.values import format_value
 
 __all__ = ["ParameterText", "described", "explained"]
 
@@ -59,7 +59,7 @@ def described(cls: type[Any]) -> list[ParameterText]:
         if each.default_factory is not dataclasses.MISSING:
             default = each.default_factory()
         values = _values(annotations.get(each.name, type(default)))
-        written = "" if default is dataclasses.MISSING else spelt(default)
+        written = "" if default is dataclasses.MISSING else format_value(default)
         found.append(ParameterText(each.name, values, written, meanings.get(each.name, "")))
     return found
 
@@ -101,7 +101,7 @@ def _values(annotation: Any) -> str:
         ]
         return " and ".join(words) or _values(arguments[0])
     if origin is Literal:
-        return " or ".join(map(spelt, arguments))
+        return " or ".join(map(format_value, arguments))
     if origin in (typing.Union, types.UnionType):
         return " or ".join("none" if each is type(None) else _values(each) for each in arguments)
     if origin is tuple or annotation is tuple:

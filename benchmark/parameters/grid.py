@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
 
-__all__ = ["combinations", "parted", "quoted"]
+__all__ = ["combinations", "quoted", "split_name"]
 
 #: Characters that mean something between the brackets of a method: a text that has one of them is quoted.
 _SPECIAL = frozenset("|,()'\" ")
@@ -22,12 +22,12 @@ _QUOTES = "'\""
 _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
-def parted(name: str) -> tuple[str, str] | None:
+def split_name(name: str) -> tuple[str, str] | None:
     """A name and what stands in brackets behind it, "" if nothing does; None where brackets do not close or follow.
 
     Examples
     --------
-    >>> parted("classic-mds[metric=biharmonic]")
+    >>> split_name("classic-mds[metric=biharmonic]")
     ('classic-mds', 'metric=biharmonic')
     """
     match = _NAME.fullmatch(name.strip())

@@ -1,4 +1,4 @@
-"""The parameters of a method: which values each may have, how they are read from text, checked and spelt.
+"""The parameters of a method: which values each may have, how they are read from text, checked and written.
 
 A parameter is a field of a dataclass that its maker takes. Its type says what kind of value it is, ``Literal`` which
 ones there are, and a constraint (:mod:`benchmark.parameters.constraints`) beside the type what else must hold::
@@ -12,6 +12,7 @@ A field that declares nothing but its type takes every value of that type.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import math
 import sys
@@ -29,9 +30,9 @@ __all__ = [
     "CheckedParameters",
     "assignments",
     "checked",
-    "departures",
+    "format_value",
+    "non_default_values",
     "parameter_values",
-    "spelt",
 ]
 
 #: Types of one value that can be written as a word.
@@ -99,7 +100,7 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     return found
 
 
-def departures(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
+def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
     """Those of some parameters that differ from their defaults, checked, in the order of the fields.
 
     See :func:`checked`.
@@ -118,10 +119,10 @@ def parameter_values(made: Any) -> dict[str, Any]:
     return {name: _normalised(annotation, getattr(made, name)) for name, (annotation, _) in fields.items()}
 
 
-def spelt(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Text that is read as the value."""
     if isinstance(value, tuple):
-        return f"({','.join(map(spelt, value))})"
+        return f"({','.join(map(format_value, value))})"
     if value is None or isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)
@@ -172,6 +173,7 @@ def _declared(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     return found
 
 
+@functools.cache
 def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
     """Type of a field with its constraints; where a name in it is not known at run time, its text."""
     if not isinstance(field.type, str):
@@ -202,7 +204,7 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
                 value = _fit_constrained(arguments[0], constraint, value, default)
         return _fit(arguments[0], value, default)
     if origin is Literal:
-        known = {spelt(choice): choice for choice in arguments}
+        known = {format_value(choice): choice for choice in arguments}
         if value not in arguments and str(value) not in known:
             raise _Unfit(" or ".join(known), known)
         return value if value in arguments else known[str(value)]

@@ -39,8 +39,16 @@ def benchmark(*arguments, cwd=ROOT, **options):
 
 def test_ways_to_write_one_method_are_one_job_and_one_row(rods, tmp_path):
     twelve, six = ("shape-dna[count=12]", " shape-dna[ count = 012 ] "), ("shape-dna[count=6]", "shape-dna[count=06]")
-    spelt = ("shape-dna", *twelve, *six)
-    arguments = ("-d", rods, "--input", "mesh", "--results", tmp_path, *(w for name in spelt for w in ("-m", name)))
+    written = ("shape-dna", *twelve, *six)
+    arguments = (
+        "-d",
+        rods,
+        "--input",
+        "mesh",
+        "--results",
+        tmp_path,
+        *(w for name in written for w in ("-m", name)),
+    )
     assert call("plan", *arguments).splitlines()[-1] == "2 of 2 jobs to run"
     text = call("run", *arguments, "--executor", "serial")
     assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| Shape")] == [

@@ -4,7 +4,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import methods, select, variant, variants
-from benchmark.parameters.grid import combinations, parted, quoted
+from benchmark.parameters.grid import combinations, quoted, split_name
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_quoted_text_is_read_as_itself(text):
     ],
 )
 def test_a_name_is_parted_from_what_its_one_pair_of_brackets_holds(name, expected):
-    assert parted(name) == expected
+    assert split_name(name) == expected
 
 
 def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in():

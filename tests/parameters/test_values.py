@@ -13,7 +13,7 @@ import pytest
 from benchmark.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
-from benchmark.parameters.values import assignments, checked, departures, parameter_values, spelt
+from benchmark.parameters.values import assignments, checked, format_value, non_default_values, parameter_values
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -174,12 +174,12 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
 
 @pytest.mark.parametrize("ways", [("2", "2.0", " 2 ", 2), ("2e0", 2.0)])
 def test_ways_to_write_a_default_are_the_default(ways: tuple[Any, ...]) -> None:
-    assert [departures(Sample, {"whole": way}) for way in ways] == [{}] * len(ways)
+    assert [non_default_values(Sample, {"whole": way}) for way in ways] == [{}] * len(ways)
 
 
 def test_departures_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
     given = {"solver": DEFAULT_SOLVER, "share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
-    assert list(departures(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
+    assert list(non_default_values(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
 
 
 def test_all_values_are_told_and_normalised() -> None:
@@ -197,7 +197,7 @@ def test_a_default_is_not_doubted() -> None:
         of_any_kind: object = math.sin
 
     assert parameter_values(Odd()) == {"limit": None, "least": 0, "of_any_kind": math.sin}
-    assert departures(Odd, {"limit": 3}) == {"limit": 3}
+    assert non_default_values(Odd, {"limit": 3}) == {"limit": 3}
 
 
 def test_a_class_may_check_itself() -> None:
@@ -224,7 +224,7 @@ def test_a_class_may_check_itself() -> None:
     ],
 )
 def test_values_are_spelt_in_one_way(value: Any, text: str) -> None:
-    assert spelt(value) == text
+    assert format_value(value) == text
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_values_are_spelt_in_one_way(value: Any, text: str) -> None:
     [("number", 0.1 + 0.2), ("flag", True), ("optional", 5), ("levels", (3,)), ("levels", ()), ("pair", (1e-9, 2.0))],
 )
 def test_what_is_spelt_is_read_again(name: str, value: Any) -> None:
-    assert read(name, spelt(value)) == value
+    assert read(name, format_value(value)) == value
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.parameters.values import spelt
+from benchmark.parameters.values import format_value
 from benchmark.protocols.models import Model
 from benchmark.storage.keys import plain
 
@@ -111,7 +111,7 @@ def read_method(content: Mapping[str, Any]) -> MethodSpec:
 
 def written_scorer(spec: ScorerSpec) -> Content:
     """A scorer by its name, where its class is, and its parameters in their one spelling."""
-    spelled = {name: spelt(value) for name, value in spec.parameters.items()}
+    spelled = {name: format_value(value) for name, value in spec.parameters.items()}
     return {"base_name": spec.base_name, "target": spec.target, "parameters": spelled}
 
 
