@@ -1,7 +1,5 @@
 """``rekey`` through the command line: a copy of the suite with results of its own, one edit at a time."""
 
-import json
-import os
 import shutil
 import subprocess
 import sys
@@ -10,65 +8,16 @@ from pathlib import Path
 import pytest
 
 from benchmark.jobs.rekey.sampling import sample_of
-from benchmark.system.fingerprints import FIRST_PARTY
-from tests.toy import write_rods
+from tests.jobs.rekey.copies import Copy
 
 ROOT = Path(__file__).parents[3]
 CHOSEN = ("-m", "classic-mds", "-m", "identity", "--input", "mesh")
-
-
-class Copy:
-    """A repository with the packages of the suite, a data set with a shape that is refused, and results."""
-
-    def __init__(self, folder):
-        self.root, self.data, self.results = folder / "suite", folder / "rods", folder / "results"
-        for package in FIRST_PARTY:  # with kernels that are compiled, and without the weights of networks
-            ignored = shutil.ignore_patterns("models", "*.pyc")
-            shutil.copytree(ROOT / package, self.root / package, ignore=ignored)
-        (self.root / ".gitignore").write_text("__pycache__/\n")
-        write_rods(self.data, bends=(0.0, 1.2))
-        (self.data / "thin9.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
-        self.git("init", "-q")
-        self.commit()
-        self.git("tag", "first")
-        assert self.run("run", "-d", str(self.data), *CHOSEN)[0] == 0
-
-    def git(self, *words):
-        name = ("-c", "user.name=test", "-c", "user.email=test@test")
-        subprocess.run(["git", *name, *words], cwd=self.root, check=True, capture_output=True)
-
-    def commit(self):
-        self.git("add", "-A")
-        self.git("commit", "-q", "-m", "edit")
-
-    def run(self, *words):
-        """Exit code and output of a verb of the copy."""
-        done = subprocess.run(
-            [sys.executable, "-m", "benchmark", *words, "--results", str(self.results)],
-            capture_output=True, text=True, check=False, cwd=self.root, env=os.environ | {"PYTHONPATH": str(self.root)},
-        )  # fmt: skip
-        return done.returncode, done.stdout + done.stderr
-
-    def edited(self, *edits):
-        """Exit code and output of ``rekey`` after an edit that was committed."""
-        for file, before, after in edits:
-            path = self.root / file
-            text = path.read_text()
-            assert before in text, (file, before)
-            path.write_text(text.replace(before, after))
-        self.commit()
-        return self.run("rekey", "--from", "HEAD~1")
-
-    def planned(self):
-        return self.run("plan", "-d", str(self.data), *CHOSEN)[1].splitlines()[-1]
-
-    def records(self):
-        return [json.loads(path.read_text()) for path in (self.results / "runs" / "records").glob("*.json")]
+BENDS = (0.0, 1.2)
 
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
-    return Copy(tmp_path_factory.mktemp("rekey"))
+    return Copy(tmp_path_factory.mktemp("rekey"), BENDS, CHOSEN)
 
 
 @pytest.fixture
