@@ -29,7 +29,7 @@ from benchmark.methods.scorers import scorers
 from benchmark.report.kept import Kept
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
-from benchmark.storage.records import place, scorer_name
+from benchmark.storage.records import chance_of, coverage_of, place, scorer_name
 from benchmark.storage.store import StorageError, Store
 
 if TYPE_CHECKING:
@@ -68,8 +68,9 @@ class ResultsFolder:
             ``gallery``, ``dataset``, ``stand_in``, ``quick``, ``input``, ``method``, ``title``, ``family``, ``scorer``
             ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, mean over the queries in [0, 1], and
             what chance gives as ``chance_NN`` and so on, NaN where there are no scores; ``n_shapes``, ``n_classes``,
-            ``unsupported`` (shapes left out), ``seconds`` a shape, ``peak_mib``, ``finished``, and ``outdated``: what
-            has changed since it was made, "" if nothing has.
+            ``unsupported`` (shapes without a result), ``coverage`` (the share of those with one), measures over these
+            alone as ``NN_supported`` and so on where there are others, ``seconds`` a shape, ``peak_mib``, ``finished``,
+            and ``outdated``: what has changed since it was made, "" if nothing has.
         """
         from pandas import DataFrame
 
@@ -242,10 +243,12 @@ def _row(result: Result) -> dict[str, Any]:
         "status": record["status"],
         "reason": record.get("reason", ""),
         **record.get("scores", {}),
-        **{f"chance_{name}": value for name, value in (record.get("chance") or data["chance"]).items()},
+        **{f"chance_{name}": value for name, value in (chance_of(record) if cost else data["chance"]).items()},
         "n_shapes": record.get("n_shapes", data["n_shapes"]),
         "n_classes": record.get("n_classes", data["n_classes"]),
         "unsupported": len(record.get("unsupported", ())),
+        "coverage": coverage_of(record),
+        **{f"{name}_supported": value for name, value in record.get("supported", {}).items()},
         "seconds": sum(cost.values()) if cost else np.nan,
         "peak_mib": record.get("peak_mib"),
         "finished": record.get("finished", ""),

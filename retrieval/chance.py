@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from benchmark.errors import ConfigurationError
 from retrieval.metrics import E_MEASURE_DEPTH, discounts
 
-MEASURES = ("NN", "FT", "ST", "E", "DCG")
+MEASURES = ("NN", "FT", "ST", "E", "DCG", "nDCG", "mAP")
 
 
 def chance_levels(labels: ArrayLike) -> dict[str, float]:
@@ -24,7 +24,7 @@ def chance_levels(labels: ArrayLike) -> dict[str, float]:
     Returns
     -------
     dict
-        ``NN``, ``FT``, ``ST``, ``E`` and ``DCG``, averaged over all queries that have a relevant model.
+        Each of :data:`MEASURES`, averaged over all queries that have a relevant model.
 
     Raises
     ------
@@ -72,6 +72,8 @@ def _levels(labels: NDArray[Any], n_leading: NDArray[np.int64]) -> dict[str, flo
     if not (n_relevant > 0).any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
     weights = np.concatenate([[0.0], np.cumsum(discounts(n_results))])
+    ranks = np.arange(1, n_results + 1)
+    text_weights = np.concatenate([[0.0], np.cumsum(1.0 / np.log2(ranks + 1))])
     depth = min(E_MEASURE_DEPTH, n_results)
     kinds, multiplicity = np.unique(np.stack([n_relevant, n_leading], axis=1), axis=0, return_counts=True)
     total, n_queries = np.zeros(len(MEASURES)), 0
@@ -90,7 +92,18 @@ def _levels(labels: NDArray[Any], n_leading: NDArray[np.int64]) -> dict[str, flo
                 hits(2 * relevant) / relevant,
                 2.0 * hits(depth) / (depth + relevant),
                 share * (weights[n_results] - weights[leading]) / weights[relevant],
+                share * (text_weights[n_results] - text_weights[leading]) / text_weights[relevant],
+                _average_precision(ranks[leading:], n_results - leading, relevant),
             ]
         )
         n_queries += queries
     return dict(zip(MEASURES, (total / n_queries).tolist(), strict=True))
+
+
+def _average_precision(ranks: NDArray[np.int64], n_drawn: int, relevant: int) -> float:
+    """Expected average precision where the relevant results lie at random on some ranks, the last of all.
+
+    A relevant result at one of the ranks has one in ``(relevant - 1) / (n_drawn - 1)`` of those ranks before it.
+    """
+    before = np.arange(n_drawn) * (relevant - 1) / max(n_drawn - 1, 1)
+    return float(((1.0 + before) / ranks).mean())

@@ -80,18 +80,27 @@ class Scores:
     lone_queries: int
 
 
-def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", "index"] = "expected") -> Scores:
+def evaluate(
+    distances: ArrayLike,
+    labels: ArrayLike,
+    ties: Literal["expected", "index"] = "expected",
+    answered: ArrayLike | None = None,
+) -> Scores:
     """Score a distance matrix against the classes of its shapes.
+
+    A shape without a result is a query with 0 in every measure, and a target behind all shapes that have one.
 
     Parameters
     ----------
     distances
-        Shape (N, N), symmetric and finite; the diagonal is ignored.
+        Shape (n, n), symmetric and finite, of the shapes that have a result; the diagonal is ignored.
     labels
-        Class of each shape, shape (N,), of any type that can be compared.
+        Class of each shape of the gallery, shape (N,), of any type that can be compared.
     ties
         ``"expected"``: the exact mean over all orders of results at equal distance, so that neither names nor file
         order matter. ``"index"``: the lower index first, as the benchmark's program psbTable does.
+    answered
+        Places of the n shapes that have a result, in their order; None for all.
 
     Returns
     -------
@@ -103,10 +112,11 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", 
     ConfigurationError
         If the matrix is not square, finite and symmetric, does not fit the labels, or ``ties`` is unknown.
     """
-    matrix, classes = check_distances(distances, labels)
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
+    matrix, classes, has_result = with_missing(distances, labels, answered)
     rows = [_score_query(matrix[query], classes, query, ties) for query in range(len(classes))]
+    rows = [row if has else _failed(row) for row, has in zip(rows, has_result, strict=True)]
     values = np.array([row[:-1] for row in rows]).reshape(-1, len(fields(PerQuery)))
     scored = ~np.isnan(values[:, 0])
     if not scored.any():
@@ -124,6 +134,46 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, ties: Literal["expected", 
         tied_queries=sum(bool(row[-1]) for row in rows),
         lone_queries=int((~scored).sum()),
     )
+
+
+def with_missing(
+    distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None
+) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.bool_]]:
+    """Return the distances of a whole gallery, in which shapes without a result are farther away than all others.
+
+    Parameters
+    ----------
+    distances, labels, answered
+        As of :func:`evaluate`.
+
+    Returns
+    -------
+    tuple
+        Distances, shape (N, N); number of the class of each shape, shape (N,); which shapes have a result, shape (N,).
+
+    Raises
+    ------
+    ConfigurationError
+        As of :func:`check_distances`, or if the places are none of the gallery.
+    """
+    names = np.asarray(labels)
+    if answered is None:
+        matrix, classes = check_distances(distances, names)
+        return matrix, classes, np.ones(len(classes), dtype=np.bool_)
+    places = np.asarray(answered, dtype=np.intp)
+    if len(np.unique(places)) < len(places) or not ((places >= 0) & (places < len(names))).all():
+        raise ConfigurationError("the places of the shapes with a result are none of the gallery", "name each once")
+    known, _ = check_distances(distances, names[places])
+    has_result = np.zeros(len(names), dtype=np.bool_)
+    has_result[places] = True
+    whole = np.full((len(names), len(names)), 2.0 * np.abs(known).max(initial=0.0) + 1.0)
+    whole[np.ix_(places, places)] = known
+    return whole, np.unique(names, return_inverse=True)[1], has_result
+
+
+def _failed(row: tuple[float, ...]) -> tuple[float, ...]:
+    """Measures of a query without a result: none, but where it has no relevant model anyway."""
+    return (*(value if np.isnan(value) else 0.0 for value in row[:-1]), False)
 
 
 def discounts(count: int) -> FloatArray:

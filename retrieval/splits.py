@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.metrics import FloatArray, check_distances, discounts
+from retrieval.metrics import FloatArray, discounts, with_missing
 
 __all__ = ["MEASURES", "Range", "all_splits", "ranges", "scores_of_splits"]
 
@@ -79,7 +79,10 @@ def all_splits(
 
 
 def scores_of_splits(
-    distances: ArrayLike, labels: Sequence[Label], splits: Sequence[Sequence[Label]]
+    distances: ArrayLike,
+    labels: Sequence[Label],
+    splits: Sequence[Sequence[Label]],
+    answered: ArrayLike | None = None,
 ) -> dict[str, FloatArray]:
     """Score the gallery of each split as :func:`retrieval.metrics.evaluate` does, ties by their expected value.
 
@@ -89,11 +92,13 @@ def scores_of_splits(
     Parameters
     ----------
     distances
-        Shape (N, N), symmetric and finite; the diagonal is ignored.
+        Shape (n, n), symmetric and finite; the diagonal is ignored.
     labels
         Class of each shape, N of them.
     splits
         Classes of each gallery.
+    answered
+        Places of the n shapes that have a result; None for all. See :func:`retrieval.metrics.evaluate`.
 
     Returns
     -------
@@ -110,7 +115,7 @@ def scores_of_splits(
     names = list(dict.fromkeys(labels))
     number = {name: k for k, name in enumerate(names)}
     classes = np.array([number[label] for label in labels], dtype=np.intp)
-    matrix = check_distances(distances, classes)[0]
+    matrix, _, has_result = with_missing(distances, classes, answered)
     chosen = _membership(splits, number)
     members = [np.flatnonzero(classes == k) for k in range(len(names))]
     totals, queries = np.zeros((len(splits), len(MEASURES))), np.zeros(len(splits))
@@ -123,9 +128,11 @@ def scores_of_splits(
         inside = chosen[with_class].T.astype(np.int64)
         first, size = nearer @ inside, as_near @ inside
         weights = _cumulated(n_relevant, len(classes))
+        counted = np.repeat(has_result[of_class], n_relevant)
         # A group of equal distances fills the ranks first + 1 ... first + size in random order.
         for column, cumulated in enumerate(weights):
-            totals[with_class, column] += ((cumulated[first + size] - cumulated[first]) / size).sum(axis=0)
+            gains = (cumulated[first + size] - cumulated[first]) / size
+            totals[with_class, column] += gains[counted].sum(axis=0)
         queries[with_class] += len(of_class)
     if not queries.all():
         raise ConfigurationError("a split has no class with two members", "leave it out: nothing can be retrieved")

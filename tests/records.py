@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from benchmark.storage.keys import digest
+from retrieval.chance import chance_levels
 
 MEASURES = ("NN", "FT", "ST", "DCG")
 SHAPES = ("cat0", "cat1", "dog0", "dog1")
@@ -29,7 +31,6 @@ def record(
         "gallery": gallery,
         "code": {"method": {"code": {"m": code}}},
     }
-    queries = [1.0 if k < round(nn * len(SHAPES)) else 0.0 for k in range(len(SHAPES))]
     found = {
         "gallery": gallery, "input": input_, "method": method, "title": method.title(), "family": "extended",
         "parameters": {}, "target": f"baselines.{method}:Method",
@@ -40,14 +41,26 @@ def record(
         },
         "recipe": recipe, "status": "ok", "finished": finished,
         "scores": {"NN": nn, "FT": 0.5, "ST": 0.75, "DCG": 0.8},
-        "per_query": dict.fromkeys(MEASURES, queries), "chance": dict.fromkeys(MEASURES, 0.25),
         "shapes": list(SHAPES), "labels": ["cat", "cat", "dog", "dog"], "n_shapes": 4, "n_classes": 2,
         "unsupported": [], "notes": {}, "cost": {"seconds_per_shape": {"canonicalise": 1.5}}, "peak_mib": 100,
         "wall_seconds": 1.0, "environments": [], "artefacts": ["ab"],
     }  # fmt: skip
     found["data"] |= data or {}
     found |= more
+    found.setdefault("chance", chance_levels(found["labels"]))
+    found.setdefault("per_query", {name: queries(value, found["labels"]) for name, value in found["scores"].items()})
     return {"key": digest(found["recipe"]), **found}
+
+
+def queries(mean: float, labels: Sequence[str]) -> list[float | None]:
+    """Values of single queries with this mean: hits and failures where there is such a number of hits."""
+    has_relevant = [labels.count(label) > 1 for label in labels]
+    hits, count = mean * sum(has_relevant), 0
+    found: list[float | None] = []
+    for scored in has_relevant:
+        found.append((float(count < round(hits)) if hits == round(hits) else mean) if scored else None)
+        count += scored
+    return found
 
 
 def failed(status: str = "timeout", reason: str = "stopped", **options: Any) -> dict[str, Any]:

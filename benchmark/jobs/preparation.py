@@ -65,6 +65,10 @@ class Preparation:
         """The arrays of a prepared shape, or why there are none; see :func:`treated`."""
         return self._kept(self.recipe(entry), lambda: attempted(lambda: self._compute(entry)), f"prepare {self.input}")
 
+    def is_prepared(self, entry: Entry) -> bool:
+        """Return whether there is a prepared shape, which methods can get."""
+        return REFUSED not in self.artefact(entry).arrays
+
     def recipe(self, entry: Entry) -> Recipe:
         """What determines the prepared shape."""
         if entry.identifier not in self._recipes:

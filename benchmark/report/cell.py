@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
+from benchmark.storage.records import chance_of, coverage_of
 
 Figures = Mapping[str, float]
 
@@ -43,6 +44,21 @@ class Cell:
     records: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
 
     @property
+    def coverage(self) -> float:
+        """Share of the shapes that could be had of which there is a result; 0 without scores."""
+        return coverage_of(self.record)
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether there are scores, but not of all shapes."""
+        return self.scores is not None and self.coverage < 1
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether there is a result of every shape, so that the figure may be called the best."""
+        return self.scores is not None and self.coverage >= 1
+
+    @property
     def scores(self) -> Figures | None:
         """Scores by measure, or None when there are none."""
         return self.record.get("scores")
@@ -53,25 +69,34 @@ class Cell:
         return list({model["digest"]: model for model in self.record.get("models", ())}.values())
 
 
-def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
-    """What one or several jobs reached: galleries of a table with folds, seeds of a training.
+def cell_of(results: Sequence[Result], n_galleries: int) -> Cell:
+    """Return what one or several jobs reached: galleries of a table with folds, seeds of a training.
+
+    A gallery or a training without a result counts 0, so that a crash in a hard one does not pay.
 
     Parameters
     ----------
     results
         One for each job that has a record.
-    n_wanted
-        Jobs that there should be.
+    n_galleries
+        Galleries that there should be.
     """
     done = [result for result in results if result.record.get("scores")]
     outdated = "; ".join(dict.fromkeys(result.outdated for result in done if result.outdated))
+    galleries: dict[str, list[Mapping[str, Any]]] = {}
+    for result in results:
+        galleries.setdefault(result.record["gallery"], []).append(result.record)
+    n_missing = max(n_galleries - len(galleries), 0)
+    n_wanted = len(results) + n_missing
     if not done:
         record = results[0].record
         return Cell(record["status"], {"reason": record.get("reason", "")}, n_wanted=n_wanted)
-    if n_wanted == 1 and len(done) == 1:
+    if n_wanted == 1:
         return Cell("ok", done[0].record, n_averaged=1, outdated=outdated, records=(done[0].record,))
     records = [result.record for result in done]
-    columns = _by_gallery(records)
+    names = list(records[0]["scores"])
+    means = [_means(of_gallery, names) for of_gallery in galleries.values()]
+    means += [dict.fromkeys([*names, "coverage"], 0.0)] * n_missing
     peaks = [record["peak_mib"] for record in records if record.get("peak_mib") is not None]
     told = [
         f"{result.record['gallery']}: {result.record.get('reason', result.record['status'])}"
@@ -81,8 +106,9 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
     merged = {
         "key": digest([record["key"] for record in records]),
         "reason": "; ".join(told) or "not run",
-        "scores": {name: statistics.fmean(values) for name, values in columns.items()},
-        "chance": {name: statistics.fmean(r["chance"][name] for r in records) for name in records[0]["chance"]},
+        "scores": {name: statistics.fmean(each[name] for each in means) for name in names},
+        "coverage": statistics.fmean(each["coverage"] for each in means),
+        "chance": {name: statistics.fmean(chance_of(r)[name] for r in records) for name in chance_of(records[0])},
         "n_shapes": len({shape for record in records for shape in record["shapes"]}),
         "n_classes": len({label for record in records for label in record["labels"]}),
         "unsupported": _each_once(shape for record in records for shape in record["unsupported"]),
@@ -92,22 +118,15 @@ def cell_of(results: Sequence[Result], n_wanted: int) -> Cell:
         "seen": _each_once(shape for record in records for shape in record.get("seen", ())),
         "notes": records[0].get("notes", {}),
     }
-    spread_over = columns if len(next(iter(columns.values()))) > 1 else _columns(records)
-    deviation = {name: statistics.stdev(values) for name, values in spread_over.items()} if len(done) > 1 else None
-    return Cell("ok", merged, deviation, len(done), max(n_wanted, len(done)), outdated, tuple(records))
+    columns = means if len(means) > 1 else [record["scores"] for record in records]
+    deviation = {name: statistics.stdev(each[name] for each in columns) for name in names} if len(columns) > 1 else None
+    return Cell("ok", merged, deviation, len(done), n_wanted, outdated, tuple(records))
 
 
-def _by_gallery(records: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Scores of each gallery by measure, the mean over its trainings: galleries count alike however many they have."""
-    galleries: dict[str, list[Mapping[str, Any]]] = {}
-    for record in records:
-        galleries.setdefault(record["gallery"], []).append(record)
-    means = [{name: statistics.fmean(v) for name, v in _columns(found).items()} for found in galleries.values()]
-    return {name: [each[name] for each in means] for name in means[0]}
-
-
-def _columns(records: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
-    return {name: [record["scores"][name] for record in records] for name in records[0]["scores"]}
+def _means(records: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, float]:
+    """Scores of a gallery, and its coverage: means over its trainings, so that galleries count alike."""
+    found = {name: statistics.fmean(record.get("scores", {}).get(name, 0.0) for record in records) for name in names}
+    return found | {"coverage": statistics.fmean(coverage_of(record) for record in records)}
 
 
 def _medians(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -72,7 +72,7 @@ def cells(table: TableContent, groups: Sequence[Group], style: Style) -> list[li
 def _column(table: TableContent, group: Group, metric: str, style: Style) -> list[str]:
     if group.is_difference:
         return [_difference(row, group.input, metric, style.minus) for row in table.rows]
-    contest = [number(_value(row, group.input, metric)) for row in table.rows if row.family != CONTROL]
+    contest = [number(_value(row, group.input, metric)) for row in table.rows if _competes(row, group.input)]
     highest = max((text for text in contest if text != BLANK), default="") if group.input else ""
     return [_marked(table, row, group.input, metric, style, highest) for row in table.rows]
 
@@ -82,7 +82,7 @@ def _marked(
 ) -> str:  # fmt: skip
     text = number(_value(row, input_, metric))
     marked = text
-    if row.family != CONTROL and text == highest:
+    if _competes(row, input_) and text == highest:
         marked = style.best.format(text)
     elif input_ and (judged := table.judgements.get((row.method, input_, metric))) and judged.is_inseparable:
         marked = style.inseparable.format(text)
@@ -90,6 +90,12 @@ def _marked(
     return (
         marked if cell is None or not cell.deviation else marked + style.spread.format(number(cell.deviation[metric]))
     )
+
+
+def _competes(row: Row, input_: Input | None) -> bool:
+    """Whether the figures of a row may be the best: those of a control, or of some shapes alone, may not."""
+    cell = _cell(row, input_)
+    return row.family != CONTROL and (cell is None or cell.is_complete or cell.scores is None)
 
 
 def _difference(row: Row, input_: Input | None, metric: str, minus: str) -> str:

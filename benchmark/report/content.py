@@ -20,6 +20,7 @@ from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
 from benchmark.report.statistics.judgement import Judgements, judge
 from benchmark.storage.keys import digest
+from benchmark.storage.records import chance_of
 from benchmark.system.text import brief
 
 #: Parameter of learners that tells trainings of one row apart.
@@ -54,6 +55,7 @@ class Row:
         told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
             told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
+        told += [f"{input_}: coverage {cell.coverage:.2f}" for input_, cell in self.cells.items() if cell.is_partial]
         mark = f" {OUTDATED}" if any(cell.outdated for cell in self.cells.values()) else ""
         return brief(self.title) + (f" ({', '.join(told)})" if told else "") + mark
 
@@ -217,8 +219,7 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableC
     quick = bool(results[0].record["data"]["quick"])
     n_folds = 1 if quick else max(1, len(table.folds))
     cells: dict[str, dict[Input, Cell]] = {
-        name: {i: cell_of(found, max(n_folds, len(found))) for i, found in by_input.items()}
-        for name, by_input in by_row.items()
+        name: {i: cell_of(found, n_folds) for i, found in by_input.items()} for name, by_input in by_row.items()
     }
     blank: dict[Input, Cell] = {input_: Cell() for input_ in inputs}
     rows = [
@@ -228,7 +229,10 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableC
     ]
     rows += [_further_row(name, by_row[name], cells[name]) for name in _others(by_row, printed)]
     one_each = {result.record["gallery"]: result.record for result in results}
-    chance = [one_each[name]["data"]["chance"] for name in galleries]
+    scored_each = {result.record["gallery"]: result.record for result in results if result.record.get("scores")}
+    chance = [
+        chance_of(scored_each[name]) if name in scored_each else one_each[name]["data"]["chance"] for name in galleries
+    ]
     scored = next((r.record for r in results if "scorer_title" in r.record), None)
     if scored is not None:
         table = replace(table, caption=f"{table.caption}, scored by {brief(scored['scorer_title'])}")
@@ -237,7 +241,7 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableC
         one_each[galleries[0]]["data"],
         inputs,
         tuple(rows) if by_row else (),
-        {name: statistics.fmean(levels[name] for levels in chance) for name in chance[0]},
+        {name: statistics.fmean(levels[name] for levels in chance) for name in min(chance, key=len)},
         len(galleries),
         scored["scorer"] if scored is not None else "",
     )

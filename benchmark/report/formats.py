@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmark.contracts import Input
-from benchmark.report.cell import Cell
+from benchmark.report.cell import Cell, Figures
 from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
 from benchmark.report.notes import notes
 from benchmark.report.statistics.judgement import Judgement
+from benchmark.storage.records import chance_of
 from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
@@ -56,7 +57,7 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     """All tables as one flat CSV: one line per table, input and method."""
     names = ["table", "dataset", "stand_in", "input", "method", "title", *PRINTED]
     names += [f"paper_{m}" for m in PRINTED] + [f"chance_{m}" for m in PRINTED]
-    names += ["n_shapes", "n_classes", "unsupported", "seconds", "peak_mib"]
+    names += ["n_shapes", "n_classes", "unsupported", "coverage", "seconds", "peak_mib"]
     names += [f"{part}_{m}" for part in ("low", "high", "p_best", "spread") for m in PRINTED] + [
         "n_models",
         "n_galleries",
@@ -91,10 +92,12 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "title": row.title,
         **{metric: round(scores[metric], 6) if scores else None for metric in PRINTED},
         "paper": dict(row.paper) if row.paper else None,
-        "chance": {metric: round((record.get("chance") or table.chance)[metric], 6) for metric in PRINTED},
+        "chance": {metric: round(_chance(table, cell)[metric], 6) for metric in PRINTED},
         "n_shapes": record.get("n_shapes"),
         "n_classes": record.get("n_classes"),
         "unsupported": len(record.get("unsupported", [])),
+        "coverage": round(cell.coverage, 6) if scores else None,
+        **_supported(cell),
         "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
         "peak_mib": record.get("peak_mib"),
         "spread": {metric: round(cell.deviation[metric], 6) for metric in PRINTED} if cell.deviation else None,
@@ -107,6 +110,19 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "outdated": cell.outdated or None,
         "status": cell.status,
     }
+
+
+def _chance(table: TableContent, cell: Cell) -> Figures:
+    """Scores of a random ranking of what a cell shows: of its gallery, or the mean over several."""
+    if "chance" in cell.record and "labels" not in cell.record:
+        return cell.record["chance"]  # type: ignore[no-any-return]
+    return chance_of(cell.record) if cell.scores else table.chance
+
+
+def _supported(cell: Cell) -> dict[str, float]:
+    """Scores over the shapes with a result alone, where there are others."""
+    found = cell.record.get("supported", {})
+    return {f"{metric}_supported": round(found[metric], 6) for metric in PRINTED if metric in found}
 
 
 def _title(table: TableContent) -> str:

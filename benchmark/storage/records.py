@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.storage.keys import digest
-from benchmark.storage.soundness import fault_of, not_a_number
+from benchmark.storage.soundness import chance_of_labels, fault_of, not_a_number
 from benchmark.system.files import write_text
 
 Record = dict[str, Any]
@@ -135,6 +135,21 @@ def outcome(record: Mapping[str, Any]) -> str:
 def portable(record: Mapping[str, Any]) -> Record:
     """A record without what means nothing on another machine."""
     return {name: value for name, value in record.items() if name not in LOCAL}
+
+
+def coverage_of(record: Mapping[str, Any]) -> float:
+    """Return the share of the shapes that could be had of which a record has a result; 0 for one without scores."""
+    if not record.get("scores"):
+        return 0.0
+    if "coverage" in record:
+        return float(record["coverage"])
+    refused = len(record.get("unsupported", ()))  # records of before did not count what was refused as shapes
+    return 1 - refused / (len(record["shapes"]) + refused) if refused else 1.0
+
+
+def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
+    """Return what a random ranking of the gallery of a record with scores reaches, by measure."""
+    return dict(chance_of_labels(tuple(record["labels"])))
 
 
 class Place(NamedTuple):

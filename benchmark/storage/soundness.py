@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, get_args
 
 from benchmark.contracts import Input
+from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
+from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
 #: A type; a list of one kind; a mapping from names to one kind (``{...: kind}``) or to the kinds of its parts, of which
@@ -15,6 +18,9 @@ from retrieval.measures import PRINTED
 Kind = type | list[Any] | dict[Any, Any] | Callable[[Any], bool]
 
 _LARGEST_NUMBER = 1e15
+
+#: Largest difference between a mean in a record and the one that its queries, of six decimals, give.
+_ROUNDING = 1e-6
 
 #: Largest share: means of many hang over 1 by their rounding.
 _ONE = 1 + 1e-9
@@ -103,7 +109,9 @@ _SCORED: Kind = {
     "scores": {...: _is_share} | _PRINTED, "chance": {...: _is_share} | _PRINTED,
     "per_query": {...: _are_shares} | _PRINTED,
     "shapes": _are_texts, "labels": _are_texts, "n_shapes": _is_count, "n_classes": _is_count,
-    "unsupported": [_is_pair], "cost": {"seconds_per_shape": {...: _is_duration}},
+    "unsupported": [_is_pair], "unprepared?": _are_texts, "coverage?": _is_share,
+    "supported?": {...: _is_share} | _PRINTED,
+    "cost": {"seconds_per_shape": {...: _is_duration}},
     "splits?": {"count": _is_count, "size": _is_count, "quantiles": dict.fromkeys(PRINTED, _quantiles)},
 }  # fmt: skip
 
@@ -134,8 +142,29 @@ def _miscount(content: Mapping[str, Any]) -> str:
         return "'n_shapes' or 'n_classes' is not the number of its shapes or classes"
     if len(content["labels"]) != n_queries:
         return "'labels' has another length than 'shapes'"
-    wrong = next((name for name, values in content["per_query"].items() if len(values) != n_queries), None)
-    return f"'per_query.{wrong}' has another length than 'shapes'" if wrong is not None else ""
+    for name, values in content["per_query"].items():
+        if len(values) != n_queries:
+            return f"'per_query.{name}' has another length than 'shapes'"
+        known = [value for value in values if value is not None]
+        if known and not _agree(content["scores"].get(name), sum(known) / len(known)):
+            return f"'scores.{name}' is not the mean of its queries"
+    try:
+        chance = chance_of_labels(tuple(content["labels"]))
+    except ConfigurationError:
+        return "no class of its labels has two members"
+    wrong = next((name for name, value in content["chance"].items() if not _agree(value, chance.get(name))), None)
+    return f"'chance.{wrong}' is not that of its labels" if wrong is not None else ""
+
+
+def _agree(one: float | None, other: float | None) -> bool:
+    """Whether two figures are the same but for the rounding of single queries."""
+    return one is not None and other is not None and abs(one - other) <= _ROUNDING
+
+
+@cache
+def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
+    """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.chance.chance_levels`."""
+    return chance_levels(labels)
 
 
 def _fault(content: Any, kind: Kind, where: str) -> str:

@@ -61,9 +61,10 @@ def test_a_single_job_is_its_record():
     assert (cell.record, cell.deviation, cell.n_averaged, cell.n_wanted) == (only.record, None, 1, 1)
 
 
-def test_a_job_that_failed_is_missing_from_the_mean_and_told():
+def test_a_job_that_failed_counts_zero_and_is_told():
     cell = cell_of(results(of_fold(0, 0.5), of_fold(1, 0, make=failed, reason="ate memory"), of_fold(2, 0.7)), 3)
-    assert cell.scores["NN"] == pytest.approx(0.6)
+    assert cell.scores["NN"] == pytest.approx(0.4)
+    assert (cell.coverage, cell.is_complete) == (pytest.approx(2 / 3), False)
     assert (cell.n_averaged, cell.n_wanted) == (2, 3)
     assert cell.record["reason"] == "humans fold 1: ate memory"
     assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).status == "crashed"

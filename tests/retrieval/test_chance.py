@@ -49,7 +49,7 @@ def labels_of(sizes: list[int]) -> NDArray[Any]:
 @pytest.mark.parametrize("name", RANDOM)
 def test_table_of_chance_levels(name: str) -> None:
     sizes, expected = RANDOM[name]
-    assert tuple(round(level, 3) for level in chance_levels(labels_of(sizes)).values()) == expected
+    assert tuple(round(level, 3) for level in list(chance_levels(labels_of(sizes)).values())[:5]) == expected
 
 
 @pytest.mark.parametrize("size", POSE_FIRST)
@@ -58,7 +58,7 @@ def test_table_of_pose_first_levels(size: tuple[int, int]) -> None:
     labels, pose = np.repeat(np.arange(subjects), poses), np.tile(np.arange(poses), subjects)
     levels = pose_first_levels(labels, pose)
     assert tuple(levels) == MEASURES
-    assert tuple(round(level, 3) for level in levels.values()) == POSE_FIRST[size]
+    assert tuple(round(level, 3) for level in list(levels.values())[:5]) == POSE_FIRST[size]
 
 
 def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[Any]:
@@ -67,7 +67,7 @@ def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[
     for _ in range(rounds):
         noise = rng.uniform(1, 2, first.shape)
         scores = evaluate(np.where(first, 0.5 * (noise + noise.T) - 1, 0.5 * (noise + noise.T)), labels)
-        totals += [scores.nn, scores.ft, scores.st, scores.e, scores.dcg]
+        totals += [scores.nn, scores.ft, scores.st, scores.e, scores.dcg, scores.ndcg, scores.mean_ap]
     return totals / rounds
 
 
@@ -87,7 +87,7 @@ def test_simulation_of_pose_first_agrees() -> None:
 def test_an_all_tied_matrix_is_at_chance_exactly() -> None:
     labels = labels_of([2, 5, 9])
     scores = evaluate(np.ones((16, 16)), labels)
-    levels = [scores.nn, scores.ft, scores.st, scores.e, scores.dcg]
+    levels = [scores.nn, scores.ft, scores.st, scores.e, scores.dcg, scores.ndcg, scores.mean_ap]
     np.testing.assert_allclose(levels, list(chance_levels(labels).values()))
 
 

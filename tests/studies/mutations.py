@@ -3,7 +3,7 @@
     python -m tests.studies.mutations --count 100 -o mutations.json
 
 Each mutation (a constant, an operator, the order of two statements) is committed to a copy of the suite that has made
-a small gallery. Where ``rekey`` moves all rows, the gallery is made anew by the mutated code, and each stage of each row
+a small gallery. Where ``rekey`` moves all rows, the gallery is made anew by the mutated code, and each stage of a row
 is compared with the original by its digest. The file grows by a line for each mutation, and a study that was stopped
 goes on.
 """

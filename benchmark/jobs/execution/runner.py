@@ -233,21 +233,24 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     entries = _entries(order, dataset)
     treatment = _treatment(order, Preparation(dataset, order.input, store), store)
     gallery = _Gallery.of(store, treatment, entries, tell)
-    kept, refused = gallery.entries, gallery.refused
-    labels = [entry.subject for entry in kept]
-    if len(set(labels)) < 2 or len(set(labels)) == len(labels):
-        reason = f"{len(kept)} of {len(entries)} shapes could be treated, too few to rank; first: {refused[0][1]}"
+    refused, names = gallery.refused, [entry.identifier for entry in entries]
+    if not gallery.found:
+        reason = f"none of {len(entries)} shapes could be treated; first: {refused[0][1]}"
         return failure("unsupported", reason) | {"unsupported": refused}
+    labels = [entry.subject for entry in entries]
+    answered = [place for place, name in enumerate(names) if name in gallery.found] if refused else None
     treated = list(gallery.found.values())
     return {
         "status": "ok",
-        **measures.scores(gallery.matrices(), labels),
-        **(measures.over_splits(gallery.matrices(), labels, order.split_size) if order.split_size else {}),
-        "shapes": [entry.identifier for entry in kept],
+        **measures.scores(gallery.matrices(), labels, answered),
+        **(measures.over_splits(gallery.matrices(), labels, order.split_size, answered) if order.split_size else {}),
+        "shapes": names,
         "labels": labels,
-        "n_shapes": len(kept),
+        "n_shapes": len(entries),
         "n_classes": len(set(labels)),
         "unsupported": refused,
+        "unprepared": gallery.unprepared,
+        "coverage": len(gallery.found) / max(len(entries) - len(gallery.unprepared), 1),
         "digests": gallery.digests,
         "notes": _summary(each.notes for each in treated),
         **_costs(treated, gallery.signatures),
@@ -308,8 +311,8 @@ class _Gallery:
         Told which draw is under way.
     entries, found
         The shapes that have a form and a signature, and what became of them.
-    refused
-        The others, each with the reason.
+    refused, unprepared
+        The others, each with the reason; and those of them that no method can get.
     recipes
         What determines the distances of each draw.
     """
@@ -320,6 +323,7 @@ class _Gallery:
     entries: list[Entry] = field(default_factory=list)
     found: dict[str, Treated] = field(default_factory=dict)
     refused: list[tuple[str, str]] = field(default_factory=list)
+    unprepared: list[str] = field(default_factory=list)
     recipes: dict[int | None, recipes.Recipe] = field(default_factory=dict)
 
     @classmethod
@@ -345,6 +349,8 @@ class _Gallery:
                 self.entries.append(entry)
             except ShapeError as error:
                 self.refused.append((entry.identifier, str(error)))
+                if not self.treatment.preparation.is_prepared(entry):
+                    self.unprepared.append(entry.identifier)
         forms = [self.treatment.recipe(entry) for entry in self.entries]
         draws = (None,) if self.treatment.describes else range(self.treatment.scorer.info.draws)
         self.recipes = {draw: recipes.distances_recipe(forms, self.treatment.scorer_spec, draw) for draw in draws}
@@ -363,6 +369,8 @@ class _Gallery:
 
         def compute() -> Mapping[str, NDArray[Any]]:
             method = self.treatment.method
+            if len(self.entries) == 1:
+                return {"distances": np.zeros((1, 1))}
             if draw is None:
                 assert not isinstance(method, Method)  # noqa: S101
                 descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]

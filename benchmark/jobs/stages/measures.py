@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from retrieval.chance import chance_levels
 from retrieval.measures import MEASURES
-from retrieval.metrics import evaluate
+from retrieval.metrics import Scores, evaluate
 from retrieval.splits import all_splits, ranges, scores_of_splits
 
 Matrix = NDArray[np.float64]
@@ -20,29 +20,39 @@ Matrix = NDArray[np.float64]
 _DECIMALS = 6
 
 
-def scores(matrices: Iterable[Matrix], labels: Sequence[str]) -> dict[str, Any]:
+def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence[int] | None = None) -> dict[str, Any]:
     """Measures of a gallery as plain numbers: means over the matrices, and their standard deviation.
 
     Parameters
     ----------
     matrices
-        One per draw of the scorer, each of shape (N, N); each is forgotten before the next one is asked for.
+        One per draw of the scorer, each of shape (n, n); each is forgotten before the next one is asked for.
     labels
-        Class of each shape.
+        Class of each shape of the gallery, N of them.
+    answered
+        Places of the n shapes that have a result; None for all. The others are queries with 0 in every measure.
 
     Returns
     -------
     dict
         ``scores`` and ``codebook_deviation`` by measure, ``per_query`` (None for the only member of a class),
-        ``tied_queries``, ``lone_queries``, and ``chance``.
+        ``tied_queries``, ``lone_queries``, and ``chance``; where shapes lack a result ``supported``: the scores of the
+        others among themselves, if two of them are of one class and there are two classes.
 
     Raises
     ------
     ConfigurationError
         If a matrix is not square, finite and symmetric, or no class has two members.
     """
-    found = list(map(partial(evaluate, labels=labels), matrices))
-    means = {measure.name: [float(getattr(each, measure.attribute)) for each in found] for measure in MEASURES}
+    of_answered = [labels[place] for place in answered] if answered is not None else []
+
+    def scored(matrix: Matrix) -> tuple[Scores, Scores | None]:
+        is_rankable = 1 < len(set(of_answered)) < len(of_answered)
+        return evaluate(matrix, labels, answered=answered), evaluate(matrix, of_answered) if is_rankable else None
+
+    made = list(map(scored, matrices))
+    found, alone = [whole for whole, _ in made], [part for _, part in made if part is not None]
+    means = _by_measure(found)
     queries = {
         measure.name: np.mean([getattr(each.per_query, measure.query_attribute) for each in found], axis=0)
         for measure in MEASURES
@@ -57,20 +67,29 @@ def scores(matrices: Iterable[Matrix], labels: Sequence[str]) -> dict[str, Any]:
         "tied_queries": max(each.tied_queries for each in found),
         "lone_queries": found[0].lone_queries,
         "chance": chance_levels(labels),
+        **({"supported": {name: float(np.mean(v)) for name, v in _by_measure(alone).items()}} if alone else {}),
     }
 
 
-def over_splits(matrices: Iterable[Matrix], labels: Sequence[str], size: int) -> dict[str, Any]:
+def _by_measure(found: Sequence[Scores]) -> dict[str, list[float]]:
+    return {measure.name: [float(getattr(each, measure.attribute)) for each in found] for measure in MEASURES}
+
+
+def over_splits(
+    matrices: Iterable[Matrix], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
+) -> dict[str, Any]:
     """How the measures are spread over every way to take some of the subjects for testing.
 
     Parameters
     ----------
     matrices
-        One per codebook, each of shape (N, N); the measures of a split are means over them.
+        One per codebook, each of shape (n, n); the measures of a split are means over them.
     labels
-        Subject of each shape.
+        Subject of each shape of the gallery, N of them.
     size
         Subjects to take.
+    answered
+        Places of the n shapes that have a result; None for all.
 
     Returns
     -------
@@ -78,7 +97,7 @@ def over_splits(matrices: Iterable[Matrix], labels: Sequence[str], size: int) ->
         ``splits``: the number of ways, and by measure the quantiles .05, .5 and .95.
     """
     splits = all_splits(labels, size)
-    scored = list(map(partial(scores_of_splits, labels=labels, splits=splits), matrices))
+    scored = list(map(partial(scores_of_splits, labels=labels, splits=splits, answered=answered), matrices))
     means = {name: np.mean([each[name] for each in scored], axis=0) for name in scored[0]}
     found = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
     return {"splits": {"count": len(splits), "size": size, "quantiles": found}}

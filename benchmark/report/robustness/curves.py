@@ -11,7 +11,7 @@ from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
 from benchmark.report.results import Result
-from benchmark.storage.records import Record
+from benchmark.storage.records import Record, chance_of, coverage_of
 
 __all__ = ["Curve", "Robustness", "robustness"]
 
@@ -141,7 +141,7 @@ def _of_set(
                     _counted(record) or 0.0,
                     tuple(_counted(each) for each in found),
                     tuple(len(each.get("unsupported", ())) if each else None for each in found),
-                    record["chance"]["NN"],
+                    chance_of(record)["NN"],
                     known.amounts,
                 )
     n_shapes = max((record["data"]["n_shapes"] for record in ok.values()), default=0)
@@ -161,12 +161,11 @@ def _counted(record: Record | None) -> float | None:
     if record is None:
         return None
     if record["status"] == "unsupported":
-        return 0.0  # too few shapes were left to rank
+        return 0.0  # no shape was left to rank
     if record["status"] != "ok":
         return None
-    left_out = len(record["unsupported"])
-    share: float = record["n_shapes"] / (record["n_shapes"] + left_out)
-    return float(record["scores"]["NN"]) * share
+    # Records of before did not count what was refused.
+    return float(record["scores"]["NN"]) * (1.0 if "coverage" in record else coverage_of(record))
 
 
 def worst(found: Robustness, nuisance: str) -> Sequence[int]:

@@ -93,7 +93,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
         columns = _columns(queries, names, measure)
         ends = intervals(columns, labels)
         scores = [row.cells[input_].scores or {} for row in rows]
-        contest = [k for k, row in enumerate(rows) if row.family != CONTROL]
+        contest = [k for k, row in enumerate(rows) if row.family != CONTROL and row.cells[input_].is_complete]
         best = max(contest, key=lambda k: (scores[k][measure], -k), default=None)
         probabilities = _against(columns, contest, best)
         for k, row in enumerate(rows):
@@ -103,11 +103,11 @@ def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
 
 
 def _against(columns: NDArray[np.float64], contest: Sequence[int], best: int | None) -> dict[int, float]:
-    """Adjusted probability of each other row of the contest against the best, over the queries that both have."""
+    """Adjusted probability of each other row of the contest against the best, over all queries."""
     others = [k for k in contest if k != best]
     if best is None or not others:
         return {}
-    differences = np.nan_to_num(columns[:, others] - columns[:, [best]])
+    differences = columns[:, others] - columns[:, [best]]
     return dict(zip(others, holm(permutation_test(differences).tolist()), strict=True))
 
 
@@ -120,9 +120,9 @@ def _union(queries: Sequence[Queries]) -> tuple[list[tuple[str, str]], tuple[str
 
 
 def _columns(queries: Sequence[Queries], names: Sequence[tuple[str, str]], measure: str) -> NDArray[np.float64]:
-    """One column a row of the table; NaN where it lacks the query."""
+    """One column a row of the table; a query without a result finds nothing."""
     place = {name: k for k, name in enumerate(names)}
-    columns = np.full((len(names), len(queries)), np.nan)
+    columns = np.zeros((len(names), len(queries)))
     for column, each in enumerate(queries):
         columns[[place[name] for name in each.names], column] = each.values[measure]
     return columns

@@ -106,7 +106,7 @@ def test_records_alone_make_a_report_that_says_what_brings_the_rest(kept, tmp_pa
     (queries,) = (tmp_path / "out" / "parts" / "data").glob("queries-*.js")
     _, value = received(queries.read_text())
     assert value["gps"]["nearest"] is None
-    assert value["gps"]["scores"][0] == [1.0] * 4
+    assert value["gps"]["scores"][0] == [1.0, 1.0, 1.0, 0.8]
 
 
 def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(kept, tmp_path):

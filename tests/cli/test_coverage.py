@@ -1,0 +1,75 @@
+"""A method that refuses shapes: they are failed queries, its row says so, and it is never the best."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.results import open_results
+from tests.toy import write_rods
+
+#: Returns the mesh as it is, but for shapes that are bent.
+REFUSING = """
+from benchmark.contracts import UnsupportedShape, canonical_form
+
+
+@canonical_form(name="refusing", title="Refusing", inputs=("mesh",))
+def refusing(shape):
+    low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
+    if (high - low)[2] > 0.8 * (high - low)[0]:
+        raise UnsupportedShape("too bent", "straighten it")
+    return shape.mesh.vertices
+"""
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("coverage")
+    write_rods(folder / "rods", bends=(0.0, 0.3, 2.4))
+    (folder / "refusing.py").write_text(REFUSING)
+    selection = [
+        "-d",
+        str(folder / "rods"),
+        "--plugin",
+        str(folder / "refusing.py"),
+        "--results",
+        str(folder / "results"),
+    ]
+    words = ["-m", "identity", "-m", "refusing", "--input", "mesh", "--executor", "serial"]
+    done = CliRunner().invoke(cli, ["run", *selection, *words])
+    assert done.exit_code == 0, done.output
+    return folder, selection
+
+
+def rows(ran):
+    _, selection = ran
+    told = CliRunner().invoke(cli, ["tables", *selection, "--format", "json"])
+    return {row["method"]: row for row in json.loads(told.output)}
+
+
+def test_a_refused_shape_is_a_failed_query(ran):
+    found = rows(ran)
+    refusing, identity = found["refusing"], found["identity"]
+    assert (refusing["unsupported"], refusing["n_shapes"]) == (2, 6)
+    assert refusing["coverage"] == pytest.approx(4 / 6)
+    assert identity["coverage"] == 1
+    assert refusing["chance"] == identity["chance"]
+    for measure in ("NN", "FT", "ST", "DCG"):
+        assert refusing[measure] <= 4 / 6 + 1e-6
+    assert refusing["NN_supported"] >= refusing["NN"]
+    assert "NN_supported" not in identity
+    queries = open_results(ran[0] / "results").queries(*[
+        key for key, row in open_results(ran[0] / "results").records().iterrows() if row["method"] == "refusing"
+    ])  # fmt: skip
+    assert len(queries) == 6
+    assert (queries["NN"] == 0).sum() >= 2
+
+
+def test_its_row_says_so_and_is_never_the_best(ran):
+    _, selection = ran
+    text = CliRunner().invoke(cli, ["tables", *selection, "--format", "markdown"]).output
+    line = next(line for line in text.splitlines() if line.startswith("| Refusing"))
+    assert "Refusing (mesh: coverage 0.67)" in line
+    assert "**" not in line
+    assert "Refusing, mesh: 2 unsupported" in text
