@@ -19,6 +19,7 @@ from benchmark.report.escaping import latex_text
 from benchmark.report.floats import table_float
 from benchmark.report.notes import notes
 from benchmark.storage.keys import digest
+from benchmark.storage.records import first_key
 from retrieval.measures import PRINTED
 
 _STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"{{\tiny$\,\pm${}}}", "$-$")
@@ -119,6 +120,7 @@ def _caption(table: TableContent) -> str:
 
 def _digest(table: TableContent) -> str:
     def part(cell: Cell) -> Mapping[str, Any]:
-        return {"key": cell.record.get("key"), "scores": cell.scores, "status": cell.status}
+        key = first_key(cell.record) if "key" in cell.record else None
+        return {"key": key, "scores": cell.scores, "status": cell.status}
 
     return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])

@@ -137,6 +137,12 @@ def portable(record: Mapping[str, Any]) -> Record:
     return {name: value for name, value in record.items() if name not in LOCAL}
 
 
+def first_key(record: Mapping[str, Any]) -> str:
+    """Return the key under which a record was made, whatever keys it has got since."""
+    notes = record.get("rekeyed") or [record]
+    return str(notes[0].get("key", record["key"]))
+
+
 def coverage_of(record: Mapping[str, Any]) -> float:
     """Return the share of the shapes that could be had of which a record has a result; 0 for one without scores."""
     if not record.get("scores"):

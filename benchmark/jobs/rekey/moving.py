@@ -300,6 +300,7 @@ def _move(candidate: Candidate, scope: Scope, trees: tuple[Tree, Tree]) -> Recor
     """Write a record under its new key, with its arrays where they are here; the old one goes when that is done."""
     old, new = dict(candidate.record), candidate.new
     note = {
+        "key": old["key"],
         "from": trees[OLD].name,
         "to": trees[NEW].name,
         "shapes": list(candidate.shapes),
