@@ -27,6 +27,8 @@ from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system.commits import ROOT
+from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
@@ -79,6 +81,8 @@ def run_plan(
             made = {"environment": environment_text(), "artefacts": 0}
             store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
+    if to_run:
+        drop_stale_kernels(ROOT)
     passed_over = (*_FINE, "unavailable") if as_far_as_possible else _FINE
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
     orders = [Order.of(job, scope) for job in to_run]

@@ -20,6 +20,7 @@ def unneeded(store: Store) -> Iterator[Path]:
     needed = {key for record in newest for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
     yield from store.scratch.glob("*/*.npz")
+    yield from (path for path in (store.root / "rekey").rglob("*") if path.is_file())
     yield from _leftovers(store)
 
 

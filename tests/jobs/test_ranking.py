@@ -1,13 +1,18 @@
 """Ranking a gallery: one matrix at a time, and a word on how far it is."""
 
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from benchmark.cli.main import cli
+from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
+from benchmark.jobs.stages import features
 from benchmark.jobs.stages.measures import over_splits, scores
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
@@ -49,6 +54,24 @@ def test_words_do_not_depend_on_how_many_descriptors_are_looked_at_together(monk
     for pool in (1, 70, 500):
         monkeypatch.setattr(codebook, "POOL", pool)
         np.testing.assert_array_equal(sample_codebook(parts, 100, seed=1), whole)
+
+
+def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(tmp_path, monkeypatch):
+    rods, results = write_rods(tmp_path / "rods", bends=(0.0, 1.2)), tmp_path / "results"
+    words = ["-d", str(rods), "-m", "identity", "--input", "mesh", "--results", str(results), "--executor", "serial"]
+    assert CliRunner().invoke(cli, ["run", *words]).exit_code == 0
+    (before,) = Store.open(results).records
+
+    real = recipes.measures_code()
+    monkeypatch.setattr(recipes, "measures_code", lambda: replace(real, code={**real.code, "retrieval.new": "1"}))
+    monkeypatch.setattr(features, "extract", lambda *_: pytest.fail("a form was rendered"))
+    assert "code of retrieval.new changed" in CliRunner().invoke(cli, ["plan", *words[:-2]]).output
+    done = CliRunner().invoke(cli, ["run", *words])
+    assert done.exit_code == 0, done.output
+    (after,) = [record for record in Store.open(results).records if record["key"] != before["key"]]
+    for part in ("scores", "per_query", "digests", "environments", "artefacts"):
+        assert after[part] == before[part], part
+    assert after["cost"]["seconds_per_shape"].keys() == before["cost"]["seconds_per_shape"].keys()
 
 
 @pytest.mark.slow

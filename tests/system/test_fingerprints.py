@@ -56,6 +56,13 @@ def test_an_edit_in_a_helper_invalidates(package):
     assert changes(package / "helper.py", "def twice(x):\n    return 3 * x\n", "toyparty.method")
 
 
+def test_a_function_that_is_left_out_may_change(package):
+    text = (package / "method.py").read_text()
+    edited = text.replace("trainer.fit(x)", "trainer.fit(x + 1)")
+    assert not changes(package / "method.py", edited, "toyparty.method", without=("train",))
+    assert changes(package / "method.py", text, "toyparty.method")
+
+
 def test_relative_imports_are_followed(package):
     assert set(fingerprints.code_of("toyparty.method")) == {
         "toyparty", "toyparty.method", "toyparty.helper", "toyparty.constants", "toyparty.trainer", "toyparty.pictures",

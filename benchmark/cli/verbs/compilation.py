@@ -50,9 +50,12 @@ def compile_parts(jobs: int) -> bool:
     bool
         Whether all went well; what went wrong has been said.
     """
+    from benchmark.system.commits import ROOT
+    from benchmark.system.kernels import drop_stale_kernels
     from benchmark.system.workers import Worker, ending
 
     start = time.monotonic()
+    drop_stale_kernels(ROOT)
     waiting, running, ok = list(PARTS), dict[str, Worker](), True
     say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -135,6 +136,8 @@ def rekey(commit: str, scope: Scope, say: Callable[[str], None], *, dry_run: boo
             for candidate in to_compare:
                 if not candidate.problem:
                     found.moved.append(_move(candidate, scope, trees))
+    if not dry_run:  # what was answered is of no more use; an interrupted run, and one after a dry one, go on with it
+        shutil.rmtree(folder, ignore_errors=True)
     return found
 
 
