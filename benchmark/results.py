@@ -29,7 +29,7 @@ from benchmark.methods.scorers import scorers
 from benchmark.report.kept import Kept
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
-from benchmark.storage.records import chance_of, coverage_of, place, scorer_name
+from benchmark.storage.records import answered_shapes, chance_of, coverage_of, place, scorer_name
 from benchmark.storage.store import StorageError, Store
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class ResultsFolder:
         Returns
         -------
         pandas.DataFrame
-            Shape (N, N), symmetric with zero diagonal; rows and columns are named by the shapes.
+            Shape (n, n), symmetric with zero diagonal, of the shapes with a result, which name rows and columns.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class ResultsFolder:
         """
         from pandas import DataFrame
 
-        shapes = self._scored(key)["shapes"]
+        shapes = answered_shapes(self._scored(key))
         return DataFrame(self.distance_matrices(key).mean(axis=0), index=shapes, columns=shapes)
 
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
@@ -138,7 +138,7 @@ class ResultsFolder:
         return np.stack(found).astype(np.float64)
 
     def forms(self, key: str) -> dict[str, Mesh]:
-        """Canonical forms by shape, in the order of the distance matrix.
+        """Canonical forms of the shapes with a result, in the order of the distance matrix.
 
         Raises
         ------
@@ -154,10 +154,10 @@ class ResultsFolder:
         entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
         found = {
             name: form
-            for name in record["shapes"]
+            for name in answered_shapes(record)
             if name in entries and (form := treatment.found_form(entries[name])) is not None
         }
-        if len(found) < len(record["shapes"]):
+        if len(found) < len(answered_shapes(record)):
             raise self._not_kept(record, "forms")
         return found
 
@@ -171,10 +171,12 @@ class ResultsFolder:
             raise ConfigurationError(f"{record['method']} describes no shapes", "ask for its forms")
         entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
         found = {
-            name: self._store.find(treatment.recipe(entries[name])) for name in record["shapes"] if name in entries
+            name: self._store.find(treatment.recipe(entries[name]))
+            for name in answered_shapes(record)
+            if name in entries
         }
         vectors = {name: treated(each)["descriptor"] for name, each in found.items() if each is not None}
-        if len(vectors) < len(record["shapes"]):
+        if len(vectors) < len(answered_shapes(record)):
             raise self._not_kept(record, "descriptors")
         return DataFrame.from_dict(vectors, orient="index").rename_axis("shape")
 

@@ -25,7 +25,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 from benchmark.storage.arrays import load_arrays
-from benchmark.storage.records import Record
+from benchmark.storage.records import Record, answered_shapes
 from benchmark.storage.store import Store
 from benchmark.system.plugins import is_imported
 
@@ -53,7 +53,7 @@ class Kept:
 
     def distances(self, record: Record) -> Iterator[NDArray[Any]]:
         """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
-        count = len(record["shapes"])
+        count = len(answered_shapes(record))
         for name in record.get("artefacts", ()):
             path = self.store.artefacts / name[:2] / f"{name}.npz"
             try:

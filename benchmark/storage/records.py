@@ -137,6 +137,18 @@ def portable(record: Mapping[str, Any]) -> Record:
     return {name: value for name, value in record.items() if name not in LOCAL}
 
 
+def answered_shapes(record: Mapping[str, Any]) -> list[str]:
+    """Return the shapes of a record that have a result, in the order of its distances."""
+    refused = {name for name, _ in record["unsupported"]}
+    return [name for name in record["shapes"] if name not in refused]
+
+
+def answered_labels(record: Mapping[str, Any]) -> list[str]:
+    """Return the classes of :func:`answered_shapes`."""
+    labels = dict(zip(record["shapes"], record["labels"], strict=True))
+    return [labels[name] for name in answered_shapes(record)]
+
+
 def first_key(record: Mapping[str, Any]) -> str:
     """Return the key under which a record was made, whatever keys it has got since."""
     notes = record.get("rekeyed") or [record]

@@ -26,7 +26,7 @@ from benchmark.report.statistics.rankings import (
     mean_distances,
     ranking,
 )
-from benchmark.storage.records import Record
+from benchmark.storage.records import Record, answered_labels, answered_shapes
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions, by the name that the page has for them.
@@ -211,7 +211,7 @@ def _by_class(cell: Cell, classes: Sequence[str]) -> dict[str, list[float | None
 def _ranked(record: Record, input_: Input, method: str, kept: Kept) -> Ranked:
     matrix = mean_distances(kept.distances(record))
     try:
-        found = None if matrix is None else ranking(matrix, record["labels"])
+        found = None if matrix is None else ranking(matrix, answered_labels(record))
     except BenchmarkError:
         found = None  # damaged: a number that is none, say
     return Ranked(input_, method, record, found)
@@ -229,10 +229,10 @@ def _of_rankings(ranked: Sequence[Ranked], kept: Kept, found: Measured, poses: d
     for each in known:
         if each.ranking is None:
             continue
-        nearest, subjects = each.ranking.nearest, each.record["labels"]
+        nearest, subjects = each.ranking.nearest, answered_labels(each.record)
         _add(told[SUBJECTS], confusion(nearest, subjects))
         pose_of = poses_of(each.record, kept)
-        shown = [pose_of.get(shape, "") for shape in each.record["shapes"]]
+        shown = [pose_of.get(shape, "") for shape in answered_shapes(each.record)]
         share, expected = attraction(nearest, subjects, shown), expected_attraction(subjects, shown)
         if all(shown) and share is not None and expected is not None:
             _add(told[POSES], confusion(nearest, shown))

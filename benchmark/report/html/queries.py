@@ -11,6 +11,7 @@ from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
 from benchmark.report.html.scripts import data_script
 from benchmark.report.kept import Kept
+from benchmark.storage.records import answered_shapes
 from retrieval.measures import PRINTED
 
 #: Queries in one script.
@@ -91,13 +92,15 @@ def _part(ranked: Sequence[Ranked], names: Sequence[str], queries: Sequence[str]
     for each in ranked:
         record = each.record
         own = {name: k for k, name in enumerate(record["shapes"])}
-        to_gallery = [place[name] for name in record["shapes"]]
+        answered = answered_shapes(record)
+        ranked_at = {name: k for k, name in enumerate(answered)}
+        to_gallery = [place[name] for name in answered]
         nearest: list[list[int] | None] = []
         scores: list[list[float | None] | None] = []
         for query in queries:
-            k = own.get(query)
-            is_ranked = k is not None and each.ranking is not None
-            nearest.append([to_gallery[match] for match in each.ranking.nearest[k]] if is_ranked else None)  # type: ignore[union-attr]
+            k, at = own.get(query), ranked_at.get(query)
+            matches = None if each.ranking is None or at is None else each.ranking.nearest[at]
+            nearest.append(None if matches is None else [to_gallery[match] for match in matches])
             scores.append(None if k is None else [_short(record["per_query"][name][k]) for name in PRINTED])
         found[each.method] = {"nearest": nearest if each.ranking is not None else None, "scores": scores}
     return found
