@@ -98,6 +98,8 @@ ALIENS = {
     "labels of fewer shapes": {**GOOD, "labels": ["cat"]},
     "a score of yes": {**GOOD, "scores": {**GOOD["scores"], "NN": True}},
     "a huge score": {**GOOD, "scores": {**GOOD["scores"], "NN": 10**400}},
+    "a score that is not the mean of its queries": {**GOOD, "scores": {**GOOD["scores"], "NN": 0.99}},
+    "another level of chance": {**GOOD, "chance": {**GOOD["chance"], "NN": 0.1}},
     "a query beyond 1": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, 1.001, 0.5]}},
     "a query below 0": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, -0.001, 0.5]}},
     "a query in words": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, "x", 0.5]}},
