@@ -112,9 +112,9 @@ def evaluate(
     ConfigurationError
         If the matrix is not square, finite and symmetric, does not fit the labels, or ``ties`` is unknown.
     """
+    matrix, classes, has_result = with_missing(distances, labels, answered)
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
-    matrix, classes, has_result = with_missing(distances, labels, answered)
     rows = [_score_query(matrix[query], classes, query, ties) for query in range(len(classes))]
     rows = [row if has else _failed(row) for row, has in zip(rows, has_result, strict=True)]
     values = np.array([row[:-1] for row in rows]).reshape(-1, len(fields(PerQuery)))
@@ -154,15 +154,13 @@ def with_missing(
     Raises
     ------
     ConfigurationError
-        As of :func:`check_distances`, or if the places are none of the gallery.
+        As of :func:`check_distances`.
     """
     names = np.asarray(labels)
     if answered is None:
         matrix, classes = check_distances(distances, names)
         return matrix, classes, np.ones(len(classes), dtype=np.bool_)
     places = np.asarray(answered, dtype=np.intp)
-    if len(np.unique(places)) < len(places) or not ((places >= 0) & (places < len(names))).all():
-        raise ConfigurationError("the places of the shapes with a result are none of the gallery", "name each once")
     known, _ = check_distances(distances, names[places])
     has_result = np.zeros(len(names), dtype=np.bool_)
     has_result[places] = True
@@ -173,7 +171,7 @@ def with_missing(
 
 def _failed(row: tuple[float, ...]) -> tuple[float, ...]:
     """Measures of a query without a result: none, but where it has no relevant model anyway."""
-    return (*(value if np.isnan(value) else 0.0 for value in row[:-1]), False)
+    return (*np.where(np.isnan(row[:-1]), np.nan, 0.0).tolist(), False)
 
 
 def discounts(count: int) -> FloatArray:

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmark.errors import ConfigurationError
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 from retrieval.splits import scores_of_splits
@@ -85,8 +84,3 @@ def test_splits_count_missing_shapes_alike():
         alone = evaluate(distances[np.ix_(kept, kept)], [labels[k] for k in inside], answered=places)
         for name in ("NN", "FT", "ST", "DCG"):
             assert found[name][number] == pytest.approx(getattr(alone, name.lower())), (split, name)
-
-
-def test_places_outside_of_the_gallery_are_refused():
-    with pytest.raises(ConfigurationError, match="none of the gallery"):
-        evaluate(np.zeros((2, 2)), ["a", "a", "b"], answered=[0, 3])
