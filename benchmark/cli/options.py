@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,6 +113,26 @@ plugin_option = click.option(
 )
 
 
+datasets_option = click.option(
+    "-d",
+    "--dataset",
+    "datasets",
+    multiple=True,
+    type=NameOrFolder(),
+    metavar="DATASET|FOLDER",
+    shell_complete=completion.datasets,
+    help="Set, folder, or humans[subjects=N,poses=M].",
+)
+
+inputs_option = click.option(
+    "--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."
+)
+
+published_option = click.option(
+    "--published", is_flag=True, help="From the records that travel with the suite alone, whatever has run here."
+)
+
+
 scorer_option = click.option(
     "--scorer",
     metavar="SCORER",
@@ -154,6 +174,7 @@ class Selection:
     scorer: str = "cm-bof"
     retry: frozenset[str] = frozenset()
     everything: bool = False
+    published: bool = False
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
@@ -164,6 +185,25 @@ class Selection:
     def is_narrow(self) -> bool:
         """Whether methods are named, so that a table has no rows for others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
+
+    def store(self, output: Path | None = None) -> Store:
+        """Open the results folder to read from it.
+
+        Parameters
+        ----------
+        output
+            Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables,
+            they are made from published records alone, where there are any.
+        """
+        from benchmark.storage.store import Store
+
+        store = Store.open(self.results)
+        is_published = self.published or (
+            output is not None
+            and output.resolve() == (self.results / "tables").resolve()
+            and any(store.published.folder.glob("*.json"))
+        )
+        return replace(store, published_only=is_published)
 
     def _methods(self, store: Store) -> tuple[str, ...]:
         """Names of methods, with those of all finished jobs where these are asked for."""
@@ -233,7 +273,6 @@ class Selection:
         known = methods(self.plugins)
         finished = FINISHED in self.methods
         names = {spec.name for spec in select(self.methods, known)} if self.is_narrow and not finished else set()
-        sets = {*self.datasets, *map(os.path.realpath, self.datasets)}
 
         def is_chosen(result: Result) -> bool:
             record = result.record
@@ -243,7 +282,7 @@ class Selection:
                 and (not names or record["method"] in names)
                 and (not finished or record["status"] == "ok")
                 and (not self.inputs or record["input"] in self.inputs)
-                and (not sets or bool(sets & _names(data)))
+                and is_of(data, self.datasets)
             )
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
@@ -258,6 +297,11 @@ class Selection:
                 f"no finished job under {self.results} fits the selection", "run it first, or select less"
             )
         return chosen
+
+
+def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
+    """Whether the data of a record is one of these sets, by name or by path; all are where none is named."""
+    return not datasets or bool({*datasets, *map(os.path.realpath, datasets)} & _names(data))
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
@@ -343,18 +387,9 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="METHOD",
             help="See 'list methods'; or all, or finished.",
         ),
-        click.option(
-            "-d",
-            "--dataset",
-            "datasets",
-            multiple=True,
-            type=NameOrFolder(),
-            metavar="DATASET|FOLDER",
-            shell_complete=completion.datasets,
-            help="Set, folder, or humans[subjects=N,poses=M].",
-        ),
+        datasets_option,
         scorer_option,
-        click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
+        inputs_option,
         plugin_option,
         results_option,
         data_root_option,

@@ -25,9 +25,8 @@ def write_pages(selection: Selection, output: Path) -> None:
     from benchmark.report.html.folder import Folder
     from benchmark.report.html.site import write_report
     from benchmark.report.kept import Kept
-    from benchmark.storage.store import Store
 
-    store = Store.open(selection.results)
+    store = selection.store()
     tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
     if not tables:
         raise no_table(selection)
@@ -73,9 +72,8 @@ def write_figure(
 def _cost_figure(selection: Selection) -> Figure:
     from benchmark.report.content import contents
     from benchmark.report.pictures.cost import cost_figure
-    from benchmark.storage.store import Store
 
-    store = Store.open(selection.results)
+    store = selection.store()
     tables = contents(selection.recorded(store), selection.tables)
     if not tables:
         raise no_table(selection)

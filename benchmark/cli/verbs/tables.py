@@ -8,7 +8,15 @@ from typing import Any
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, PathOption, Selection, selection_options, timeout_option
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    PathOption,
+    Selection,
+    published_option,
+    selection_options,
+    timeout_option,
+)
 from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
@@ -27,6 +35,7 @@ FORMATS = ("latex", "markdown", "csv", "json")
     help="Write files instead of printing.",
 )
 @click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@published_option
 @click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
 def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bool, **options: Any) -> None:
     """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
@@ -34,12 +43,13 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     from benchmark.report.files import render, stale, write
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import rendered
-    from benchmark.storage.store import Store
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     selection = Selection.of(options)
-    store = Store.open(selection.results)
+    store = selection.store(output)
+    if store.published_only and not selection.published:
+        say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
@@ -80,6 +90,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     show_default=True,
     metavar="DIR",
 )
+@published_option
 @click.option(
     "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
 )
