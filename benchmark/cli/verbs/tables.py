@@ -48,7 +48,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     selection = Selection.of(options)
     store = selection.store(output)
-    if store.published_only and not selection.published:
+    if store.published_only and not selection.published and any((store.root / "records").glob("*.json")):
         say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
