@@ -128,6 +128,8 @@ inputs_option = click.option(
     "--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."
 )
 
+force_option = click.option("--force", is_flag=True, help="Replace files of -o DIR that this verb has not written.")
+
 published_option = click.option(
     "--published", is_flag=True, help="From the records that travel with the suite alone, whatever has run here."
 )

@@ -13,6 +13,7 @@ from benchmark.cli.options import (
     OK,
     PathOption,
     Selection,
+    force_option,
     published_option,
     selection_options,
     timeout_option,
@@ -35,9 +36,12 @@ FORMATS = ("latex", "markdown", "csv", "json")
     help="Write files instead of printing.",
 )
 @click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@force_option
 @published_option
 @click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
-def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bool, **options: Any) -> None:
+def tables(
+    formats: tuple[str, ...], output: Path | None, force: bool, check: bool, fresh: bool, **options: Any
+) -> None:
     """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
@@ -68,7 +72,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
         return
     files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
     if not check:
-        write(files, output)
+        write(files, output, force=force)
         if disturbed and "markdown" in (formats or FORMATS):
             from benchmark.report.pictures.curves import draw_curves
 
@@ -90,6 +94,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     show_default=True,
     metavar="DIR",
 )
+@force_option
 @published_option
 @click.option(
     "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
@@ -107,6 +112,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
 @timeout_option("the forms of a method that a figure lacks")
 def report(
     output: Path,
+    force: bool,
     figure: Path | None,
     what: str,
     subjects: tuple[str, ...],
@@ -125,4 +131,4 @@ def report(
     if figure is not None:
         write_figure(selection, figure, what, subjects, shapes, timeout)
     else:
-        write_pages(selection, output)
+        write_pages(selection, output, force=force)
