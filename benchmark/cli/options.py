@@ -188,6 +188,11 @@ class Selection:
         """Whether methods are named, so that a table has no rows for others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
 
+    @property
+    def is_by_name(self) -> bool:
+        """Whether each method is asked for by its name."""
+        return self.is_narrow and FINISHED not in self.methods
+
     def store(self, output: Path | None = None) -> Store:
         """Open the results folder to read from it.
 
@@ -295,8 +300,11 @@ class Selection:
                 raise did_you_mean("table", name, tables)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
+            less = (
+                "select less; of shapes of which --quick leaves out none, drop --quick" if self.quick else "select less"
+            )
             raise ConfigurationError(
-                f"no finished job under {self.results} fits the selection", "run it first, or select less"
+                f"no finished job under {self.results} fits the selection", f"run it first, or {less}"
             )
         return chosen
 

@@ -27,7 +27,8 @@ def write_pages(selection: Selection, output: Path, *, force: bool = False) -> N
     from benchmark.report.kept import Kept
 
     store = selection.store()
-    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow)
+    named = selection.is_by_name
+    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow, named=named)
     if not tables:
         raise no_table(selection)
     kept = Kept(store, methods(selection.plugins), selection.data_root)

@@ -27,7 +27,7 @@ def markdown(table: TableContent) -> str:
     body.append(["*Chance*", *(number(table.chance[metric]) for _ in groups for metric in PRINTED)])
     widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    lines = [f"**{markdown_text(f'{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).')}**", ""]
+    lines = [f"**{markdown_text(f'{_title(table)}. {table.caption}: {table.data_title} ({table.size}).')}**", ""]
     for line in [header, rule, *body]:
         first, *rest = line
         aligned = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))

@@ -112,7 +112,7 @@ def _citation(row: Row) -> str:
 def _caption(table: TableContent) -> str:
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
     return (
-        f"{table.table.caption}: {table.data_title} ({table.size}). "
+        f"{table.caption}: {table.data_title} ({table.size}). "
         f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
     )
 

@@ -55,7 +55,7 @@ def tables(
     if store.published_only and not selection.published and any((store.root / "records").glob("*.json")):
         say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
-    content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
+    content = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
     if not content and not disturbed:
         raise no_table(selection)

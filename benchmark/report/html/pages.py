@@ -61,7 +61,7 @@ class TablePages:
         """Name of the table."""
         identifier = self.table.identifier
         own = identifier == str(self.table.data["name"])
-        return self.table.table.caption if own else f"Table {identifier}. {self.table.table.caption}"
+        return self.table.caption if own else f"Table {identifier}. {self.table.caption}"
 
 
 @dataclass(frozen=True)
