@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -160,6 +160,39 @@ def name_unusable() -> None:
         say(line, err=True)
 
 
+@contextmanager
+def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
+    """Refuse, of the unknown names that the body refuses, one that means something else with the command for that.
+
+    Parameters
+    ----------
+    name
+        The name.
+    wanted
+        What it should stand for: ``"method"`` or ``"data set"``.
+    """
+    try:
+        yield
+    except ConfigurationError as error:
+        from benchmark.datasets.catalogue import is_known
+        from benchmark.methods.registry import BUILT_IN
+        from benchmark.methods.scorers import scorers
+        from benchmark.protocols.tables import TABLES
+
+        base = name.partition("[")[0]
+        kinds = {
+            "method": (base in BUILT_IN, f"describe {name}"),
+            "data set": (is_known(name) or Path(name).is_dir(), f"data check {name}"),
+            "scorer": (base in scorers(), "list scorers"),
+            "table": (name in {table.identifier for table in TABLES}, "list tables"),
+            "file": (Path(name).is_file(), f"check {name}"),
+        }
+        for kind, (is_it, command) in kinds.items():
+            if is_it and kind != wanted:
+                raise ConfigurationError(f"'{name}' is a {kind}, no {wanted}", f"'{command}' tells of it") from error
+        raise
+
+
 @dataclass(frozen=True)
 class Selection:
     """What the options of ``run``, ``plan``, ``tables`` and others select."""
@@ -274,6 +307,7 @@ class Selection:
         ConfigurationError
             If there is none, or a method or a table is unknown.
         """
+        from benchmark.datasets.catalogue import is_known, is_path
         from benchmark.methods.registry import methods, select
         from benchmark.protocols.tables import TABLES
 
@@ -294,6 +328,10 @@ class Selection:
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         name_skipped(store)
+        sets = set().union(*(_names(result.record["data"]) for result in found))
+        for name in self.datasets:
+            if found and not {name, os.path.realpath(name)} & sets and not (is_known(name) or is_path(name)):
+                raise did_you_mean("data set", name, {result.record["data"]["name"] for result in found})
         tables = {table.identifier for table in TABLES} | {result.record["data"]["name"] for result in found}
         for name in self.tables:
             if name not in tables:

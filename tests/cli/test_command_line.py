@@ -266,7 +266,7 @@ def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
             "data root /nowhere is not a readable folder; correct --data-root",
         ),
         (("run",), "nothing is selected; pass --all"),
-        (("run", "--all", "--plugin", "none.py"), "none.py is not a Python file"),
+        (("run", "--all", "--plugin", "none.py"), "none.py is not there"),
         (("run", "--all", "--timeout", "soon"), "'soon' is not a duration"),
         (("tables", "--check"), "--check has nothing to compare with"),
         (("canonicalise", "-m", "gps", "missing.off"), "missing.off"),

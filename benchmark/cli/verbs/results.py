@@ -26,7 +26,7 @@ from benchmark.cli.options import (
     selection_options,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say, say_lines
+from benchmark.system.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
@@ -168,8 +168,12 @@ def prune(dry_run: bool, results: Path) -> None:
 @click.command()
 @click.argument("target", metavar="METHOD|KEY", shell_complete=completion.methods)
 @selection_options
-def why(target: str, **options: Any) -> None:
-    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed."""
+@click.option("--all", "everything", is_flag=True, help="All that is known of each job, however many there are.")
+def why(target: str, everything: bool, **options: Any) -> None:
+    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed.
+
+    Several jobs have a line each, unless --all is given.
+    """
     from benchmark.storage.store import Store
 
     selection = Selection.of(options)
@@ -181,8 +185,17 @@ def why(target: str, **options: Any) -> None:
         if found:
             _explain_record(found[0])
             return
-    for job in Selection.of(options | {"methods": (target,)}).jobs(store):
-        _explain_job(job, store.records.read(job.key) or store.published.read(job.key))
+    jobs = Selection.of(options | {"methods": (target,)}).jobs(store)
+    made = [store.records.read(job.key) or store.published.read(job.key) for job in jobs]
+    if everything or len(jobs) == 1:
+        for job, record in zip(jobs, made, strict=True):
+            _explain_job(job, record)
+        return
+    width = max(len(clean(job.name)) for job in jobs)
+    for job, record in zip(jobs, made, strict=True):
+        scores = _scores(record) if record is not None else ""
+        say(f"{job.key[:12] or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
+    say(f"{len(jobs)} jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all of each")
 
 
 def _explain_job(job: Job, record: Record | None) -> None:

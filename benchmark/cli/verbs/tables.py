@@ -22,6 +22,9 @@ from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
 
+#: Tables that are printed whole where methods are named; of more, each row has a line.
+_FEW = 2
+
 FORMATS = ("latex", "markdown", "csv", "json")
 
 
@@ -36,15 +39,23 @@ FORMATS = ("latex", "markdown", "csv", "json")
     help="Write files instead of printing.",
 )
 @click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@click.option("--all", "everything", is_flag=True, help="Whole tables, however many -m asks for.")
 @force_option
 @published_option
 @click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
 def tables(
-    formats: tuple[str, ...], output: Path | None, force: bool, check: bool, fresh: bool, **options: Any
+    formats: tuple[str, ...],
+    output: Path | None,
+    check: bool,
+    everything: bool,
+    force: bool,
+    fresh: bool,
+    **options: Any,
 ) -> None:
     """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
+    from benchmark.report.formats import overview
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import rendered
 
@@ -59,7 +70,12 @@ def tables(
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
     if not content and not disturbed:
         raise no_table(selection)
-    if output is None and not formats and sys.stdout.isatty():
+    is_screen = output is None and not formats
+    if is_screen and selection.is_narrow and len(content) > _FEW and not everything:
+        say_lines(overview(content))
+        say(f"{len(content)} tables: -t and -d choose, --all prints them whole, with notes, intervals and tests")
+        return
+    if is_screen and sys.stdout.isatty():
         from benchmark.cli.terminal import draw
 
         draw(content)
