@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
-from benchmark.report.latex import latex_files
+from benchmark.report.latex import Notes, latex_files
 from benchmark.report.statistics.document import has_intervals, intervals_markdown
 from benchmark.report.statistics.splits import has_splits, splits_markdown
 from benchmark.report.verdict.document import has_verdict, verdict_markdown
@@ -24,15 +24,15 @@ _BIBLIOGRAPHY = (
 )
 
 
-def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
+def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table") -> dict[str, str]:
     """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
 
-    With LaTeX come the BibTeX entries of the methods, the scorer and the data.
+    With LaTeX come the BibTeX entries of the methods, the scorer and the data; ``where`` says where its notes stand.
     """
     files: dict[str, str] = {}
     for name in formats:
         if name == "latex":
-            files |= latex_files(tables)
+            files |= latex_files(tables, where)
             entries = resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
             files["references.bib"] = _BIBLIOGRAPHY + entries
         elif name == "markdown":

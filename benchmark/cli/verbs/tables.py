@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +21,9 @@ from benchmark.cli.options import (
 from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
+
+if TYPE_CHECKING:
+    from benchmark.report.latex import Notes
 
 #: Tables that are printed whole where methods are named; of more, each row has a line.
 _FEW = 2
@@ -39,6 +42,13 @@ FORMATS = ("latex", "markdown", "csv", "json")
     help="Write files instead of printing.",
 )
 @click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@click.option(
+    "--notes",
+    type=click.Choice(["table", "appendix", "none"]),
+    default="table",
+    show_default=True,
+    help="Of LaTeX: notes under each table, in files notes-TABLE.tex, or nowhere.",
+)
 @click.option("--all", "everything", is_flag=True, help="Whole tables, however many -m asks for.")
 @force_option
 @published_option
@@ -47,6 +57,7 @@ def tables(
     formats: tuple[str, ...],
     output: Path | None,
     check: bool,
+    notes: Notes,
     everything: bool,
     force: bool,
     fresh: bool,
@@ -83,10 +94,10 @@ def tables(
             say_lines(text)
         return
     if output is None:
-        for text in (render(content, chosen := formats or ("markdown",)) | rendered(disturbed, chosen)).values():
+        for text in (render(content, chosen := formats or ("markdown",), notes) | rendered(disturbed, chosen)).values():
             say_lines(text)
         return
-    files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
+    files = render(content, formats or FORMATS, notes) | rendered(disturbed, formats or FORMATS)
     if not check:
         write(files, output, force=force)
         if disturbed and "markdown" in (formats or FORMATS):
