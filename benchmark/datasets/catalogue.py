@@ -213,7 +213,7 @@ def _meant(name: str, own: Mapping[str, str]) -> str:
     if found := parsed(name):
         return disturbed_name(_meant(found[0], own), *found[1:])
     if name not in own and not is_known(name) and not is_path(name):
-        folders = [path.name for path in Path().iterdir() if path.is_dir() and not path.name.startswith(".")]
+        folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
         near = difflib.get_close_matches(name, folders, 1)
         raise unknown("data set", name, [*CATALOGUE, *own, *near])
     return own.get(name, name)
