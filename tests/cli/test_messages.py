@@ -89,3 +89,21 @@ def test_what_fits_a_screen_is_told_whole(told):
     assert chosen in told("compare classic-mds gps -d tosca --input mesh --all")
     assert "- Mean" not in told("tables -m gps -t III")
     assert "| GPS " in told("tables -m gps -t III")
+
+
+@pytest.mark.parametrize(
+    ("verb", "name", "refused"),
+    [
+        ("tables", "references.bib", "references.bib was not written by 'tables'; choose another folder with -o"),
+        ("report", "index.html", "index.html is not of a report; choose another folder with -o"),
+    ],
+)
+def test_a_strangers_file_stays_unless_it_is_forced_away(told, place, verb, name, refused):
+    (place / verb).mkdir()
+    (place / verb / name).write_text("mine")
+    line = f"{verb} -t III -d tosca -m gps --input mesh -o {verb}"
+    assert refused in told(line)
+    assert [(path.name, path.read_text()) for path in (place / verb).iterdir()] == [(name, "mine")]
+    assert "wrote " in told(f"{line} --force")
+    assert (place / verb / name).read_text() != "mine"
+    assert "wrote " in told(line)
