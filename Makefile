@@ -78,16 +78,16 @@ speed: setup
 
 # From the records in results/; needs neither data nor models.
 tables: setup
-	$(BIN)/python -m benchmark tables -o results/tables
+	$(BIN)/python -m benchmark tables --published -o results/tables
 
 # Whether the committed tables are those that the records make.
 check-tables: setup
-	$(BIN)/python -m benchmark tables --check -o results/tables
+	$(BIN)/python -m benchmark tables --published --check -o results/tables
 
 # Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
 publish: setup
 	$(BIN)/python -m benchmark merge --published results
-	$(BIN)/python -m benchmark tables -o results/tables
+	$(BIN)/python -m benchmark tables --published -o results/tables
 
 # The report, and the figures of README and docs; those of TOSCA need CANONICAL_FORMS_DATA.
 figures: setup
@@ -98,7 +98,7 @@ figures: setup
 	    -m "deformation-field[reach=0]" --input mesh --figure results/figures/field-humans.png $(BENT)
 	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
 	    --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
-	$(BIN)/python -m benchmark report -t III --of cost --figure results/figures/cost-table-III.pdf
+	$(BIN)/python -m benchmark report --published -t III --of cost --figure results/figures/cost-table-III.pdf
 
 # Leaves the records of finished jobs.
 clean:

@@ -76,8 +76,13 @@ def one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
+#: Names that an error tells where a verb lists them all, and that verb by what the name stands for.
+_FEW = 6
+_LISTED_BY = {"method": "list methods", "scorer": "list scorers", "data set": "list datasets", "table": "list tables"}
+
+
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Build the error for an unknown name, with the nearest known ones.
+    """Build the error for an unknown name, with the nearest known ones, or some of them and the verb that lists all.
 
     Parameters
     ----------
@@ -92,5 +97,11 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
 
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    mend = f"did you mean {' or '.join(near)}?" if near else f"choose one of {', '.join(names)}"
+    verb = _LISTED_BY.get(kind)
+    if near:
+        mend = f"did you mean {' or '.join(near)}?"
+    elif verb and len(names) > _FEW:
+        mend = f"choose one of {', '.join(names[:_FEW])} ...: '{verb}' names all {len(names)}"
+    else:
+        mend = f"choose one of {', '.join(names)}"
     return ConfigurationError(f"unknown {kind} '{name}'", mend)

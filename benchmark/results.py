@@ -53,11 +53,14 @@ class ResultsFolder:
         Folder of the official data sets; forms of their shapes cannot be told apart without it.
     plugins
         Plugin files of the methods and data sets that are wanted.
+    published
+        Whether the jobs done here, and the models trained here, are passed over.
     """
 
     folder: Path
     data_root: Path | None = None
     plugins: tuple[Path, ...] = ()
+    published: bool = False
 
     def records(self) -> DataFrame:
         """One row for each record, by key.
@@ -184,7 +187,7 @@ class ResultsFolder:
 
     @cached_property
     def _store(self) -> Store:
-        return Store(self.folder / "runs")
+        return Store(self.folder / "runs", published_only=self.published)
 
     @cached_property
     def _kept(self) -> Kept:
@@ -213,7 +216,11 @@ class ResultsFolder:
 
 
 def open_results(
-    folder: str | Path = "results", *, data_root: str | Path | None = None, plugins: Sequence[str | Path] = ()
+    folder: str | Path = "results",
+    *,
+    data_root: str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+    published: bool = False,
 ) -> ResultsFolder:
     """Open a results folder; see :class:`ResultsFolder`.
 
@@ -228,7 +235,7 @@ def open_results(
     if not path.is_dir():
         raise StorageError(f"{path} is no folder", "name a results folder")
     inspect(files)
-    return ResultsFolder(path, Path(data_root) if data_root is not None else None, files)
+    return ResultsFolder(path, Path(data_root) if data_root is not None else None, files, published)
 
 
 def _row(result: Result) -> dict[str, Any]:

@@ -1,5 +1,11 @@
 """Results as data frames and arrays, through the public module."""
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -7,10 +13,14 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.results import open_results
+from benchmark.storage.records import as_text
 from benchmark.storage.store import StorageError
+from benchmark.system.files import write_text
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 from tests.toy import write_rods
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +125,46 @@ def test_what_is_not_there_is_named(results, folder, tmp_path):
             ask(key)
 
 
+@pytest.mark.slow
+def test_a_script_with_a_plugin_needs_no_guard(folder, tmp_path):
+    """Plugin files are looked at in a process of their own, which must not run the script again."""
+    (tmp_path / "script.py").write_text(
+        "from benchmark.results import open_results\n"
+        f"results = open_results({os.fspath(folder)!r}, plugins=[{os.fspath(folder / 'fails.py')!r}])\n"
+        "print(len(results.records()))\n"
+    )
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False)
+    assert (done.stdout, done.stderr) == ("4\n", "")
+
+
+def test_jobs_done_here_are_passed_over_where_published_ones_are_wanted(tmp_path):
+    (tmp_path / "records").symlink_to(ROOT / "results" / "records")
+    published = open_results(tmp_path).records()
+    key = published.query("gallery == 'tosca' and method == 'surface-area' and input == 'mesh'").index[0]
+    record = json.loads((tmp_path / "records" / f"{key}.json").read_text())
+    (tmp_path / "runs" / "records").mkdir(parents=True)
+    write_text(tmp_path / "runs" / "records" / f"{key}.json", as_text(record | {"finished": "2099", "peak_mib": 7.0}))
+    assert open_results(tmp_path).records().loc[key, "finished"] == "2099"
+    assert open_results(tmp_path, published=True).records().equals(published)
+
+    def tables(*more):
+        done = CliRunner().invoke(cli, ["tables", "-t", "III", "-d", "tosca", "--results", str(tmp_path), *more])
+        assert done.exit_code == 0, done.output
+        return done.output
+
+    asked = ("-m", "surface-area", "--format", "json")
+    assert '"peak_mib": 7.0' in tables(*asked)
+    assert '"peak_mib": 7.0' not in tables(*asked, "--published")
+    tables("-o", str(tmp_path / "tables"))
+    assert '"peak_mib": 7.0' not in (tmp_path / "tables" / "tables.json").read_text()
+    tables("-o", str(tmp_path / "tables"), "--check")
+    tables("-o", str(tmp_path / "mine"))
+    assert '"peak_mib": 7.0' in (tmp_path / "mine" / "tables.json").read_text()
+
+
 def test_what_came_with_the_suite_can_be_read_in_any_clone():
-    results = open_results("results")
+    results = open_results(ROOT / "results", published=True)
     records = results.records()
     tosca = records.query("gallery == 'tosca' and input == 'mesh' and status == 'ok'")
     assert {"classic-mds", "gps", "identity"} <= set(tosca["method"])

@@ -1,7 +1,10 @@
-"""Small shapes for tests: rods of two builds, bent by several angles."""
+"""Small shapes for tests, rods of two builds bent by several angles, and a disk that is full."""
 
 from __future__ import annotations
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -56,3 +59,14 @@ def write_rods(folder: Path, bends: tuple[float, ...] = (0.0, 1.2, 2.4)) -> Path
         for number, bend in enumerate(bends):
             write_off(folder / f"{name}{number}.off", rod(radius, bend))
     return folder
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """Make writing fail as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,23 +60,51 @@ def canonicalise_file(
     ------
     ConfigurationError
         If the method is unknown or has no canonical form, if vertices are asked for and its forms have their own, or if
-        no mesh can be written under the name of the target.
+        the target is the source, has the name of no mesh, or cannot be written.
     ShapeError
-        If the mesh cannot be read or treated, or the form cannot be written.
+        If the mesh cannot be read or treated.
     BrokenCall
         If the method ends its process, or does not end.
     """
-    from benchmark.geometry.io import WRITABLE, write_mesh
+    from benchmark.geometry.io import WRITABLE
 
     if target.suffix.lower() not in WRITABLE:
         raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
+    if target.exists() and source.exists() and target.samefile(source):
+        raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     vertices, faces, notes = call_apart(
         plain_form, str(source), method, [str(path) for path in plugins], seed, vertices,
         what=f"method '{method}' on {source}", mend="try another shape, or mend the method", limit=limit,
     )  # fmt: skip
     form = CanonicalForm(np.array(vertices), np.array(faces, dtype=np.int32), notes)
-    write_mesh(target, form.mesh)
+    write_form(target, form.mesh)
     return form
+
+
+def write_form(target: Path, mesh: Mesh) -> None:
+    """Write a mesh beside its place, then move it there, so that on a full disk the old file stays.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be written.
+    """
+    from benchmark.geometry.io import write_mesh
+
+    place = target.resolve()
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=place.parent, prefix=".form-") as folder:
+            made = Path(folder, place.name)
+            try:
+                write_mesh(made, mesh)
+            except ConfigurationError as error:
+                raise ConfigurationError(error.problem.replace(str(made), str(target)), error.mend) from error
+            made.replace(place)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{target}: {error.strerror}", "choose a file in a folder that can be written"
+        ) from error
 
 
 def plain_form(

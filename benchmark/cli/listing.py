@@ -95,7 +95,7 @@ def tables(data_root: Path | None) -> Rows:
         {
             "table": table.identifier,
             "dataset": _data_of(table, data_root),
-            "caption": table.caption,
+            "caption": table.caption_over(len(table.folds)),
         }
         for table in TABLES
     ]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,6 +113,28 @@ plugin_option = click.option(
 )
 
 
+datasets_option = click.option(
+    "-d",
+    "--dataset",
+    "datasets",
+    multiple=True,
+    type=NameOrFolder(),
+    metavar="DATASET|FOLDER",
+    shell_complete=completion.datasets,
+    help="Set, folder, or humans[subjects=N,poses=M].",
+)
+
+inputs_option = click.option(
+    "--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."
+)
+
+force_option = click.option("--force", is_flag=True, help="Replace files of -o DIR that this verb has not written.")
+
+published_option = click.option(
+    "--published", is_flag=True, help="From the records that travel with the suite alone, whatever has run here."
+)
+
+
 scorer_option = click.option(
     "--scorer",
     metavar="SCORER",
@@ -138,6 +160,39 @@ def name_unusable() -> None:
         say(line, err=True)
 
 
+@contextmanager
+def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
+    """Refuse, of the unknown names that the body refuses, one that means something else with the command for that.
+
+    Parameters
+    ----------
+    name
+        The name.
+    wanted
+        What it should stand for: ``"method"`` or ``"data set"``.
+    """
+    try:
+        yield
+    except ConfigurationError as error:
+        from benchmark.datasets.catalogue import is_known
+        from benchmark.methods.registry import BUILT_IN
+        from benchmark.methods.scorers import scorers
+        from benchmark.protocols.tables import TABLES
+
+        base = name.partition("[")[0]
+        kinds = {
+            "method": (base in BUILT_IN, f"describe {name}"),
+            "data set": (is_known(name) or Path(name).is_dir(), f"data check {name}"),
+            "scorer": (base in scorers(), "list scorers"),
+            "table": (name in {table.identifier for table in TABLES}, "list tables"),
+            "file": (Path(name).is_file(), f"check {name}"),
+        }
+        for kind, (is_it, command) in kinds.items():
+            if is_it and kind != wanted:
+                raise ConfigurationError(f"'{name}' is a {kind}, no {wanted}", f"'{command}' tells of it") from error
+        raise
+
+
 @dataclass(frozen=True)
 class Selection:
     """What the options of ``run``, ``plan``, ``tables`` and others select."""
@@ -154,6 +209,7 @@ class Selection:
     scorer: str = "cm-bof"
     retry: frozenset[str] = frozenset()
     everything: bool = False
+    published: bool = False
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
@@ -164,6 +220,30 @@ class Selection:
     def is_narrow(self) -> bool:
         """Whether methods are named, so that a table has no rows for others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
+
+    @property
+    def is_by_name(self) -> bool:
+        """Whether each method is asked for by its name."""
+        return self.is_narrow and FINISHED not in self.methods
+
+    def store(self, output: Path | None = None) -> Store:
+        """Open the results folder to read from it.
+
+        Parameters
+        ----------
+        output
+            Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables,
+            they are made from published records alone, where there are any.
+        """
+        from benchmark.storage.store import Store
+
+        store = Store.open(self.results)
+        is_published = self.published or (
+            output is not None
+            and output.resolve() == (self.results / "tables").resolve()
+            and any(store.published.folder.glob("*.json"))
+        )
+        return replace(store, published_only=is_published)
 
     def _methods(self, store: Store) -> tuple[str, ...]:
         """Names of methods, with those of all finished jobs where these are asked for."""
@@ -227,13 +307,13 @@ class Selection:
         ConfigurationError
             If there is none, or a method or a table is unknown.
         """
+        from benchmark.datasets.catalogue import is_known, is_path
         from benchmark.methods.registry import methods, select
         from benchmark.protocols.tables import TABLES
 
         known = methods(self.plugins)
         finished = FINISHED in self.methods
         names = {spec.name for spec in select(self.methods, known)} if self.is_narrow and not finished else set()
-        sets = {*self.datasets, *map(os.path.realpath, self.datasets)}
 
         def is_chosen(result: Result) -> bool:
             record = result.record
@@ -243,21 +323,33 @@ class Selection:
                 and (not names or record["method"] in names)
                 and (not finished or record["status"] == "ok")
                 and (not self.inputs or record["input"] in self.inputs)
-                and (not sets or bool(sets & _names(data)))
+                and is_of(data, self.datasets)
             )
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         name_skipped(store)
+        sets = set().union(*(_names(result.record["data"]) for result in found))
+        for name in self.datasets:
+            if found and not {name, os.path.realpath(name)} & sets and not (is_known(name) or is_path(name)):
+                raise did_you_mean("data set", name, {result.record["data"]["name"] for result in found})
         tables = {table.identifier for table in TABLES} | {result.record["data"]["name"] for result in found}
         for name in self.tables:
             if name not in tables:
                 raise did_you_mean("table", name, tables)
         chosen = [result for result in found if is_chosen(result)]
         if not chosen:
+            less = (
+                "select less; of shapes of which --quick leaves out none, drop --quick" if self.quick else "select less"
+            )
             raise ConfigurationError(
-                f"no finished job under {self.results} fits the selection", "run it first, or select less"
+                f"no finished job under {self.results} fits the selection", f"run it first, or {less}"
             )
         return chosen
+
+
+def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
+    """Whether the data of a record is one of these sets, by name or by path; all are where none is named."""
+    return not datasets or bool({*datasets, *map(os.path.realpath, datasets)} & _names(data))
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
@@ -343,18 +435,9 @@ def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="METHOD",
             help="See 'list methods'; or all, or finished.",
         ),
-        click.option(
-            "-d",
-            "--dataset",
-            "datasets",
-            multiple=True,
-            type=NameOrFolder(),
-            metavar="DATASET|FOLDER",
-            shell_complete=completion.datasets,
-            help="Set, folder, or humans[subjects=N,poses=M].",
-        ),
+        datasets_option,
         scorer_option,
-        click.option("--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."),
+        inputs_option,
         plugin_option,
         results_option,
         data_root_option,

@@ -67,7 +67,7 @@ def drawn(table: TableContent, only: int | None = None) -> Table:
 
     groups = groups_of(table)
     shown = [place for place in range(len(groups) * len(PRINTED)) if only in (None, place // len(PRINTED))]
-    title = f"Table {table.identifier}. {table.table.caption}: {table.data_title} ({table.size})."
+    title = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
     made = Table(
         title=Text(clean(title)), title_justify="left", title_style="bold", box=Box(_RULE), show_edge=False,
         pad_edge=False, padding=0,

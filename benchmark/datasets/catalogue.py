@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -16,6 +17,7 @@ from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.system.plugins import unknown
 
 Loader = Callable[[Path], Dataset]
 
@@ -169,7 +171,13 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if not is_known(name) and is_path(name):
         folder = Path(name)
         if not folder.is_dir():
-            raise ConfigurationError(f"{folder} is not a folder", "name a data set or the folder that holds the meshes")
+            mend = "name a data set or the folder that holds the meshes"
+            beside = [path.name for path in folder.parent.glob("*") if path.is_dir()]
+            if folder.is_file():
+                mend = f"name the folder that holds it: {folder.parent}"
+            elif near := difflib.get_close_matches(folder.name, beside, 1):
+                mend = f"did you mean {folder.parent / near[0]}?"
+            raise ConfigurationError(f"{folder} is not a folder", mend)
         from benchmark.datasets.folder import folder_dataset
 
         return dataclasses.replace(folder_dataset(folder), name=folder_name(folder))
@@ -205,7 +213,9 @@ def _meant(name: str, own: Mapping[str, str]) -> str:
     if found := parsed(name):
         return disturbed_name(_meant(found[0], own), *found[1:])
     if name not in own and not is_known(name) and not is_path(name):
-        raise did_you_mean("data set", name, [*CATALOGUE, *own])
+        folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
+        near = difflib.get_close_matches(name, folders, 1)
+        raise unknown("data set", name, [*CATALOGUE, *own, *near])
     return own.get(name, name)
 
 

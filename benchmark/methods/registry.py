@@ -10,10 +10,11 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError
 from benchmark.methods.installed import installed
 from benchmark.methods.specs import MethodSpec, plugin_methods
 from benchmark.parameters.grid import combinations, split_name
+from benchmark.system.plugins import unknown
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
@@ -132,7 +133,7 @@ def variants(name: str, known: Mapping[str, MethodSpec]) -> list[MethodSpec]:
     """
     base, inside = split_name(name) or (name, "")
     if base not in known:
-        raise installed(frozenset(BUILT_IN)).faults.get(base) or did_you_mean("method", base, known)
+        raise installed(frozenset(BUILT_IN)).faults.get(base) or unknown("method", base, known)
     made = (_with(known[base], given) for given in combinations(inside))
     return list({spec.name: spec for spec in made}.values())
 

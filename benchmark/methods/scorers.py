@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of_scorer
 from benchmark.methods.loading import classes_of, load_class, make, module_of
 from benchmark.parameters.grid import split_name
 from benchmark.parameters.values import assignments, format_value, non_default_values, parameter_values
 from benchmark.scoring import Scorer, ScorerInfo
 from benchmark.storage.records import DEFAULT_SCORER
+from benchmark.system.plugins import unknown
 
 ENTRY_POINTS = "canonical_forms.scorers"
 
@@ -150,7 +151,7 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
     """
     base, inside = split_name(name) or (name, "")
     if base not in known:
-        raise did_you_mean("scorer", base, known)
+        raise unknown("scorer", base, known)
     spec = ScorerSpec(base, known[base].target, assignments(inside))
     spec.create()  # a class may refuse parameters by a rule of its own, and had better do so now
     return spec

@@ -52,7 +52,9 @@ class Gallery:
     entries
         The shapes, in matrix order.
     quick
-        Whether poses, and methods that the paper does not have, were left out to save time.
+        Whether poses were left out to save time.
+    few_rows
+        Whether methods that the paper does not have are left out to save time.
     part
         Which part of the set it is in words, e.g. ``"fold 0"``; "" for the whole set.
     fold
@@ -69,6 +71,7 @@ class Gallery:
     part: str = ""
     fold: int | None = None
     data_root: Path | None = None
+    few_rows: bool = False
 
     @property
     def name(self) -> str:
@@ -132,7 +135,7 @@ class Gallery:
         try:
             if self.table.split_size and spec.learns:
                 return False
-            if self.quick and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
+            if self.few_rows and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
                 return False
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
         except ConfigurationError:
@@ -140,7 +143,7 @@ class Gallery:
 
     def _with_variants(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
         own = [spec] if spec.named or self._has_row(spec) else []
-        if spec.named or spec.parameters or self.quick:
+        if spec.named or spec.parameters or self.few_rows:
             return own
         known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
         further = known.get(spec.base_name, ()) if own else ()
@@ -257,7 +260,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
         entries = Part(subjects).of(dataset)
         check_retrievable(dataset, entries if part else None)
         kept = thinned(entries, QUICK_POSES) if quick else entries
-        return Gallery(table, name, dataset, kept, quick, part, fold, data_root)
+        return Gallery(table, name, dataset, kept, len(kept) < len(entries), part, fold, data_root, few_rows=quick)
 
     if not table.folds:
         return [gallery(table.subjects, table.parts[0])]

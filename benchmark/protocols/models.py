@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,7 @@ from benchmark.learning import CARD, Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
+from benchmark.system.text import say
 
 __all__ = ["MissingModel", "Model", "find_models"]
 
@@ -94,20 +95,47 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
         return {}
     of_shape = trainings_by_shape(method, gallery.dataset, gallery.entries, gallery.data_root)
     needed = {training.name: training for training in of_shape.values()}
-    folders = (trained_here, method.shipped_models)
-    found = {name: find_model(folders, name, method.model_name) for name in needed}
-    missing = [name for name, folder in found.items() if folder is None]
+    places = (trained_here, method.shipped_models)
+    found = {name: _finished(places, name, method.model_name) for name in needed}
+    missing = [name for name, folders in found.items() if not folders]
     if missing:
         raise MissingModel(
             f"needs the model{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
             f"run `{_command(spec, missing)}`",
         )
     try:
-        models = {name: _model(spec, name, folder) for name, folder in found.items() if folder is not None}
+        models = {name: _first_usable(spec, name, folders) for name, folders in found.items()}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.mend) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
+
+def _finished(places: Iterable[Path], data_name: str, model_name: str) -> list[Path]:
+    """Folders of the finished models of one training, in the order of the places."""
+    return [folder for place in places if (folder := find_model([place], data_name, model_name)) is not None]
+
+
+def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path]) -> Model:
+    """The first model that can be used; those before it are named on stderr, once.
+
+    Raises
+    ------
+    ConfigurationError
+        What is wrong with the last one, if none can be used.
+    """
+    *others, last = folders
+    for folder in others:
+        try:
+            return _model(spec, training, folder)
+        except ConfigurationError as error:
+            if folder not in _PASSED_OVER:
+                _PASSED_OVER.add(folder)
+                say(f"passed over the model in {folder}: {error}", err=True)
+    return _model(spec, training, last)
+
+
+#: Folders of models that were named as unusable.
+_PASSED_OVER: set[Path] = set()
 
 #: Models by method, training and the state of their card: many jobs share one, and its card can name 10 000 subjects.
 _READ: dict[tuple[str, str, str, Path, int, int], Model] = {}

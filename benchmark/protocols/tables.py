@@ -20,7 +20,7 @@ class Table:
     identifier
         The paper's numeral, or the name of a data set for a table of one's own.
     caption
-        What the table shows, without naming the data.
+        What the table shows, without naming the data or the folds.
     dataset
         Name or path of the set that the paper uses; "" for a table of several sets.
     stand_in
@@ -75,6 +75,14 @@ class Table:
         """Inputs under which it is made: learners read depth images alone."""
         return ("view",) if self.ablation else INPUTS
 
+    def caption_over(self, n_galleries: int) -> str:
+        """Caption of a table made of so many of its galleries: with folds it says of how many."""
+        if not self.folds:
+            return self.caption
+        size = _in_words(len(self.folds[0]))
+        folds = f"mean over {_in_words(n_galleries)} folds" if n_galleries > 1 else "one fold"
+        return f"{self.caption}, {folds} of {size} subjects"
+
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of its galleries inside the data set; "" for the whole set."""
@@ -83,10 +91,15 @@ class Table:
         return ("held out",) if self.subjects else ("",)
 
 
+def _in_words(number: int) -> str:
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+    return words[number] if number < len(words) else str(number)
+
+
 TABLES: tuple[Table, ...] = (
     Table(
         "I",
-        "Retrieval of synthetic humans, mean over three folds of five subjects",
+        "Retrieval of synthetic humans",
         "shrec14-synthetic",
         "humans",
         folds=SUBJECT_FOLDS,
@@ -122,7 +135,7 @@ TABLES: tuple[Table, ...] = (
     ),
     Table(
         "IV",
-        "Ablation of the learned method, mean over three folds of five subjects",
+        "Ablation of the learned method",
         "shrec14-synthetic",
         "humans",
         folds=SUBJECT_FOLDS,

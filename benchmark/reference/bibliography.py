@@ -7,7 +7,7 @@ import unicodedata
 from functools import cache
 from importlib import resources
 
-__all__ = ["source_of"]
+__all__ = ["is_listed", "source_of"]
 
 #: Accents of TeX, as characters that combine with the letter before them.
 _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u0303", "u": "\u0306", "v": "\u030c",
@@ -27,6 +27,11 @@ def source_of(key: str) -> str:
         named = f"{named} ({year})".strip()
     place = next((fields[name] for name in ("journal", "booktitle", "publisher", "note") if name in fields), "")
     return ". ".join(filter(None, (named, fields.get("title", ""), place)))
+
+
+def is_listed(key: str) -> bool:
+    """Whether the list of references has an entry of this name."""
+    return bool(key) and f"{{{key},\n" in _bibliography()
 
 
 @cache

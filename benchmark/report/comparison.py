@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.report.statistics.intervals import intervals
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import permutation_test
@@ -16,6 +17,12 @@ from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
+
+#: Pairs that are always shown in full, and pairs that a first screen has lines for.
+_IN_FULL, _FIRST_SCREEN = 3, 20
+
+#: Probability below which an overview marks a difference.
+_LEVEL = 0.05
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,8 @@ class Difference:
         Queries for which the second one has a higher, and a lower, DCG.
     n_queries
         Queries that both have.
+    is_perturbed
+        Whether the shapes are those of a set under a nuisance.
     """
 
     where: str
@@ -49,6 +58,7 @@ class Difference:
     better: int
     worse: int
     n_queries: int
+    is_perturbed: bool = False
 
     @property
     def largest(self) -> float:
@@ -141,13 +151,27 @@ def _difference(where: str, first: Record, second: Record) -> Difference:
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
         len(both),
+        parsed(first["data"]["name"]) is not None,
     )
 
 
-def lines(comparison: Comparison, first: str, second: str) -> list[str]:
-    """A comparison as text, a head and a line for each measure; pairs without a difference are counted only."""
-    said = []
+def lines(comparison: Comparison, first: str, second: str, *, everything: bool = True) -> list[str]:
+    """Write a comparison as text; pairs without a difference are counted only.
+
+    Parameters
+    ----------
+    comparison
+        What was compared.
+    first, second
+        Names of the two sides.
+    everything
+        Whether each pair has a head and a line for each measure however many there are. Otherwise, where there are
+        more than a few, the first have a line each, clean data first, and the others are counted.
+    """
+    said: list[str] = []
     different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
+    if not everything and len(different) > _IN_FULL:
+        return _overview(comparison, different, first, second)
     for pair in different:
         said.append(
             f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
@@ -160,8 +184,7 @@ def lines(comparison: Comparison, first: str, second: str) -> list[str]:
                 f"  {name:<3}  {before:.3f} -> {after:.3f}  {_signed(after - before)}  "
                 f"({_signed(low)} to {_signed(high)})  p {pair.probabilities[name]:.4f}"
             )
-    same = len(comparison.differences) - len(different)
-    said.append(f"{same} of {len(comparison.differences)} pairs are equal")
+    said += _counted(comparison, different)
     said += [f"only {first}: {where}" for where in comparison.only_first]
     said += [f"only {second}: {where}" for where in comparison.only_second]
     if different:
@@ -170,6 +193,36 @@ def lines(comparison: Comparison, first: str, second: str) -> list[str]:
             "p: of so large a difference if there were none (paired permutation test over queries)."
         )
     return said
+
+
+def _overview(comparison: Comparison, different: Sequence[Difference], first: str, second: str) -> list[str]:
+    """A line for each of the first pairs, clean data first, and how to see the others."""
+    shown = sorted(different, key=lambda pair: pair.is_perturbed)[:_FIRST_SCREEN]
+    width = max(len(pair.where) for pair in shown)
+    said = [f"{'':<{width}}  queries" + "".join(f"  {name:<14}" for name in PRINTED).rstrip()]
+    for pair in shown:
+        cells = [
+            f"{pair.first[name]:.2f} {_signed(pair.second[name] - pair.first[name])}"
+            f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
+            for name in PRINTED
+        ]
+        said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())
+    said.append(
+        f"{first}, and how much {second} is above it; *: p < {_LEVEL:.2f} (paired permutation test over queries)."
+    )
+    said += _counted(comparison, different)
+    for name, alone in ((first, comparison.only_first), (second, comparison.only_second)):
+        said += [f"only {name}: {len(alone)} more, the first is {alone[0]}"] if alone else []
+    hidden = len(different) - len(shown)
+    said.append(
+        f"{f'{hidden} more pairs differ; ' if hidden else ''}--all shows intervals and tests; -d and --input choose"
+    )
+    return said
+
+
+def _counted(comparison: Comparison, different: Sequence[Difference]) -> list[str]:
+    n_pairs = len(comparison.differences)
+    return [f"{n_pairs - len(different)} of {n_pairs} pairs are equal"]
 
 
 def _signed(value: float) -> str:

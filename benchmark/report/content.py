@@ -28,6 +28,9 @@ TRAINING_SEED = "training_seed"
 
 OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
 
+#: What the network of the paper is called where "our" would be somebody else.
+_NETWORK = "Reconstruction network"
+
 #: Marks rows that this code would not make again without running.
 OUTDATED = "†"
 
@@ -78,8 +81,10 @@ class TableContent:
         Expected scores of a random ranking; the mean over the galleries where there are several.
     n_galleries
         Galleries that a row is the mean over.
-    scorer
-        Name of what compared the forms; "" for the default scorer.
+    scorer, scorer_title
+        Name of what compared the forms, and its title; "" for the default scorer.
+    seed
+        Base seed of the runs.
     """
 
     table: Table
@@ -89,6 +94,8 @@ class TableContent:
     chance: Figures
     n_galleries: int
     scorer: str = ""
+    scorer_title: str = ""
+    seed: int = 0
 
     @cached_property
     def judgements(self) -> Judgements:
@@ -101,6 +108,19 @@ class TableContent:
         return self.table.identifier
 
     @property
+    def is_own(self) -> bool:
+        """Whether it shows somebody's own data, which no table of this suite is about."""
+        return _is_own(self.identifier, self.data["name"])
+
+    @property
+    def caption(self) -> str:
+        """What the table shows, without naming the data."""
+        words = [self.table.caption_over(self.n_galleries)]
+        words += [f"seed {self.seed}"] if self.seed else []
+        words += [f"scored by {self.scorer_title}"] if self.scorer_title else []
+        return ", ".join(words)
+
+    @property
     def quick(self) -> bool:
         """Whether poses were left out to save time."""
         return bool(self.data["quick"])
@@ -108,7 +128,7 @@ class TableContent:
     @property
     def file_stem(self) -> str:
         """Name of the files of this table."""
-        return file_stem(self.identifier, self.data["name"], quick=self.quick, scorer=self.scorer)
+        return file_stem(self.identifier, self.data["name"], quick=self.quick, scorer=self.scorer, seed=self.seed)
 
     @property
     def has_paper(self) -> bool:
@@ -150,12 +170,13 @@ def _is_run(row: Row, input_: Input) -> bool:
     return input_ in row.cells and row.cells[input_].status != "missing"
 
 
-def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "") -> str:
+def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "", seed: int = 0) -> str:
     """Name of the files of a table on a data set: letters, digits, dots, hyphens and underscores.
 
     A name that had to be changed gets a digest, so that two tables never share a file.
     """
-    return stem("table", table, dataset if dataset != table else "", "quick" if quick else "", scorer)
+    parts = (dataset if dataset != table else "", "quick" if quick else "", scorer, f"seed-{seed}" if seed else "")
+    return stem("table", table, *parts)
 
 
 def stem(*parts: str) -> str:
@@ -165,7 +186,9 @@ def stem(*parts: str) -> str:
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
 
 
-def contents(results: Iterable[Result], tables: Iterable[str] = (), *, blanks: bool = True) -> list[TableContent]:
+def contents(
+    results: Iterable[Result], tables: Iterable[str] = (), *, blanks: bool = True, named: bool = False
+) -> list[TableContent]:
     """Fill tables with results.
 
     Parameters
@@ -176,9 +199,12 @@ def contents(results: Iterable[Result], tables: Iterable[str] = (), *, blanks: b
         Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
     blanks
         Whether the paper's methods have rows where there is no result of them.
+    named
+        Whether the methods were asked for by name, so that those that the paper has in its ablation alone, and further
+        seeds of a training, have rows in other tables, too.
     """
-    named = set(tables)
-    wanted = named | {table.identifier for table in TABLES if table.part_of in named}
+    chosen = set(tables)
+    wanted = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
     grouped: dict[tuple[str, str, bool], list[Result]] = {}
     for result in results:
         data = result.record["data"]
@@ -187,7 +213,7 @@ def contents(results: Iterable[Result], tables: Iterable[str] = (), *, blanks: b
                 grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
     order = {table.identifier: number for number, table in enumerate(TABLES)}
     places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
-    made = (_content(_table(*place[:2]), grouped[place], blanks=blanks) for place in places)
+    made = (_content(_table(*place[:2]), grouped[place], blanks=blanks, named=named) for place in places)
     return [table for table in made if table.rows]
 
 
@@ -195,6 +221,10 @@ def _table(identifier: str, dataset: str) -> Table:
     """The paper's table of a data set; for all other sets one of its own, even for a folder that is called "I"."""
     known = (t for t in TABLES if t.identifier == identifier and dataset in t.datasets)
     return next(known, None) or own_table(dataset)
+
+
+def _is_own(identifier: str, dataset: str) -> bool:
+    return not any(table.identifier == identifier and dataset in table.datasets for table in TABLES)
 
 
 def own_table(dataset: str) -> Table:
@@ -207,11 +237,12 @@ def _is_stand_in(place: tuple[str, str, bool]) -> bool:
     return any(table.identifier == place[0] and table.stand_in == place[1] for table in TABLES)
 
 
-def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableContent:
+def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bool) -> TableContent:
+    is_own = _is_own(table.identifier, results[0].record["data"]["name"])
     galleries = sorted({result.record["gallery"] for result in results})
     by_row: dict[str, dict[Input, list[Result]]] = {}
     for result in results:
-        if _belongs(table, result):
+        if _belongs(table, result, everything=named or is_own):
             row = row_of(table, result.record)
             by_row.setdefault(row, {}).setdefault(cast(Input, result.record["input"]), []).append(result)
     inputs = tuple(i for i in INPUTS if any(i in cells for cells in by_row.values()))
@@ -227,15 +258,13 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableC
         for name, row in printed.items()
         if blanks or name in cells
     ]
-    rows += [_further_row(name, by_row[name], cells[name]) for name in _others(by_row, printed)]
+    rows += [_further_row(name, by_row[name], cells[name], is_own) for name in _others(by_row, printed)]
     one_each = {result.record["gallery"]: result.record for result in results}
     scored_each = {result.record["gallery"]: result.record for result in results if result.record.get("scores")}
     chance = [
         chance_of(scored_each[name]) if name in scored_each else one_each[name]["data"]["chance"] for name in galleries
     ]
     scored = next((r.record for r in results if "scorer_title" in r.record), None)
-    if scored is not None:
-        table = replace(table, caption=f"{table.caption}, scored by {brief(scored['scorer_title'])}")
     return TableContent(
         table,
         one_each[galleries[0]]["data"],
@@ -244,16 +273,21 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool) -> TableC
         {name: statistics.fmean(levels[name] for levels in chance) for name in min(chance, key=len)},
         len(galleries),
         scored["scorer"] if scored is not None else "",
+        brief(scored["scorer_title"]) if scored is not None else "",
+        int(results[0].record["recipe"].get("seed", 0)),
     )
 
 
-def _belongs(table: Table, result: Result) -> bool:
-    """Whether a record is shown in a table: those of learners alone in an ablation, and there alone their seeds."""
+def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
+    """Whether a record is shown in a table: those of learners alone in an ablation.
+
+    What belongs to an ablation alone, as the seeds of a training do, is shown elsewhere only where everything is.
+    """
     record = result.record
     base = record["method"].partition("[")[0]
     if table.ablation:
         return base in {row.method for row in paper.ABLATION}
-    return TRAINING_SEED not in record["parameters"] and base not in ONLY_ABLATED
+    return everything or (TRAINING_SEED not in record["parameters"] and base not in ONLY_ABLATED)
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
@@ -266,10 +300,15 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
     return f"{base}[{','.join(kept)}]" if kept else base
 
 
-def _further_row(name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell]) -> Row:
+def _further_row(
+    name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell], is_own: bool
+) -> Row:
     records = [result.record for results in by_input.values() for result in results]
     titled = next((r for r in records if r["method"] == name), records[0])
-    return Row(name, str(titled["title"]), str(titled["family"]), None, cells)
+    title = str(titled["title"])
+    if is_own and name.partition("[")[0] in BUILT_IN:
+        title = re.sub(r"^Our\b", _NETWORK, title)
+    return Row(name, title, str(titled["family"]), None, cells)
 
 
 def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:

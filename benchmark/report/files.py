@@ -6,26 +6,35 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
-from benchmark.errors import BenchmarkError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
-from benchmark.report.latex import latex_files
+from benchmark.report.latex import Notes, latex_files
 from benchmark.report.statistics.document import has_intervals, intervals_markdown
 from benchmark.report.statistics.splits import has_splits, splits_markdown
 from benchmark.report.verdict.document import has_verdict, verdict_markdown
 from benchmark.system.files import sweep, write_text
 
+#: Characters by which a file of ours is known again: they tell its kind and name, and no figure.
+_HEAD = 16
 
-def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, str]:
+#: First line of the BibTeX file, by which it is told from the list of somebody's paper.
+_BIBLIOGRAPHY = (
+    "% Sources of the canonical forms benchmark, written by 'tables'; keep entries of your own elsewhere.\n\n"
+)
+
+
+def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table") -> dict[str, str]:
     """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
 
-    With LaTeX come the BibTeX entries of the methods, the scorer and the data.
+    With LaTeX come the BibTeX entries of the methods, the scorer and the data; ``where`` says where its notes stand.
     """
     files: dict[str, str] = {}
     for name in formats:
         if name == "latex":
-            files |= latex_files(tables)
-            files["references.bib"] = resources.files("benchmark.reference").joinpath("references.bib").read_text()
+            files |= latex_files(tables, where)
+            entries = resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
+            files["references.bib"] = _BIBLIOGRAPHY + entries
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
@@ -38,8 +47,22 @@ def render(tables: Sequence[TableContent], formats: Iterable[str]) -> dict[str, 
     return files
 
 
-def write(files: Mapping[str, str], folder: Path) -> None:
-    """Write the files into a folder, which is made if need be; each is whole, or what it was before."""
+def write(files: Mapping[str, str], folder: Path, *, force: bool = False) -> None:
+    """Write the files into a folder, which is made if need be; each is whole, or what it was before.
+
+    Raises
+    ------
+    ConfigurationError
+        If one would take the place of a file that is no such table: one that begins otherwise. Not with force.
+    BenchmarkError
+        If they cannot be written.
+    """
+    strange = [n for n, text in files.items() if (folder / n).exists() and not _begins_like(folder / n, text)]
+    if strange and not force:
+        raise ConfigurationError(
+            f"{folder / strange[0]} was not written by 'tables'",
+            "choose another folder with -o, or pass --force to replace it",
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
@@ -49,6 +72,10 @@ def write(files: Mapping[str, str], folder: Path) -> None:
         raise BenchmarkError(
             f"cannot write to {folder}: {error.strerror}", "free some space or choose another folder with -o"
         ) from error
+
+
+def _begins_like(path: Path, text: str) -> bool:
+    return (_content(path) or "").startswith(text[:_HEAD])
 
 
 def stale(files: Mapping[str, str], folder: Path) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmark.contracts import Input
+from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
@@ -26,15 +27,37 @@ def markdown(table: TableContent) -> str:
     figures = cells(table, groups, _STYLE)
     body = [[markdown_text(row.label), *values] for row, values in zip(table.rows, figures, strict=True)]
     body.append(["*Chance*", *(number(table.chance[metric]) for _ in groups for metric in PRINTED)])
-    widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
-    rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    lines = [f"**{markdown_text(f'{_title(table)}. {table.table.caption}: {table.data_title} ({table.size}).')}**", ""]
-    for line in [header, rule, *body]:
-        first, *rest = line
-        aligned = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))
-        lines.append(markdown_row([first.ljust(widths[0]), *aligned]))
+    lines = [f"**{markdown_text(f'{_title(table)}. {table.caption}: {table.data_title} ({table.size}).')}**", ""]
+    lines += _aligned(header, body)
     told = notes(table)
     return "\n".join([*lines, *([""] if told else []), *(f"- {markdown_line(note)}" for note in told)]) + "\n"
+
+
+def overview(tables: Sequence[TableContent]) -> str:
+    """One line for each row of several tables, as aligned Markdown without notes: where it is, and our figures."""
+    inputs = [input_ for input_ in INPUTS if any(input_ in table.inputs for table in tables)]
+    header = ["Table", "data", "Method", *(f"{input_} {metric}" for input_ in inputs for metric in PRINTED)]
+    body = []
+    for table in tables:
+        where = [markdown_text(part) for part in (table.identifier, table.data["name"])]
+        for row in table.rows:
+            found = [row.cells[input_].scores if input_ in row.cells else None for input_ in inputs]
+            figures = [number(scores[metric] if scores else None) for scores in found for metric in PRINTED]
+            body.append([*where, markdown_text(row.label), *figures])
+    return "\n".join(_aligned(header, body, n_left=3)) + "\n"
+
+
+def _aligned(header: Sequence[str], body: Sequence[Sequence[str]], n_left: int = 1) -> list[str]:
+    """Lines of a Markdown table with columns of one width, the first ones to the left and numbers to the right."""
+    widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
+    rule = ["-" * width if k < n_left else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
+    return [
+        markdown_row(
+            cell.ljust(width) if k < n_left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in [header, rule, *body]
+    ]
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:

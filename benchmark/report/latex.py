@@ -1,50 +1,81 @@
 r"""Tables for ``\input`` in a paper.
 
-Of a table with several inputs there is one file for each, as wide as the text of an article, and one with all of them,
-which spans both columns of a paper. Where the text is narrower still, a table is scaled down, never up. They need the
-packages booktabs and graphicx, and ``references.bib`` for the sources of the methods; the notes go away with
-``\newcommand{\tablenotes}[1]{}`` before the first table.
+Of a table with several inputs there is one file for each and one with all of them. Nothing in them is below footnote
+size: what has no room beside or below the rest is a part of its own (:mod:`benchmark.report.floats`). They need the
+packages booktabs and graphicx, and ``references.bib`` for the sources of methods, data and scorers; notes stand under
+the table, in a file of their own to be put into an appendix, or nowhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
 
+from benchmark.datasets.nuisances.dataset import parsed
+from benchmark.datasets.official.sets import SETS
 from benchmark.methods.registry import BUILT_IN, MethodSpec
+from benchmark.methods.scorers import DEFAULT, scorers
+from benchmark.reference.bibliography import is_listed
 from benchmark.report.cell import Cell
 from benchmark.report.columns import BLANK, Group, Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import latex_text
-from benchmark.report.floats import table_float
+from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
 from benchmark.report.notes import notes
 from benchmark.storage.keys import digest
 from benchmark.storage.records import first_key
 from retrieval.measures import PRINTED
 
-_STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"{{\tiny$\,\pm${}}}", "$-$")
+Notes = Literal["table", "appendix", "none"]
+"""Where notes stand: under their table, in a file beside that of the table, or nowhere."""
+
+_STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"\,$\pm${}", "$-$")
+
+#: Points that a figure of the paper, one of ours, its spread, and a difference take at footnote size.
+_PRINTED, _FIGURE, _SPREAD, _DIFFERENCE = 15.6, 17.6, 23.5, 22.2
 
 _INPUTS = {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}
 
+_SOURCES = {"tosca": "bronstein2008tosca"} | {name: official.citation for name, official in SETS.items()}
 
-def latex_files(tables: Sequence[TableContent]) -> dict[str, str]:
-    """Texts by file name: of each table all inputs, each input alone, and the paper's rows beside ours."""
+
+def latex_files(tables: Sequence[TableContent], where: Notes = "table") -> dict[str, str]:
+    """Write of each table all inputs, each input alone, and the paper's rows beside ours.
+
+    Parameters
+    ----------
+    tables
+        The tables.
+    where
+        Where their notes stand; those for an appendix are in files ``notes-NAME.tex``.
+
+    Returns
+    -------
+    dict
+        Texts by file name.
+    """
     files: dict[str, str] = {}
-    for table in tables:
-        files[f"{table.file_stem}.tex"] = latex(table)
-        for input_ in table.inputs:
-            if len(table.inputs) > 1:
-                name = f"{table.file_stem}-{input_}"
-                files[f"{name}.tex"] = latex(table.of(input_), name)
-            if table.has_paper:
-                name = f"paper-{table.file_stem}-{input_}"
-                difference = Group(f"{input_} minus paper", input_, is_difference=True)
-                files[f"{name}.tex"] = latex(table.of(input_, paper_only=True), name, [difference])
+    for name, table, further in _variants(tables):
+        files[f"{name}.tex"] = latex(table, name, further, has_notes=where == "table")
+        if where == "appendix" and (said := notes(table, reasons=False)):
+            files[f"notes-{name}.tex"] = _appendix(name, said)
     return files
 
 
-def latex(table: TableContent, name: str = "", further: Sequence[Group] = ()) -> str:
-    r"""One table for ``\input``; one with two inputs spans both columns of a paper.
+def _variants(tables: Sequence[TableContent]) -> Iterator[tuple[str, TableContent, tuple[Group, ...]]]:
+    """Name, content and further columns of each file."""
+    for table in tables:
+        yield table.file_stem, table, ()
+        for input_ in table.inputs:
+            if len(table.inputs) > 1:
+                yield f"{table.file_stem}-{input_}", table.of(input_), ()
+            if table.has_paper:
+                difference = Group(f"{input_} minus paper", input_, is_difference=True)
+                yield f"paper-{table.file_stem}-{input_}", table.of(input_, paper_only=True), (difference,)
+
+
+def latex(table: TableContent, name: str = "", further: Sequence[Group] = (), *, has_notes: bool = True) -> str:
+    r"""Write one table for ``\input``.
 
     Parameters
     ----------
@@ -54,68 +85,82 @@ def latex(table: TableContent, name: str = "", further: Sequence[Group] = ()) ->
         Stem of the file, which the label and the first line have, too; "" for that of the table.
     further
         Columns behind those of the inputs.
+    has_notes
+        Whether its notes stand under it.
     """
-    groups, name = [*groups_of(table), *further], name or table.file_stem
-    lines = [
-        *_head(groups),
-        r"\midrule",
-        *_body(table, groups),
-        r"\midrule",
-        " & ".join(["Chance", *_chance(table, groups)]) + r" \\",
-    ]
-    return table_float(
-        name,
+    groups = [*groups_of(table), *further]
+    return table_floats(
+        name or table.file_stem,
         _caption(table),
-        f"l{'r' * len(PRINTED) * len(groups)}",
-        lines,
+        [_block(table, group) for group in groups],
+        [*_body(table, groups), _chance(table, groups)],
         remark=f"made from records {_digest(table)}",
-        notes=notes(table, reasons=False),
-        spans_columns=len(table.inputs) > 1,
+        notes=notes(table, reasons=False) if has_notes else (),
     )
 
 
-def _head(groups: Sequence[Group]) -> list[str]:
-    spans, rules, column = [], [], 2
-    for group in groups:
-        spans.append(rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{{latex_text(group.title)}}}")
-        rules.append(rf"\cmidrule(lr){{{column}-{column + len(PRINTED) - 1}}}")
-        column += len(PRINTED)
-    return [
-        " & ".join(["", *spans]) + r" \\",
-        " ".join(rules),
-        " & ".join(["Method", *(metric for _ in groups for metric in PRINTED)]) + r" \\",
-    ]
+def _appendix(name: str, said: Sequence[str]) -> str:
+    sentences = " ".join(latex_text(note if note.endswith(".") else f"{note}.") for note in said)
+    return f"% notes to {name}\n\\paragraph{{Table~\\ref{{tab:{name}}}.}} {sentences}\n"
 
 
-def _body(table: TableContent, groups: Sequence[Group]) -> list[str]:
-    lines, last = [], ""
+def _block(table: TableContent, group: Group) -> Block:
+    found = [row.cells[group.input] for row in table.rows if group.input in row.cells] if group.input else []
+    figure = _DIFFERENCE if group.is_difference else _FIGURE if group.input else _PRINTED
+    if not group.is_difference and any(cell.deviation for cell in found):
+        figure += _SPREAD
+    width = sum(max(figure, points(metric)) + SEPARATION for metric in PRINTED)
+    return Block(latex_text(group.title), PRINTED, width)
+
+
+def _body(table: TableContent, groups: Sequence[Group]) -> Iterator[Line]:
+    last = ""
     for row, values in zip(table.rows, cells(table, groups, _STYLE), strict=True):
-        if last and row.family != last:
-            lines.append(r"\midrule")
+        cite = _citation(row)
+        blocks = tuple(
+            _status(row, group) or tuple(values[k * len(PRINTED) : (k + 1) * len(PRINTED)])
+            for k, group in enumerate(groups)
+        )
+        title = latex_text(row.label) + cite
+        yield Line(title, points(row.label, cited=bool(cite)), blocks, bool(last) and row.family != last)
         last = row.family
-        lines.append(" & ".join([latex_text(row.label) + _citation(row), *values]) + r" \\")
-    return lines
 
 
-def _chance(table: TableContent, groups: Sequence[Group]) -> list[str]:
-    return [BLANK if group.is_difference else number(table.chance[metric]) for group in groups for metric in PRINTED]
+def _status(row: Row, group: Group) -> tuple[str, ...]:
+    """What stands in place of the figures of a job without scores; nothing for one that has them or was not run."""
+    cell = row.cells.get(group.input) if group.input else None
+    if cell is None or cell.status in ("ok", "missing"):
+        return ()
+    status = cell.status
+    return (rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{\textit{{{latex_text(status)}}}}}",)
+
+
+def _chance(table: TableContent, groups: Sequence[Group]) -> Line:
+    figures = tuple(number(table.chance[metric]) for metric in PRINTED)
+    blank = (BLANK,) * len(PRINTED)
+    return Line("Chance", points("Chance"), tuple(blank if g.is_difference else figures for g in groups), True)
 
 
 def _citation(row: Row) -> str:
     """The source of a method of this suite; those of plugins are in nobody's list of references."""
     base = row.method.partition("[")[0]
-    if base not in BUILT_IN:
-        return ""
-    cite = MethodSpec(base, BUILT_IN[base]).info.cite
-    return rf"~\cite{{{cite}}}" if cite else ""
+    return _cited(MethodSpec(base, BUILT_IN[base]).info.cite) if base in BUILT_IN else ""
+
+
+def _cited(key: str) -> str:
+    return rf"~\cite{{{key}}}" if is_listed(key) else ""
 
 
 def _caption(table: TableContent) -> str:
+    """Caption as LaTeX, with the sources of data and scorer."""
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
-    return (
-        f"{table.table.caption}: {table.data_title} ({table.size}). "
-        f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
-    )
+    columns = f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
+    name = str(table.data["name"])
+    data = _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+    known = scorers().get((table.scorer or DEFAULT).partition("[")[0])
+    scorer = f" Scorer: {latex_text(known.info.title)}{_cited(known.info.cite)}." if known is not None else ""
+    words = latex_text(f"{table.caption}: {table.data_title}")
+    return f"{words}{data} {latex_text(f'({table.size}). {columns}')}{scorer}"
 
 
 def _digest(table: TableContent) -> str:

@@ -40,7 +40,10 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         lines.append(_MARKS)
     lines += _left_out(table)
     if trained := _trainings(table):
-        lines += [*trained, f"The paper's schedule: {paper.SCHEDULE}."]
+        lines += trained
+        printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
+        if not table.is_own and any(row.models and row.method in printed for row in table.rows):
+            lines.append(f"The paper's schedule: {paper.SCHEDULE}.")
     lines += [line for row in table.rows for line in _of_jobs(row)]
     lines += [f"{', '.join(titles)}, {what}" for what, titles in _without_scores(table).items()]
     outdated = _outdated(table)
@@ -108,7 +111,7 @@ def _trainings(table: TableContent) -> list[str]:
 
 
 def _bridges(table: TableContent) -> str:
-    if found := _noted(table, "bridges", "view"):
+    if (found := _noted(table, "bridges", "view")) and found["max"] > 0:
         return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
     return ""
 

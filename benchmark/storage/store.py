@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -63,13 +63,23 @@ class Store:
 
     Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
     second one merely replaces the first.
+
+    Parameters
+    ----------
+    root
+        ``DIR/runs``.
+    meter
+        Measures what is computed.
+    published_only
+        Whether records and models made here are passed over, so that what is read is the same in every clone.
     """
 
     root: Path
     meter: Meter = field(default_factory=Meter, repr=False, compare=False)
+    published_only: bool = False
 
     @classmethod
-    def open(cls, results: Path) -> Store:
+    def open(cls, results: Path, *, published_only: bool = False) -> Store:
         """Open or create the store under a results folder.
 
         Raises
@@ -85,12 +95,12 @@ class Store:
             raise StorageError(
                 f"cannot write to {results}: {error.strerror}", "choose another --results DIR"
             ) from error
-        return store
+        return replace(store, published_only=published_only)
 
     @property
     def models(self) -> Path:
-        """Folder of the models that were trained here, beside the runs."""
-        return self.root.parent / "models"
+        """Folder of the models that were trained here, beside the runs; one that is not there if they do not count."""
+        return self.root.parent / ("no-models" if self.published_only else "models")
 
     @property
     def artefacts(self) -> Path:
@@ -109,8 +119,8 @@ class Store:
 
     @cached_property
     def records(self) -> Records:
-        """Records of the jobs done here."""
-        return Records(self.root / "records")
+        """Records of the jobs done here; none if they do not count."""
+        return Records(self.root / ("no-records" if self.published_only else "records"))
 
     @cached_property
     def published(self) -> Records:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import ast
+import difflib
 import hashlib
 import importlib
 import importlib.util
+import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
-from benchmark.errors import ConfigurationError, one_line
+from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.system import warden
 from benchmark.system.forks import one_of_us
 
@@ -80,9 +83,31 @@ def import_plugin(path: str) -> ModuleType:
 
 
 def require_file(path: str) -> None:
-    """Raise ``ConfigurationError`` unless a path is that of a Python file."""
-    if not path.endswith(".py") or not Path(path).is_file():
-        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
+    """Raise ``ConfigurationError`` unless a path is that of a Python file; it names the nearest one that is."""
+    if path.endswith(".py") and Path(path).is_file():
+        return
+    mend = "pass the path of a .py file"
+    if near := difflib.get_close_matches(Path(path).stem, [file.stem for file in Path(path).parent.glob("*.py")], 1):
+        mend = f"did you mean {near[0]}.py?"
+    what = "is not a Python file" if Path(path).exists() else "is not there"
+    raise ConfigurationError(f"plugin {path} {what}", mend)
+
+
+def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
+    """Build the error for a name that a plugin may bring: it tells the plugin file here that defines the name.
+
+    Parameters
+    ----------
+    kind, name, known
+        See :func:`benchmark.errors.did_you_mean`.
+    """
+    error = did_you_mean(kind, name, known)
+    defines = re.compile(rf"""\bname\b[^=\n]*=\s*['"]{re.escape(name)}['"]""")
+    for path in (*sorted(Path().glob("*.py")), *sorted(Path().glob("*/*.py"))):
+        with suppress(OSError, ValueError):
+            if path.parts[0] not in _PROJECT | {"tests"} and defines.search(path.read_text(encoding="utf-8")):
+                return ConfigurationError(error.problem, f"pass --plugin {path}, which defines it")
+    return error
 
 
 def is_imported(path: str) -> bool:

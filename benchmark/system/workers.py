@@ -13,6 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from types import ModuleType
 from typing import Any
 
 from benchmark.errors import one_line
@@ -66,7 +67,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, arguments, memory, quiet, os.getpid()))
         before = os.environ.get(warden.MARK)
-        with _without_interrupts():
+        with _without_interrupts(), _without_main():
             os.environ[warden.MARK] = self._mark
             try:
                 self._process.start()
@@ -180,6 +181,17 @@ def _limit_memory(limit: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     except (ImportError, ValueError, OSError):
         return  # not every system has this limit; the job then runs without one
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Let what is started in the body not run the main module again: a script needs no guard against that."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import hashlib
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -81,10 +82,15 @@ def save_model(
         "torch": torch.__version__,
         "seconds": round(progress.seconds, 1),
         "images_per_second": round(images, 1),
-        "final_losses": dict(progress.history[-1]),
-        "final": {name: dict(values) for name, values in final.items()},
+        "final_losses": _strict(progress.history[-1]),
+        "final": {name: _strict(values) for name, values in final.items()},
         "recipe": dict(recipe),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
     write_model(folder, weights, progress.history, card)
     return card
+
+
+def _strict(values: Mapping[str, float]) -> dict[str, float | None]:
+    """Numbers as JSON has them: None for what is none, such as the error of masks that do not overlap."""
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}

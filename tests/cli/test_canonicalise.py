@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.canonicalise import canonicalise_file, plain_form
+from benchmark.cli.canonicalise import canonicalise_file, plain_form, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm
 from benchmark.geometry.mesh import Mesh
 from benchmark.system.calls import BrokenCall
 from tests.geometry.surfaces import sphere
-from tests.toy import rod, write_off
+from tests.toy import files_of_at_most, rod, write_off
 
 PLUGIN = """
 import os
@@ -54,6 +54,36 @@ def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
     assert "is no file" in str(refused.exception)
+
+
+def canonicalise(*arguments):
+    done = CliRunner().invoke(cli, ["canonicalise", "-m", "identity", *map(str, arguments)])
+    return str(done.exception) if isinstance(done.exception, ConfigurationError) else done.output
+
+
+def test_a_form_is_never_written_beside_its_mesh_unasked_nor_over_it(tmp_path, monkeypatch):
+    write_off(tmp_path / "data" / "rod.off", rod(0.1, 0.5))
+    (tmp_path / "link.off").symlink_to(tmp_path / "data" / "rod.off")
+    before = (tmp_path / "data" / "rod.off").read_bytes()
+    monkeypatch.chdir(tmp_path / "data")
+    assert "rod-identity.off beside rod.off would become part of the data; name a file" in canonicalise("rod.off")
+    for mesh, output in (("rod.off", "../link.off"), ("../link.off", "rod.off"), ("rod.off", "rod.off")):
+        assert "is the mesh itself; name another file with -o" in canonicalise(mesh, "-o", output)
+    monkeypatch.chdir(tmp_path)
+    assert canonicalise("data/rod.off").startswith("rod-identity.off: 290 vertices")
+    assert (tmp_path / "rod-identity.off").is_file()
+    assert [path.name for path in (tmp_path / "data").iterdir()] == ["rod.off"]
+    assert (tmp_path / "data" / "rod.off").read_bytes() == before
+
+
+def test_on_a_full_disk_the_old_form_stays(tmp_path):
+    target = tmp_path / "form.off"
+    target.write_text("old")
+    with files_of_at_most(4096), pytest.raises(ConfigurationError, match=f"^{target}: File too large; choose a file"):
+        write_form(target, rod(0.1, 0.5))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("form.off", "old")]
+    write_form(target, rod(0.1, 0.5))
+    assert target.read_text().startswith("OFF")
 
 
 def test_notes_that_cannot_be_told_are_the_fault_of_the_method(form_with):

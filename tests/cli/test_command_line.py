@@ -266,11 +266,11 @@ def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
             "data root /nowhere is not a readable folder; correct --data-root",
         ),
         (("run",), "nothing is selected; pass --all"),
-        (("run", "--all", "--plugin", "none.py"), "none.py is not a Python file"),
+        (("run", "--all", "--plugin", "none.py"), "none.py is not there"),
         (("run", "--all", "--timeout", "soon"), "'soon' is not a duration"),
         (("tables", "--check"), "--check has nothing to compare with"),
         (("canonicalise", "-m", "gps", "missing.off"), "missing.off"),
-        (("canonicalise", "-m", "surface-area", "x.off"), "describes shapes without a canonical form"),
+        (("canonicalise", "-m", "surface-area", "x.off", "-o", "y.off"), "describes shapes without a canonical form"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_2(arguments, message, tmp_path):

@@ -11,7 +11,7 @@ from benchmark.cli.options import Selection
 from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.run_plan import run_plan
-from benchmark.learning import card_digest
+from benchmark.learning import card_digest, read_card
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
@@ -224,6 +224,22 @@ def test_another_card_is_another_model_though_the_weights_are_the_same(root, tmp
     told = call("plan", *arguments, "--results", tmp_path)
     assert told.startswith("stale")
     assert "models changed: tosca-III" in told
+
+
+def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_path, monkeypatch):
+    """The shipped one takes its place; trained again, the local one counts."""
+    spec = variant("mean-target", methods([PLUGIN_PATH]))
+    shipped, local = tmp_path / "shipped", tmp_path / "models" / "tosca-III" / "plain-seed0"
+    monkeypatch.setattr(spec.load(), "shipped_models", shipped)
+    write_model(shipped / "tosca-III" / "plain-seed0", 0.7)
+    write_model(local, 0.7, note=float("nan"))
+    options = ("--results", tmp_path, "--data-root", root)
+    told = call("plan", "-t", "III-held-out", "-m", "mean-target", "--input", "view", *options).splitlines()
+    assert told[0].startswith(f"passed over the model in {local}: {local / 'card.json'} is no JSON: NaN is not JSON")
+    assert told[1].startswith("missing      tosca held out view mean-target")
+    train_one(spec, find_training("tosca-III"), tmp_path, root, {}, 1, (said := []).append)
+    assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, the model is trained anew")
+    assert read_card(local)["data"] == "tosca-III"
 
 
 def test_an_unknown_training_is_an_error_of_the_command_line(root, tmp_path):

@@ -330,7 +330,7 @@ def test_a_target_is_a_name_or_a_file(tmp_path):
     assert len(lines) == len(report.findings["surface-area"]) == 5 + len(checks.OF_THE_ANSWER)
     with pytest.raises(ConfigurationError, match="unknown method 'surface-are'; did you mean surface-area"):
         conformance.check_target("surface-are")
-    with pytest.raises(ConfigurationError, match="is not a Python file"):
+    with pytest.raises(ConfigurationError, match="is not there"):
         conformance.check_target(str(tmp_path / "none.py"))
 
 

@@ -105,6 +105,6 @@ def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):
     plugins.import_plugin(str(path))
     monkeypatch.setattr(inspection, "call_apart", None)
     inspect([path])
-    with pytest.raises(ConfigurationError, match="none.py is not a Python file"):
+    with pytest.raises(ConfigurationError, match="none.py is not there"):
         inspect([tmp_path / "none.py"])
     del sys.modules[plugins._module_name(str(path))]

@@ -113,7 +113,8 @@ def test_every_verb_goes_on_beside_a_broken_package(install, tmp_path, monkeypat
     done = call("list", "methods", "--json")
     assert {"works"} == {row["name"].partition("[")[0] for row in json.loads(done.out)} - set(registry.BUILT_IN)
     assert [line.partition(":")[0] for line in done.err.splitlines()] == ["installed package ends-it, ends-it"]
-    assert call("canonicalise", "-m", "works", "rod.off").out.startswith("rod-works.off: 290 vertices")
+    made = call("canonicalise", "-m", "works", "rod.off", "-o", "form.off")
+    assert made.out.startswith("form.off: 290 vertices")
     done = call("plan", "-m", "ends-it")
     assert done.err.startswith("error: installed package ends-it, ends-it: package ends-it ended its process")
     assert len(done.err.splitlines()) == 1

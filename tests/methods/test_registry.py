@@ -86,7 +86,7 @@ def test_a_broken_plugin_is_named(tmp_path, text, message):
 
 
 def test_a_missing_plugin_is_named(tmp_path):
-    with pytest.raises(ConfigurationError, match="is not a Python file"):
+    with pytest.raises(ConfigurationError, match="is not there"):
         registry.methods([tmp_path / "nothing.py"])
 
 

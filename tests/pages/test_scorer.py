@@ -18,7 +18,7 @@ PAGE = (ROOT / "docs" / "scorer.md").read_text(encoding="utf-8")
 
 
 def told(*arguments: str) -> str:
-    done = CliRunner().invoke(cli, [*arguments, "--results", str(ROOT / "results")])
+    done = CliRunner().invoke(cli, [*arguments, "--published", "--results", str(ROOT / "results")])
     assert done.exit_code == 0, done.output
     return done.output
 

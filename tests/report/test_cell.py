@@ -113,7 +113,7 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     assert cells[0] == "Our (4 models)"
     assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
-    assert r"\textbf{0.57}{\tiny$\,\pm$0.15} & \textbf{0.50}{\tiny$\,\pm$0.00}" in latex(table)
+    assert r"\textbf{0.57}\,$\pm$0.15 & \textbf{0.50}\,$\pm$0.00" in latex(table)
     assert re.search("<td class='first' title='95 %: [0-9.]+ to [0-9.]+'><b>0.57</b> ± 0.15</td>", score_table(table))
     (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
     assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.566667, "Our", 3)

@@ -197,9 +197,13 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
         assert not inner & {"html_inline", "link_open", "image", "s_open"}
     (latex,) = (files[name] for name in names if name.endswith(".tex"))  # one input, and no paper to stand beside
     assert braces(latex) == 0
-    assert latex.count(r"\begin{table}") == latex.count(r"\end{table}") == 1
+    assert len(re.findall(r"\\begin{table\*?}", latex)) == len(re.findall(r"\\end{table\*?}", latex)) <= 2
     body = latex[latex.index(r"\midrule") : latex.index(r"\bottomrule")].split("\n")
-    assert [len(re.findall(r"(?<!\\)&", line)) for line in body if line.endswith(r"\\")] == [4, 4, 4]
+    assert sorted(len(re.findall(r"(?<!\\)&", line)) for line in body if line.endswith(r"\\")) == [
+        1,
+        4,
+        4,
+    ]  # a failed job has one cell
     assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}; needs booktabs and graphicx", latex.split("\n")[0])
     assert re.search(r"^\\label\{tab:[\w.-]+\}$", latex, re.MULTILINE)
     rows = list(csv.reader(io.StringIO(files["tables.csv"])))

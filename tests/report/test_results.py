@@ -194,7 +194,7 @@ def test_alien_files_harm_no_verb(rods, store):
     assert "3 of 3 pairs are equal" in call("compare", store.root.parent, store.root.parent)
     assert "freed" in call("prune", *results)
     assert call("merge", store.root.parent, *results) == "0 records added, 3 known, 0 conflicts\n"
-    assert "finished" in call("why", "identity", *selection[:2], *results)
+    assert "finished" in call("why", "identity", *selection[:2], "--all", *results)
     (key,) = (found["key"] for found in store.records if found["method"] == "identity")
     assert "rods mesh identity" in call("why", key[:8], *results)
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 
 from benchmark.contracts import MethodInfo
+from benchmark.errors import ConfigurationError
 from benchmark.jobs.plan import difference
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
-from benchmark.report.files import render
+from benchmark.report.files import render, write
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
@@ -121,7 +122,8 @@ def test_latex_is_booktabs_escaped_and_stable():
     for line in text.splitlines():
         assert line.startswith("%") or "%" not in line.replace(r"\%", "")
     body = text[text.index(r"\midrule") : text.index(r"\bottomrule")]
-    assert all(line.count(" & ") == 12 for line in body.splitlines() if line.endswith(r"\\"))
+    cells = [line.replace(r"\multicolumn{4}{c}", " &  &  & ") for line in body.splitlines() if line.endswith(r"\\")]
+    assert all(line.count(" & ") == 12 for line in cells)
 
 
 def test_json_and_csv_hold_one_row_per_input_and_method():
@@ -150,6 +152,25 @@ def test_files_of_all_formats():
     both = ["table-III-beasts.md", "table-III-beasts.tex"]
     assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json", "verdict.md"])
     assert json.loads(files["tables.json"]) == rows_as_json([table()])
+
+
+def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
+    files = render([table()], ("latex", "markdown", "csv", "json"))
+    write(files, tmp_path)
+    write(files, tmp_path)
+    own = {
+        "references.bib": "@article{elad2003bending,\n",
+        "tables.csv": "a,b\n",
+        "verdict.md": "",
+        "tables.json": "[]\n",
+    }
+    for name, text in own.items():
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ConfigurationError, match=f"{name} was not written by 'tables'; choose another folder"):
+            write(files, tmp_path)
+        assert (tmp_path / name).read_text() == text
+        write(files, tmp_path, force=True)
+        assert (tmp_path / name).read_text() == files[name]
 
 
 @pytest.mark.parametrize(

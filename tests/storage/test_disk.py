@@ -1,9 +1,7 @@
 """A disk that is full, and a results folder that cannot be used: one line with the mend, and nothing half written."""
 
 import json
-import resource
 import shutil
-from contextlib import contextmanager
 
 import pytest
 from click.testing import CliRunner
@@ -15,23 +13,12 @@ from benchmark.storage.records import Records
 from benchmark.storage.store import StorageError, Store
 from benchmark.system.text import LONGEST_REASON
 from tests.records import record
-from tests.toy import write_rods
+from tests.toy import files_of_at_most, write_rods
 
 
 @pytest.fixture(scope="module")
 def rods(tmp_path_factory):
     return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
-
-
-@contextmanager
-def files_of_at_most(size):
-    """Make writing fail as a full disk does."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def run(rods, results, *more):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option
+from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option, told_what_it_is
 from benchmark.system.text import clean, say
 
 if TYPE_CHECKING:
@@ -131,7 +131,8 @@ def _on_data(
     from benchmark.datasets.own import is_own
     from benchmark.system.calls import call_apart
 
-    (source,) = sources([name], plugins)
+    with told_what_it_is(name, "data set"):
+        (source,) = sources([name], plugins)
     root = str(data_root) if data_root else None
     if not is_own(source):
         return work(source, root, *arguments)

@@ -28,7 +28,7 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
     "--output",
     type=PathOption(),
     metavar="OUT",
-    help="Mesh file to write; by default IN-METHOD.off beside IN.",
+    help="Mesh file to write; by default IN-METHOD.off in the current folder.",
 )
 @plugin_option
 @timeout_option("making the form")
@@ -50,7 +50,11 @@ def canonicalise(
 
     if not source.name:
         raise ConfigurationError(f"{source} is no file", "name a mesh")
-    target = output or source.with_name(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
+    target = output or Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
+    if output is None and source.resolve().parent == Path.cwd():
+        raise ConfigurationError(
+            f"{target} beside {source} would become part of the data", f"name a file with -o, such as -o forms/{target}"
+        )
     form = canonicalise_file(source, target, method, plugins, seed, timeout, vertices)
     facts = ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import data_root_option, name_unusable, plugin_option, results_option
+from benchmark.cli.options import data_root_option, name_unusable, plugin_option, results_option, told_what_it_is
 from benchmark.cli.verbs.data import COLUMNS, print_rows
 from benchmark.system.text import say
 
@@ -46,7 +46,9 @@ def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
     from benchmark.cli.description import facts_of, lines_of
     from benchmark.methods.registry import methods, variant
 
-    facts = facts_of(variant(method, methods(plugins)))
+    with told_what_it_is(method, "method"):
+        spec = variant(method, methods(plugins))
+    facts = facts_of(spec)
     if as_json:
         click.echo(json.dumps(facts, indent=1))
         return

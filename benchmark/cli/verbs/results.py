@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +15,24 @@ from benchmark.cli.options import (
     OK,
     PathOption,
     Selection,
+    datasets_option,
+    inputs_option,
+    is_of,
     name_skipped,
     plugin_option,
+    published_option,
     results_option,
     scorer_option,
     selection_options,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say, say_lines
+from benchmark.system.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.storage.records import Record
+    from benchmark.storage.store import Store
 
 _SHORTEST_KEY = 6
 
@@ -60,10 +66,25 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
 @click.option("--digests", is_flag=True, help="Of two folders: in which stages their results differ in a bit.")
+@datasets_option
+@inputs_option
 @scorer_option
+@click.option("--all", "everything", is_flag=True, help="Every pair, perturbed sets too, with intervals and tests.")
 @plugin_option
+@published_option
 @results_option
-def compare(first: str, second: str, digests: bool, scorer: str, plugins: tuple[Path, ...], results: Path) -> None:
+def compare(
+    first: str,
+    second: str,
+    datasets: tuple[str, ...],
+    inputs: tuple[str, ...],
+    scorer: str,
+    digests: bool,
+    everything: bool,
+    plugins: tuple[Path, ...],
+    published: bool,
+    results: Path,
+) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
@@ -74,16 +95,22 @@ def compare(first: str, second: str, digests: bool, scorer: str, plugins: tuple[
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store
 
+    def is_chosen(record: Record) -> bool:
+        return is_of(record["data"], datasets) and (not inputs or record["input"] in inputs)
+
     known_scorers = scorers(plugins)
     if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
-        _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), plugins, results)
+        store = Store.open(results, published_only=published)
+        _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), plugins, store, is_chosen)
         return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
-    stores = [Store(folder / "runs") for folder in ((Path(first), Path(second)) if are_folders else (results,))]
+    folders = (Path(first), Path(second)) if are_folders else (results,)
+    stores = [Store(folder / "runs", published_only=published) for folder in folders]
     try:
         records = [records_under(store) for store in stores]
     finally:
         name_skipped(*stores)
+    records = [[record for record in found if is_chosen(record)] for found in records]
     if digests:
         if not are_folders:
             raise ConfigurationError("digests are compared between two results folders", "name two folders")
@@ -98,20 +125,26 @@ def compare(first: str, second: str, digests: bool, scorer: str, plugins: tuple[
         found = compare_methods(records[0], *names, scorer_of(scorer, known_scorers).name)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    for line in lines(found, first, second):
+    for line in lines(found, first, second, everything=everything):
         say(line)
 
 
-def _compare_scorers(first: ScorerSpec, second: ScorerSpec, plugins: tuple[Path, ...], results: Path) -> None:
+def _compare_scorers(
+    first: ScorerSpec,
+    second: ScorerSpec,
+    plugins: tuple[Path, ...],
+    store: Store,
+    is_chosen: Callable[[Record], bool],
+) -> None:
     from benchmark.methods.registry import methods
     from benchmark.methods.scorers import scorers
     from benchmark.report.results import Results
     from benchmark.report.statistics.agreement import agreements, markdown
-    from benchmark.storage.store import Store
 
-    store = Store.open(results)
     found = Results(store, methods(plugins), known_scorers=scorers(plugins))
-    rows = agreements(found.all(scorer=first.name), found.all(scorer=second.name))
+    rows = agreements(
+        *([each for each in found.all(scorer=name) if is_chosen(each.record)] for name in (first.name, second.name))
+    )
     name_skipped(store)
     if not rows:
         raise ConfigurationError(
@@ -143,8 +176,12 @@ def prune(dry_run: bool, results: Path) -> None:
 @click.command()
 @click.argument("target", metavar="METHOD|KEY", shell_complete=completion.methods)
 @selection_options
-def why(target: str, **options: Any) -> None:
-    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed."""
+@click.option("--all", "everything", is_flag=True, help="All that is known of each job, however many there are.")
+def why(target: str, everything: bool, **options: Any) -> None:
+    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed.
+
+    Several jobs have a line each, unless --all is given.
+    """
     from benchmark.storage.store import Store
 
     selection = Selection.of(options)
@@ -156,8 +193,17 @@ def why(target: str, **options: Any) -> None:
         if found:
             _explain_record(found[0])
             return
-    for job in Selection.of(options | {"methods": (target,)}).jobs(store):
-        _explain_job(job, store.records.read(job.key) or store.published.read(job.key))
+    jobs = Selection.of(options | {"methods": (target,)}).jobs(store)
+    made = [store.records.read(job.key) or store.published.read(job.key) for job in jobs]
+    if everything or len(jobs) == 1:
+        for job, record in zip(jobs, made, strict=True):
+            _explain_job(job, record)
+        return
+    width = max(len(clean(job.name)) for job in jobs)
+    for job, record in zip(jobs, made, strict=True):
+        scores = _scores(record) if record is not None else ""
+        say(f"{job.key[:12] or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
+    say(f"{len(jobs)} jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all of each")
 
 
 def _explain_job(job: Job, record: Record | None) -> None:

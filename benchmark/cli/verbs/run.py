@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +15,9 @@ from benchmark.system.text import brief, clean, say, say_lines
 if TYPE_CHECKING:
     from benchmark.jobs.cluster.sharding import Shard
     from benchmark.jobs.plan import Job
+
+#: What tells the place of a record.
+_PLACE = ("gallery", "input", "method")
 
 RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all")
 
@@ -56,19 +60,24 @@ def run(
 
     unnamed = not selection.is_narrow
     ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)
-    galleries = {job.gallery.name for job in plan}
-    inputs = {job.input for job in plan}
     results = selection.results_of(store).all(selection.seed, scorer=selection.scorer_spec().name)
     name_skipped(store)
-    shown = [r for r in results if r.record["gallery"] in galleries and r.record["input"] in inputs]
-    made = contents(shown, {job.gallery.table.identifier for job in plan}, blanks=not selection.is_narrow)
+    found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
+    # A finished job of the same shapes, in a folder of another name, is that of the plan.
+    shown = [
+        replace(result, record=result.record | job.facts)
+        for job in plan
+        if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
+    ]
+    chosen = {job.gallery.table.identifier for job in plan}
+    made = contents(shown, chosen, blanks=not selection.is_narrow, named=selection.is_by_name)
     if sys.stdout.isatty():
         draw(made)
     else:
         for table in made:
             say_lines("\n" + markdown(table))
-    for found in robustness(shown):
-        say_lines("\n" + robustness_markdown(found))
+    for disturbed in robustness(shown):
+        say_lines("\n" + robustness_markdown(disturbed))
     sys.exit(OK if ok else NOT_OK)
 
 

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, PathOption, Selection, selection_options, timeout_option
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    PathOption,
+    Selection,
+    force_option,
+    published_option,
+    selection_options,
+    timeout_option,
+)
 from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
+
+if TYPE_CHECKING:
+    from benchmark.report.latex import Notes
+
+#: Tables that are printed whole where methods are named; of more, each row has a line.
+_FEW = 2
 
 FORMATS = ("latex", "markdown", "csv", "json")
 
@@ -27,25 +42,51 @@ FORMATS = ("latex", "markdown", "csv", "json")
     help="Write files instead of printing.",
 )
 @click.option("--check", is_flag=True, help="Compare with the files in -o DIR; exit 1 if they differ.")
+@click.option(
+    "--notes",
+    type=click.Choice(["table", "appendix", "none"]),
+    default="table",
+    show_default=True,
+    help="Of LaTeX: notes under each table, in files notes-TABLE.tex, or nowhere.",
+)
+@click.option("--all", "everything", is_flag=True, help="Whole tables, however many -m asks for.")
+@force_option
+@published_option
 @click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
-def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bool, **options: Any) -> None:
+def tables(
+    formats: tuple[str, ...],
+    output: Path | None,
+    check: bool,
+    notes: Notes,
+    everything: bool,
+    force: bool,
+    fresh: bool,
+    **options: Any,
+) -> None:
     """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
+    from benchmark.report.formats import overview
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import rendered
-    from benchmark.storage.store import Store
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     selection = Selection.of(options)
-    store = Store.open(selection.results)
+    store = selection.store(output)
+    if store.published_only and not selection.published and any((store.root / "records").glob("*.json")):
+        say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
-    content = contents(recorded, selection.tables, blanks=not selection.is_narrow)
+    content = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)
     disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
     if not content and not disturbed:
         raise no_table(selection)
-    if output is None and not formats and sys.stdout.isatty():
+    is_screen = output is None and not formats
+    if is_screen and selection.is_narrow and len(content) > _FEW and not everything:
+        say_lines(overview(content))
+        say(f"{len(content)} tables: -t and -d choose, --all prints them whole, with notes, intervals and tests")
+        return
+    if is_screen and sys.stdout.isatty():
         from benchmark.cli.terminal import draw
 
         draw(content)
@@ -53,12 +94,12 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
             say_lines(text)
         return
     if output is None:
-        for text in (render(content, chosen := formats or ("markdown",)) | rendered(disturbed, chosen)).values():
+        for text in (render(content, chosen := formats or ("markdown",), notes) | rendered(disturbed, chosen)).values():
             say_lines(text)
         return
-    files = render(content, formats or FORMATS) | rendered(disturbed, formats or FORMATS)
+    files = render(content, formats or FORMATS, notes) | rendered(disturbed, formats or FORMATS)
     if not check:
-        write(files, output)
+        write(files, output, force=force)
         if disturbed and "markdown" in (formats or FORMATS):
             from benchmark.report.pictures.curves import draw_curves
 
@@ -80,6 +121,8 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
     show_default=True,
     metavar="DIR",
 )
+@force_option
+@published_option
 @click.option(
     "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
 )
@@ -96,6 +139,7 @@ def tables(formats: tuple[str, ...], output: Path | None, check: bool, fresh: bo
 @timeout_option("the forms of a method that a figure lacks")
 def report(
     output: Path,
+    force: bool,
     figure: Path | None,
     what: str,
     subjects: tuple[str, ...],
@@ -114,4 +158,4 @@ def report(
     if figure is not None:
         write_figure(selection, figure, what, subjects, shapes, timeout)
     else:
-        write_pages(selection, output)
+        write_pages(selection, output, force=force)

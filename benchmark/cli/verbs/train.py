@@ -111,15 +111,22 @@ def train_one(
         Told about progress.
     """
     from benchmark.jobs.pairs import training_data
-    from benchmark.learning import ChecksOptions
+    from benchmark.learning import CARD, ChecksOptions, read_card
     from benchmark.storage.store import Store
 
     learner: Any = spec.create()
     if isinstance(learner, ChecksOptions):
         learner.check_options(schedule)
     store = Store.open(results)
+    folder = store.models / training.name / learner.model_name
+    if (folder / CARD).is_file():
+        try:
+            read_card(folder)
+        except ConfigurationError as error:  # as of a model that no verb can use: it would stop this training, too
+            (folder / CARD).replace(folder / f"unusable-{CARD}")
+            say(f"{error.problem}: renamed to unusable-{CARD}, the model is trained anew")
     data = training_data(training, store, data_root, say, n_sampled)
-    learner.train(data, store.models / training.name / learner.model_name, schedule, say)
+    learner.train(data, folder, schedule, say)
 
 
 def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed: int | None) -> MethodSpec:

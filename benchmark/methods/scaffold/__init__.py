@@ -15,6 +15,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import methods
 from benchmark.methods.scaffold import dataset, descriptor, learner, method, scorer
 from benchmark.methods.scorers import scorers
+from benchmark.system.files import write_text
 from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
@@ -61,10 +62,8 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
         if path.exists():
             raise ConfigurationError(f"{path} exists already", "choose another name or folder")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for path, text in texts.items():
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
+            write_text(path, text)
     except OSError as error:
         raise ConfigurationError(f"{folder} cannot be written to: {error}", "choose another folder") from error
     return list(texts)

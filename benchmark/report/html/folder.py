@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
-from benchmark.errors import BenchmarkError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.system.files import sweep, write_atomically
 
 #: Names what a report consists of, so that the next one removes what it does not write again, and nothing else.
@@ -29,15 +29,37 @@ class Folder:
     ----------
     root
         The folder; made if need be.
+    force
+        Whether files that no report has written are replaced.
     """
 
     root: Path
+    force: bool = False
     sizes: dict[str, int] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
         """Bytes that were written."""
         return sum(self.sizes.values())
+
+    def claim(self, names: Iterable[str]) -> None:
+        """Make the folder that of a report.
+
+        Raises
+        ------
+        ConfigurationError
+            If something has one of these names that no report has written.
+        BenchmarkError
+            If the folder cannot be written to.
+        """
+        if (self.root / CONTENTS).is_file():
+            return
+        if not self.force and (found := next((name for name in names if (self.root / name).exists()), "")):
+            raise ConfigurationError(
+                f"{self.root / found} is not of a report",
+                "choose another folder with -o, or pass --force to replace it",
+            )
+        self.write(CONTENTS, "[]")
 
     def write(self, name: str, content: str | bytes) -> None:
         """Write a file; raises ``BenchmarkError`` if it cannot be written."""

@@ -61,7 +61,7 @@ class TablePages:
         """Name of the table."""
         identifier = self.table.identifier
         own = identifier == str(self.table.data["name"])
-        return self.table.table.caption if own else f"Table {identifier}. {self.table.table.caption}"
+        return self.table.caption if own else f"Table {identifier}. {self.table.caption}"
 
 
 @dataclass(frozen=True)
@@ -145,6 +145,7 @@ def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
         if pages.n_distances < pages.n_ranked
         else ""
     )
+    same = "<p class='faint'>See <a href='#precision'>above</a> for what is missing here.</p>" if missing else ""
     families = list(dict.fromkeys(row.family for row in table.rows))
     boxes = "".join(
         f"<label><input type='checkbox' data-family='{html_text(name)}' checked> {html_text(name)}</label>"
@@ -184,13 +185,13 @@ def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
             "attraction",
             "The subject or the pose?",
             "<p>What the nearest match shares with its query. A canonical form should bring the subject; what brings "
-            "the pose has kept it.</p>" + missing + _chart("attraction", ("input",)),
+            "the pose has kept it.</p>" + same + _chart("attraction", ("input",)),
         ),
         _section(
             "confusion",
             "Confusion",
             "<p>Rows are queries, columns their nearest matches.</p>"
-            + missing
+            + same
             + _chart("confusion", ("input", "method", "kind")),
         ),
     ]
@@ -234,6 +235,7 @@ def queries_page(pages: TablePages, tables: Sequence[TablePages], sheets: str) -
             missing + "<div class='controls'><label>Gallery <select id='query-gallery'></select></label>"
             "<label>Shape <input id='query-name' list='query-names' type='search' autocomplete='off'></label>"
             "<datalist id='query-names'></datalist>"
+            "<span id='query-none' class='nothing' role='status'></span>"
             "<span><button type='button' id='query-before' title='Shape before, key P'>← before</button> "
             "<button type='button' id='query-next' title='Next shape, key N'>next →</button></span></div>"
             "<div id='query'></div><div id='matches'></div>"
@@ -322,11 +324,9 @@ def _best(table: TableContent) -> str:
             score, label = max(contest, key=lambda each: each[0])
             lines.append(f"<dt>{html_text(input_)}</dt><dd>{html_text(label)} <b>{number(score)}</b></dd>")
     chance = number(table.chance["DCG"])
-    return (
-        f"<dl class='best'><dt>best DCG</dt><dd class='faint'>chance {chance}</dd>{''.join(lines)}</dl>"
-        if lines
-        else ""
-    )
+    if not lines:
+        return "<p class='faint'>No job has scores; <a href='#failures'>why</a>.</p>"
+    return f"<dl class='best'><dt>best DCG</dt><dd class='faint'>chance {chance}</dd>{''.join(lines)}</dl>"
 
 
 def _failures(overview: Overview) -> str:

@@ -73,8 +73,10 @@ def write_report(
     Raises
     ------
     BenchmarkError
-        If a file cannot be written, or plotly is not installed.
+        If a file cannot be written or would take the place of what is of no report, or plotly is not installed.
     """
+    names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms", "-queries")]
+    folder.claim(["index.html", "parts", *names])
     _write_assets(folder)
     sets = _by_set(tables)
     per_set = _shapes_per_set(sets)

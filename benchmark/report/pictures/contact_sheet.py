@@ -21,6 +21,7 @@ from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import sensor_of
 from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
+from benchmark.system.files import write_atomically
 
 #: Poses of each subject, unless told otherwise.
 POSES = 8
@@ -67,8 +68,7 @@ class ContactSheet:
         if path.suffix.lower() != ".png":
             raise BenchmarkError(f"{path} is not the name of a PNG file", "let it end in .png")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.image.save(path, optimize=True)
+            write_atomically(path, lambda file: self.image.save(file, format="PNG", optimize=True))
         except OSError as error:
             raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another file with -o") from error
 

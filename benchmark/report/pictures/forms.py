@@ -24,6 +24,7 @@ from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.store import Store
 from benchmark.system.calls import call_apart
+from benchmark.system.files import write_atomically
 from benchmark.system.text import clean
 
 if TYPE_CHECKING:
@@ -176,10 +177,11 @@ def save(figure: Figure, path: Path) -> None:
     import matplotlib as mpl
 
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         with mpl.rc_context({"svg.hashsalt": "figure"}):
             metadata = _UNDATED[path.suffix.lower()]
-            figure.savefig(path, bbox_inches="tight", pad_inches=0.03, metadata=metadata)
+            options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": metadata}
+            kind = path.suffix[1:].lower()
+            write_atomically(path, lambda file: figure.savefig(file, format=kind, **options))
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 

@@ -9,7 +9,7 @@ from typing import Any
 from benchmark.datasets.nuisances.dataset import NUISANCES
 from benchmark.report.columns import BLANK, number
 from benchmark.report.escaping import csv_text, latex_text, markdown_row, markdown_rule, markdown_text
-from benchmark.report.floats import table_float
+from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
 from benchmark.report.robustness.curves import Curve, Robustness, worst
 
 _LEGEND = (
@@ -17,9 +17,6 @@ _LEGEND = (
     "destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean value is not "
     f"above chance. {BLANK}: not all strengths were run."
 )
-
-#: Characters of a header that the text of an article has room for.
-_COLUMN = 80
 
 
 def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, str]:
@@ -64,16 +61,20 @@ def markdown(found: Robustness) -> str:
 
 def latex(found: Robustness) -> str:
     r"""The amounts at which each method fails, for ``\input``."""
-    header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
-    rows = [[title, *_halves(found, method)] for method, title in found.titles.items()]
-    lines = [_latex_row(header), r"\midrule", *map(_latex_row, rows)]
-    caption = f"What breaks the methods: {_title(found)}. {_LEGEND}"
-    wide = sum(map(len, header)) > _COLUMN
-    return table_float(found.file_stem, caption, f"l{'r' * (len(header) - 1)}", lines, spans_columns=wide)
+    header = ["clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
+    rows = {title: _halves(found, method) for method, title in found.titles.items()}
+    columns = zip(*rows.values(), strict=True)
+    blocks = [_block(head, column) for head, column in zip(header, columns, strict=True)]
+    lines = [Line(latex_text(t), points(t), tuple((latex_text(c),) for c in cells)) for t, cells in rows.items()]
+    caption = latex_text(f"What breaks the methods: {_title(found)}. {_LEGEND}")
+    return table_floats(found.file_stem, caption, blocks, lines)
 
 
-def _latex_row(cells: Iterable[str]) -> str:
-    return " & ".join(map(latex_text, cells)) + r" \\"
+def _block(head: str, column: Iterable[str]) -> Block:
+    """A column; each word of its heading has a line."""
+    width = max(map(points, (*head.split(), *column)))
+    words = r"\\".join(latex_text(word) for word in head.split())
+    return Block("", (rf"\shortstack[r]{{{words}}}",), width + SEPARATION)
 
 
 def as_csv(found: Sequence[Robustness]) -> str:

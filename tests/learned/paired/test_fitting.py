@@ -168,6 +168,15 @@ def test_no_pair_is_no_training(tmp_path: Path) -> None:
         again(tmp_path, data=replace(toy_data(), pairs=lambda start=0: iter(())))
 
 
+@pytest.mark.usefixtures("tiny")
+def test_a_measure_that_is_no_number_is_null_on_the_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Predictions that nowhere overlap their targets have no error of depth."""
+    found = {"mask overlap": 0.0, "depth error": float("nan")}
+    monkeypatch.setattr("learned.paired.fitting.measures", lambda *_: found)
+    again(tmp_path / "model")
+    assert read_card(tmp_path / "model")["final"]["unseen"] == {"mask overlap": 0.0, "depth error": None}
+
+
 def test_the_card_is_plain_json(trained: Path) -> None:
     text = (trained / CARD).read_text()
     card = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))

@@ -1,6 +1,7 @@
 """The report in a browser: Debian's chromium without a screen, the report opened from its folder."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs Debian's packages chromium and chromium-driver"),
 ]
+
+ROOT = Path(__file__).parents[3]
 
 SCENES = ("scene", "scene2")
 
@@ -153,6 +156,50 @@ def test_a_query_shows_its_matches_and_a_match_becomes_the_query(browser):
     browser.open("table-rods-queries.html#%/100%")  # no address of ours
     browser.wait("document.getElementById('matches').dataset.query === 'thick0'")
     assert (np.ptp(browser.picture(".query .thumb"), axis=2) > 30).mean() > 0.01
+
+
+def test_a_search_says_when_nothing_was_found(browser):
+    browser.open("table-rods.html")
+    for words, said in (("xyz", 'No row that is shown is called "xyz".'), ("pca", "")):
+        browser.choose(".filter", words)
+        assert browser.run("return document.querySelector('#scores .nothing').textContent") == said
+    browser.open("table-rods-queries.html")
+    browser.wait("document.getElementById('matches').dataset.query === 'thick0'")
+    for words, said in (("xyz", 'No shape of this gallery is called "xyz".'), ("thin1", "")):
+        browser.choose("#query-name", words)
+        assert browser.run("return document.getElementById('query-none').textContent") == said
+    browser.wait("document.getElementById('matches').dataset.query === 'thin1'")
+
+
+def test_the_widest_table_and_its_commands_fit_a_desk_and_no_label_covers_another(driver, tmp_path):
+    """Table I, with three groups of columns, spreads and long titles."""
+    from click.testing import CliRunner
+
+    from benchmark.cli.main import cli
+
+    made = CliRunner().invoke(
+        cli, ["report", "-t", "I", "--published", "--results", str(ROOT / "results"), "-o", str(tmp_path)]
+    )
+    assert made.exit_code == 0, made.output
+    browser = Browser(driver, tmp_path)
+    for name in ("index.html", "table-I-humans.html"):
+        browser.open(name)
+        wide = "(each) => each.scrollWidth <= each.clientWidth"
+        assert browser.run(f"return [...document.querySelectorAll('.frame, pre, .missing, .card')].every({wide})")
+    browser.run("document.querySelector('[data-chart=cost]').scrollIntoView()")
+    browser.wait("document.querySelector('[data-chart=cost] .plot[data-drawn]') !== null")
+    labels = browser.run(
+        "const inside = document.querySelector('[data-chart=cost] .plot').getBoundingClientRect();"
+        "return [...document.querySelectorAll('[data-chart=cost] .textpoint text')].filter((each) => each.textContent)"
+        ".map((each) => each.getBoundingClientRect()).map((r) => [r.left - inside.left, inside.right - r.right,"
+        " r.left, r.right, r.top + 3, r.bottom - 3])"
+    )
+    assert len(labels) > 15
+    assert min(min(left, right) for left, right, *_ in labels) >= 0
+    for k, (*_, left, right, top, bottom) in enumerate(labels):
+        for *_, other_left, other_right, other_top, other_bottom in labels[:k]:
+            is_beside = right <= other_left or other_right <= left
+            assert is_beside or bottom <= other_top or other_bottom <= top
 
 
 @pytest.mark.parametrize("name", PAGES)

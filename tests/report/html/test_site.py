@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmark.datasets.base import Entry
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.content import contents
 from benchmark.report.html import gallery, site
@@ -166,6 +167,17 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(kept, tmp
         "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
     }  # fmt: skip
     assert outside.read_text() == "kept"
+
+
+def test_what_is_of_no_report_is_replaced_by_force_alone(kept, tmp_path):
+    folder = tmp_path / "site"
+    write_text(folder / "index.html", "a home page")
+    with pytest.raises(ConfigurationError, match="index.html is not of a report; choose another folder with -o, or"):
+        report(folder, kept, record("gps"))
+    assert [path.read_text() for path in folder.iterdir()] == ["a home page"]
+    write_report(contents([Result(record("gps"))]), kept, Folder(folder, force=True), "python -m benchmark report")
+    assert (folder / "index.html").read_text() != "a home page"
+    report(folder, kept, record("gps"))
 
 
 # Large and damaged ----------------------------------------------------------------------------------------------------

@@ -104,11 +104,18 @@
       });
     });
     return { traces, layout: {
-      height: 500, xaxis: { type: "log", title: { text: "seconds a shape" }, tickvals: ticks, ticktext: ticks.map(String) }, yaxis: { title: { text: measure } },
+      height: 500, xaxis: { type: "log", range: withMargins(rows.map((row) => Math.log10(row.seconds))), title: { text: "seconds a shape" }, tickvals: ticks, ticktext: ticks.map(String) }, yaxis: { title: { text: measure } },
       shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: data.chance[measure], y1: data.chance[measure], line: { dash: "dash", width: 1, color: colour("faint") } }],
       annotations: [{ xref: "paper", x: 1, y: data.chance[measure], text: "chance", showarrow: false, yshift: 9, xanchor: "right", font: { color: colour("faint"), size: 11 } }],
       legend: { orientation: "h", y: 1.1 }, hovermode: "closest",
     } };
+  }
+
+  /* Ends of an axis with room for a label beside the first point and the last. */
+  function withMargins(values) {
+    const [low, high] = [Math.min(...values), Math.max(...values)];
+    const margin = 0.06 * (high - low) || 0.5;
+    return [low - margin, high + margin];
   }
 
   /* Plotly writes ticks between powers of ten as single digits. */
@@ -139,7 +146,8 @@
         "top right": [5, -23], "bottom right": [5, 9], "top left": [-5 - length, -23], "bottom left": [-5 - length, 9] };
       for (const [spot, [dx, dy]] of Object.entries(spots)) {
         const box = [x + dx, y + dy, x + dx + length, y + dy + 14];
-        if (!boxes.some((other, n) => n !== k && overlaps(box, other))) { places.set(rows[k], spot); boxes.push(box); break; }
+        const isInside = box[0] > -0.04 * wide && box[2] < 1.04 * wide;
+        if (isInside && !boxes.some((other, n) => n !== k && overlaps(box, other))) { places.set(rows[k], spot); boxes.push(box); break; }
       }
     }
     return places;

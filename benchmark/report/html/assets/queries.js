@@ -53,7 +53,9 @@
     const names = queries().map((k) => gallery.names[k]);
     const exact = names.indexOf(text);
     const near = names.findIndex((each) => each.toLowerCase().includes(text.toLowerCase()));
-    if (exact >= 0 || near >= 0) go(exact >= 0 ? exact : near);
+    const isFound = exact >= 0 || near >= 0;
+    if (isFound) go(exact >= 0 ? exact : near);
+    byId("query-none").textContent = isFound ? "" : `No shape of this gallery is called "${text}".`;
   }
 
   function step(by) { go((place + by + queries().length) % queries().length); }

@@ -147,6 +147,8 @@ const canonicalForms = (() => {
     const box = section.querySelector(".filter");
     const families = [...section.querySelectorAll("input[data-family]")];
     const rows = [...section.querySelectorAll("[data-filtered] tbody tr")];
+    const nothing = make("p", { class: "nothing", role: "status" });
+    section.querySelector("[data-filtered]").after(nothing);
     const show = () => {
       const words = box.value.toLowerCase().split(/\s+/).filter(Boolean);
       const shown = new Set(families.filter((each) => each.checked).map((each) => each.dataset.family));
@@ -154,6 +156,8 @@ const canonicalForms = (() => {
         const name = row.cells[0].textContent.toLowerCase() + " " + (row.cells[0].dataset.name ?? "").toLowerCase();
         row.hidden = !shown.has(row.dataset.family) || !words.every((word) => name.includes(word));
       }
+      const isEmpty = rows.every((row) => row.hidden);
+      nothing.textContent = !isEmpty ? "" : words.length ? `No row that is shown is called "${box.value}".` : "All rows are unticked.";
     };
     [box, ...families].forEach((each) => each.addEventListener("input", show));
   }

@@ -1,0 +1,109 @@
+"""An error names the nearest thing that exists and the command that would work; a first screen is one."""
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.errors import BenchmarkError
+from tests.test_results import ROOT
+
+PLUGIN = """
+from benchmark.contracts import canonical_form
+
+@canonical_form(name="smooth", title="Smooth")
+def smooth(shape):
+    return shape.form(shape.mesh.vertices)
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with published results, a plugin and a folder of meshes."""
+    folder = tmp_path_factory.mktemp("place")
+    (folder / "rods").mkdir()
+    (folder / "rods" / "thin0.off").write_text("OFF")
+    (folder / "smooth.py").write_text(PLUGIN)
+    (folder / "results").mkdir()
+    (folder / "results" / "records").symlink_to(ROOT / "results" / "records")
+    return folder
+
+
+@pytest.fixture
+def told(place, monkeypatch):
+    """What a command line says."""
+    monkeypatch.chdir(place)
+    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
+
+    def call(line):
+        done = CliRunner().invoke(cli, line.split())
+        return str(done.exception) if isinstance(done.exception, BenchmarkError) else done.output
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("run -t III --plugin smoth.py", "/smoth.py is not there; did you mean smooth.py?"),
+        ("run -t III --plugin rods", "/rods is not a Python file; pass the path of a .py file"),
+        ("run -t III -m smooth", "unknown method 'smooth'; pass --plugin smooth.py, which defines it"),
+        ("compare smooth gps", "unknown method 'smooth'; pass --plugin smooth.py, which defines it"),
+        ("describe gsp", "unknown method 'gsp'; did you mean gps?"),
+        ("describe xyz", "unknown method 'xyz'; choose one of accelerated-mds, "),
+        ("describe xyz", " ...: 'list methods' names all 30"),
+        ("describe tosca", "'tosca' is a data set, no method; 'data check tosca' tells of it"),
+        ("describe smooth.py", "'smooth.py' is a file, no method; 'check smooth.py' tells of it"),
+        ("data check gps", "'gps' is a method, no data set; 'describe gps' tells of it"),
+        ("data check rodz", "unknown data set 'rodz'; did you mean rods?"),
+        ("data check rodz/", "rodz is not a folder; did you mean rods?"),
+        ("data check ./rods/thin0.off", "thin0.off is not a folder; name the folder that holds it: rods"),
+        ("tables -d tosac", "unknown data set 'tosac'; did you mean tosca?"),
+        ("tables -t X", "unknown table 'X'; choose one of I, "),
+    ],
+)
+def test_what_does_not_exist_is_told_with_what_does(told, line, message):
+    assert message in told(line)
+
+
+@pytest.mark.parametrize(
+    ("line", "rest", "most"),
+    [
+        ("compare classic-mds gps", "44 more pairs differ; --all shows intervals and tests", 24),
+        ("why gps --input mesh", "jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all", 12),
+        ("tables -m gps", "8 tables: -t and -d choose, --all prints them whole", 14),
+    ],
+)
+def test_a_first_screen_says_how_to_see_the_rest(told, line, rest, most):
+    first = told(line)
+    assert rest in first.splitlines()[-1]
+    assert len(first.splitlines()) <= most
+    assert max(map(len, first.splitlines())) <= 130
+    whole = told(f"{line} --all")
+    assert rest not in whole
+    assert len(whole) > 3 * len(first)
+
+
+def test_what_fits_a_screen_is_told_whole(told):
+    chosen = told("compare classic-mds gps -d tosca --input mesh")
+    assert chosen.startswith("tosca held out mesh: 13 of 19 queries changed")
+    assert chosen in told("compare classic-mds gps -d tosca --input mesh --all")
+    assert "- Mean" not in told("tables -m gps -t III")
+    assert "| GPS " in told("tables -m gps -t III")
+
+
+@pytest.mark.parametrize(
+    ("verb", "name", "refused"),
+    [
+        ("tables", "references.bib", "references.bib was not written by 'tables'; choose another folder with -o"),
+        ("report", "index.html", "index.html is not of a report; choose another folder with -o"),
+    ],
+)
+def test_a_strangers_file_stays_unless_it_is_forced_away(told, place, verb, name, refused):
+    (place / verb).mkdir()
+    (place / verb / name).write_text("mine")
+    line = f"{verb} -t III -d tosca -m gps --input mesh -o {verb}"
+    assert refused in told(line)
+    assert [(path.name, path.read_text()) for path in (place / verb).iterdir()] == [(name, "mine")]
+    assert "wrote " in told(f"{line} --force")
+    assert (place / verb / name).read_text() != "mine"
+    assert "wrote " in told(line)
