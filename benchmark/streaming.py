@@ -23,7 +23,8 @@ class Fresh:
     identifiers
         Names of the bodies, n of them.
     images
-        Depth images of each body in its poses, shape (n, poses, size, size), float32 in [0, 1], 0 as background.
+        Depth images of each body, shape (n, k, size, size), float32 in [0, 1], 0 as background: its poses, each from
+        one side or more.
     fronts, backs
         Depth of the canonical pose as the camera sees it, and of the surface that lies behind everything else at the
         same pixel, counted from the same eye; shape (n, size, size). Both have one mask.
@@ -119,9 +120,12 @@ class StreamedData(TrainingData):
         Makes batches of other bodies, which no choice of a subject to be tested enters.
     surfaces, validation_surfaces
         The same bodies for learners of complete surfaces: those of a number are in the same poses as in its images.
+    wide
+        Other bodies in harder poses, with several images of each; None where there are none.
     """
 
     fresh: MakesFresh
     validation: MakesFresh
     surfaces: MakesSurfaces
     validation_surfaces: MakesSurfaces
+    wide: StreamedData | None = None

@@ -10,6 +10,7 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import TrainingData
+from learned.described import defaults_of
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
@@ -69,6 +70,10 @@ def fit(
     """
     chosen, plan, machine = checked_plan(name, options)
     stream = stream_of(data)
+    if chosen.stream == "wide":
+        if stream.wide is None:
+            raise ConfigurationError(f"training '{data.name}' has no wide stream", "take another configuration")
+        stream = stream.wide
 
     def train(
         folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
@@ -88,6 +93,7 @@ def fit(
         seed=seed,
         train=train,
         load=load_streamed,
+        defaults=defaults_of(chosen),
     )
     fitting.into(folder, machine, say)
 

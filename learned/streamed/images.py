@@ -13,13 +13,13 @@ from benchmark.streaming import Fresh, MakesFresh
 from learned.streamed.configuration import Streamed
 from learned.streamed.crop import seen_by
 
-OVERSAMPLING = 2
-"""Pixels rendered for each side of a pixel that the network sees."""
+OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
+"""Pixels rendered for each side of a pixel that the network sees, by stream."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageBatch:
-    """Pairs to train on; the poses of one body are neighbours.
+    """Pairs to train on; the images of one body are neighbours.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class ImageBatch:
     identifiers
         Names of the bodies.
     images
-        Depth, shape (bodies * poses, 1, r, r).
+        Depth, shape (bodies * k, 1, r, r).
     targets
-        Depth of each side, then the mask, shape (bodies * poses, sides + 1, r, r).
+        Depth of each side, then the mask, shape (bodies * k, sides + 1, r, r).
     poses
-        Poses of each body.
+        Images of each body, k.
     drawn_again
         How often something was drawn again, by reason.
     """
@@ -65,7 +65,8 @@ class MakesImages:
 
     def __call__(self, number: int) -> ImageBatch:
         """Make one batch."""
-        fresh = self.make(number, self.bodies, OVERSAMPLING * self.configuration.resolution)
+        size = round(OVERSAMPLING[self.configuration.stream] * self.configuration.resolution)
+        fresh = self.make(number, self.bodies, size)
         return batch_of(fresh, number, self.configuration)
 
 
