@@ -26,7 +26,8 @@ class Streamed:
         Numbers that a body is reduced to.
     decoder
         ``"plain"``: a transposed convolution in each block. ``"residual"``: enlarging by interpolation, then two
-        convolutions around which the block's input is led.
+        convolutions around which the block's input is led. ``"shuffle"``: as plain, but the last doubling rearranges
+        four channels into four pixels.
     sides
         1: depth of the front of the canonical pose. 2: of its back as well, and the form is a closed surface.
     crop
@@ -35,17 +36,33 @@ class Streamed:
         Weight of the distance between the codes of two poses of one body, relative to that between bodies.
     gradient
         Weight of the error of the depth's differences between neighbouring pixels.
+    norm
+        ``"group"``: each sample in eight groups of channels. ``"sample"``: all channels of a sample at once, of which
+        the derivative costs a tenth. ``"none"``: standardised weights instead.
+    encoder
+        ``"plain"``: five strided convolutions. ``"residual"``: with a residual block after the second and the third.
+    attention
+        Layers of self-attention over the last features but one, which see the whole image.
+    one_form
+        Weight of the variance of the forms that are predicted for one body, relative to that of all forms.
+    stream
+        Bodies it is trained on: ``"varied"``, or ``"wide"`` with harder poses and several views of each.
     """
 
     name: str
     resolution: Annotated[int, Interval(32, 512)] = 128
     width: Annotated[int, Interval(8, 64)] = 16
     code_size: Annotated[int, Interval(8, 4096)] = 256
-    decoder: Literal["plain", "residual"] = "plain"
+    decoder: Literal["plain", "residual", "shuffle"] = "plain"
     sides: Annotated[int, Interval(1, 2)] = 1
     crop: bool = True
     one_code: Annotated[float, Interval(0)] = 0.0
     gradient: Annotated[float, Interval(0)] = 0.0
+    norm: Literal["group", "sample", "none"] = "group"
+    encoder: Literal["plain", "residual"] = "plain"
+    attention: Annotated[int, Interval(0, 8)] = 0
+    one_form: Annotated[float, Interval(0)] = 0.0
+    stream: Literal["varied", "wide"] = "varied"
 
     @property
     def channels(self) -> int:
@@ -77,6 +94,16 @@ STREAMED: dict[str, Streamed] = {
             sides=2,
             one_code=0.01,
             gradient=1.0,
+        ),
+        replace(
+            PLAIN,
+            name="people",
+            sides=2,
+            norm="sample",
+            encoder="residual",
+            decoder="shuffle",
+            attention=2,
+            stream="wide",
         ),
     )
 }

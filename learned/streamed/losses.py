@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from learned.streamed.configuration import Streamed
 
-NAMES = ("depth loss", "mask loss", "gradient loss", "code loss")
+NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss")
 """Columns of the history."""
+
+FORM_PIXELS = 4
+"""Pixels per side that are averaged before forms are compared."""
 
 _LEAST_SPREAD = 1e-6
 """Smallest variance between codes, lest all of them being one be divided by zero."""
@@ -31,7 +35,7 @@ def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configu
     Returns
     -------
     torch.Tensor
-        Shape (4,), in the order of :data:`NAMES`.
+        Shape (5,), in the order of :data:`NAMES`.
     """
     mask = target[:, -1:]
     covered = mask.sum().clamp(min=1) * configuration.sides
@@ -43,13 +47,22 @@ def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configu
             (prediction[:, -1:] - mask).square().mean(),
             gradient_loss(depths, mask) if configuration.gradient else zero,
             code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
+            code_loss(_shown(prediction, mask), poses) if configuration.one_form and poses > 1 else zero,
         ]
     )
 
 
 def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
     """The loss that is minimised, a scalar."""
-    return terms[0] + terms[1] + configuration.gradient * terms[2] + configuration.one_code * terms[3]
+    weights = (1.0, 1.0, configuration.gradient, configuration.one_code, configuration.one_form)
+    # Added from the left, as a sum of products of tensors, so that a term of weight zero changes no bit.
+    return terms[0] + terms[1] + weights[2] * terms[2] + weights[3] * terms[3] + weights[4] * terms[4]
+
+
+def _shown(prediction: Tensor, mask: Tensor) -> Tensor:
+    """What a prediction shows, shape (n, numbers): its mask, and its depths where the true mask is, in small."""
+    shown = torch.cat([prediction[:, :-1] * mask, prediction[:, -1:]], dim=1)
+    return functional.avg_pool2d(shown, FORM_PIXELS).flatten(1)
 
 
 def gradient_loss(errors: Tensor, mask: Tensor) -> Tensor:

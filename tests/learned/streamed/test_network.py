@@ -45,7 +45,8 @@ def test_the_gradient_of_every_term_that_counts_reaches_every_weight(name: str) 
     batch = batch_of(Ellipsoids()(0, 4, 64), 0, chosen)
     code = network.code(batch.images)
     terms = losses(network.decoded(code), batch.targets, code, batch.poses, chosen)
-    assert [bool(term > 0) for term in terms] == [True, True, chosen.gradient > 0, chosen.one_code > 0]
+    wanted = [True, True, chosen.gradient > 0, chosen.one_code > 0, chosen.one_form > 0]
+    assert [bool(term > 0) for term in terms] == wanted
     weighted(terms, chosen).backward()
     for weight in network.parameters():
         assert weight.grad is not None
@@ -94,7 +95,7 @@ def test_one_code_for_all_poses_costs_nothing_however_small_the_codes_are() -> N
 
 
 def test_the_names_of_the_terms_are_those_of_the_history() -> None:
-    assert len(NAMES) == 4
+    assert len(NAMES) == 5
 
 
 def test_a_card_of_another_network_and_a_resolution_that_cannot_be_are_refused() -> None:
