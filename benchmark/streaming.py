@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from benchmark.learning import TrainingData
 
-__all__ = ["Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
+__all__ = ["N_POINTS", "Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
+
+
+N_POINTS = 250
+"""Points of a body whose places are told."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,6 +34,15 @@ class Fresh:
         same pixel, counted from the same eye; shape (n, size, size). Both have one mask.
     drawn_again
         How often something was drawn again, by reason.
+    pixels
+        Row and column at which each image shows points of the body, NaN where something hides them, shape
+        (n, k, v, 2); None where they are not told.
+    places
+        The same points in the canonical pose in coordinates of the camera, over the height of the body, shape
+        (n, v, 3).
+    points
+        Places of some points less those of the average body, over the root mean square of that, shape
+        (n, 3 * N_POINTS).
     """
 
     identifiers: tuple[str, ...]
@@ -37,6 +50,9 @@ class Fresh:
     fronts: NDArray[np.float32]
     backs: NDArray[np.float32]
     drawn_again: Mapping[str, int]
+    pixels: NDArray[np.float32] | None = None
+    places: NDArray[np.float32] | None = None
+    points: NDArray[np.float32] | None = None
 
 
 class MakesFresh(Protocol):

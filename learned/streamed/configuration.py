@@ -45,6 +45,12 @@ class Streamed:
         Layers of self-attention over the last features but one, which see the whole image.
     one_form
         Weight of the variance of the forms that are predicted for one body, relative to that of all forms.
+    places
+        Weight of the error of the canonical positions of what the image shows, predicted from the last features but
+        one; no form needs them, they teach the encoder which part of the body is where.
+    points
+        Weight of the error of the places of points of the body in the canonical pose, a linear function of the code; no
+        form needs them, they teach the code what a body is.
     stream
         Bodies it is trained on: ``"varied"``, or ``"wide"`` with harder poses and several views of each.
     """
@@ -62,6 +68,8 @@ class Streamed:
     encoder: Literal["plain", "residual"] = "plain"
     attention: Annotated[int, Interval(0, 8)] = 0
     one_form: Annotated[float, Interval(0)] = 0.0
+    places: Annotated[float, Interval(0)] = 0.0
+    points: Annotated[float, Interval(0)] = 0.0
     stream: Literal["varied", "wide"] = "varied"
 
     @property

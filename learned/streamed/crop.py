@@ -47,14 +47,19 @@ def cropped(images: Image, resolution: int) -> Image:
     """
     size = images.shape[-1]
     seen = images[0] > 0
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
-    length = side / FILL
-    down, across = (
-        _resampling((place[0] + place[-1] + 1 - length) / 2, length, size, resolution) for place in (rows, columns)
-    )
+    starts, length = window(images[0])
+    down, across = (_resampling(start, length, size, resolution) for start in starts)
     middle = float(images[0][seen].mean(dtype=np.float64))
     return _resampled(images, down, across, middle, size / length)
+
+
+def window(image: Image) -> tuple[tuple[float, float], float]:
+    """Return the first row and column of the frame that the foreground of an image fills, and its side, in pixels."""
+    seen = image > 0
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
+    first, second = (float(place[0] + place[-1] + 1 - length) / 2 for place in (rows, columns))
+    return (first, second), length
 
 
 def shrunk(images: Image, resolution: int) -> Image:

@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from learned.streamed.configuration import Streamed
 
-NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss")
+NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss", "place loss", "point loss")
 """Columns of the history."""
 
 FORM_PIXELS = 4
@@ -18,7 +18,15 @@ _LEAST_SPREAD = 1e-6
 """Smallest variance between codes, lest all of them being one be divided by zero."""
 
 
-def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configuration: Streamed) -> Tensor:
+def losses(
+    prediction: Tensor,
+    target: Tensor,
+    code: Tensor,
+    poses: int,
+    configuration: Streamed,
+    places: tuple[Tensor, Tensor] | None = None,
+    points: tuple[Tensor, Tensor] | None = None,
+) -> Tensor:
     """All terms, unweighted; those of weight zero are zero.
 
     Parameters
@@ -31,11 +39,15 @@ def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configu
         Poses of each body.
     configuration
         Which terms count.
+    places
+        Predicted canonical positions, shape (n, 3, s, s), and the true ones with their mask, shape (n, 4, s, s).
+    points
+        Predicted and true places of points, shape (n, p) each.
 
     Returns
     -------
     torch.Tensor
-        Shape (5,), in the order of :data:`NAMES`.
+        Shape (7,), in the order of :data:`NAMES`.
     """
     mask = target[:, -1:]
     covered = mask.sum().clamp(min=1) * configuration.sides
@@ -48,15 +60,26 @@ def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configu
             gradient_loss(depths, mask) if configuration.gradient else zero,
             code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
             code_loss(_shown(prediction, mask), poses) if configuration.one_form and poses > 1 else zero,
+            place_loss(*places) if places else zero,
+            functional.mse_loss(*points) if points else zero,
         ]
     )
 
 
 def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
     """The loss that is minimised, a scalar."""
-    weights = (1.0, 1.0, configuration.gradient, configuration.one_code, configuration.one_form)
-    # Added from the left, as a sum of products of tensors, so that a term of weight zero changes no bit.
-    return terms[0] + terms[1] + weights[2] * terms[2] + weights[3] * terms[3] + weights[4] * terms[4]
+    total = terms[0] + terms[1]
+    chosen = configuration
+    weights = (chosen.gradient, chosen.one_code, chosen.one_form, chosen.places, chosen.points)
+    for weight, term in zip(weights, terms[2:], strict=True):
+        total = total + weight * term
+    return total
+
+
+def place_loss(predicted: Tensor, true: Tensor) -> Tensor:
+    """Mean square of the distance of canonical positions, over the coarse pixels that show the body."""
+    shown = true[:, 3:]
+    return ((predicted - true[:, :3]).square() * shown).sum() / shown.sum().clamp(min=1)
 
 
 def _shown(prediction: Tensor, mask: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from benchmark.streaming import N_POINTS
 from learned.paired.network import GROUPS, MASK_LOGIT, SLOPE
 from learned.streamed.configuration import Streamed, check_resolution
 
@@ -176,7 +177,9 @@ class StreamedNetwork(nn.Module):
             if configuration.encoder == "residual" and place in _RESIDUAL_STAGES:
                 stages.append(InnerBlock(after, norm))
         self.encoder = nn.Sequential(*stages)
+        self.places = nn.Sequential(nn.Conv2d(widths[-2], 12, 1), nn.PixelShuffle(2)) if configuration.places else None
         self.encode = nn.Linear(flat, configuration.code_size)
+        self.points = nn.Linear(configuration.code_size, 3 * N_POINTS) if configuration.points else None
         self.decode = nn.Linear(configuration.code_size, flat)
         inward, shuffled = widths[::-1], configuration.decoder == "shuffle"
         block = ResidualBlock if configuration.decoder == "residual" else _plain_block
@@ -190,6 +193,12 @@ class StreamedNetwork(nn.Module):
     def code(self, image: Tensor) -> Tensor:
         """What a body is reduced to, shape (n, code_size), from depth images, shape (n, 1, r, r)."""
         return cast(Tensor, self.encode(self.encoder(image).flatten(1)))
+
+    def code_and_places(self, image: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Return the code, and the canonical positions of what each coarse pixel shows, shape (n, 3, r / 8, r / 8)."""
+        features = self.encoder[:-1](image)
+        places = self.places(features) if self.places is not None else None
+        return self.encode(self.encoder[-1](features).flatten(1)), places
 
     def decoded(self, code: Tensor) -> Tensor:
         """Depth of each side, then the mask in (0, 1), shape (n, sides + 1, r, r), from codes."""

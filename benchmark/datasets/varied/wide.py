@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -29,7 +30,7 @@ from benchmark.datasets.varied.sampler import (
 )
 from benchmark.geometry.mesh import Faces, Points
 from benchmark.geometry.rasterise import DepthImage
-from benchmark.streaming import Fresh
+from benchmark.streaming import N_POINTS, Fresh
 
 Limits = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -39,8 +40,14 @@ FRONTAL_SHARE, FRONTAL = 0.5, 25.0
 NEAREST, FARTHEST = 1.2, 4.0
 """Distances of a camera with perspective, as multiples of the height of the standing body."""
 
+AVERAGED = 256
+"""Bodies whose average the points of a body are told relative to."""
+
 AGAIN = 4
 """Poses that are tried at once in place of one that pushes a body through itself."""
+
+_BEHIND = 0.01
+"""Share of the frame by which a hidden point is farther away than what its pixel shows."""
 
 _LEAST_DEPTH = 1e-3
 """Smallest depth that is not background."""
@@ -83,20 +90,28 @@ class WideSampler:
         """Make one batch; the images of a body are its poses, each in all its views."""
         model, again = coarse_model(self.triangles), Counter[str]()
         names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
-        # The third number keeps the streams apart from those of `Sampler`.
-        randoms = [np.random.default_rng([self.seed, number, place, bodies]) for place in range(bodies)]
+        # A number more than those of `Sampler`, so that no body of it comes here.
+        randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
         drawn, shapes = self._bodies(model, names, randoms, again)
         posed = self._posed(model, names, drawn, shapes, randoms, again)
         images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
+        count = len(shapes[0])
+        pixels = np.empty((bodies, self.poses * self.views, count, 2), dtype=np.float32)
+        places = np.empty((bodies, count, 3), dtype=np.float32)
         for place, random in enumerate(randoms):
             target = turned(shapes[place], Nuisances())
             half_width = _half_width(target, random)
             fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
             height = _height(shapes[place])
+            places[place] = target / height
             for row in range(self.poses * self.views):
-                images[place, row] = self._view(model, posed[place, row // self.views], height, size, random)
-        return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
+                made = self._view(model, posed[place, row // self.views], height, size, random)
+                images[place, row], pixels[place, row] = made
+        return Fresh(
+            identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again),
+            pixels=pixels, places=places, points=_standardised(places, self.triangles),
+        )  # fmt: skip
 
     def _bodies(
         self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
@@ -135,7 +150,7 @@ class WideSampler:
         for round_number in range(MOST_DRAWS):
             # One pose in three is drawn again: later rounds draw several, so that there are few of them.
             tried = [slot for slot in missing for _ in range(AGAIN if round_number else 1)]
-            angles = np.stack([self._angles(randoms[place]) for place, _ in tried])
+            angles = np.stack([self.angles(randoms[place]) for place, _ in tried])
             made = model.posed([bodies[place] for place, _ in tried], angles)
             for (place, pose), vertices in zip(tried, made, strict=True):
                 if (place, pose) not in missing:
@@ -149,18 +164,18 @@ class WideSampler:
                 return found
         raise hopeless(names[missing[0][0]])
 
-    def _angles(self, random: np.random.Generator) -> NDArray[np.float64]:
+    def angles(self, random: np.random.Generator) -> NDArray[np.float64]:
         """Angles of a pose that faces the front, shape (27,)."""
         shares = (self.everyday, self.crouched, self.reaching)
         kind = int(np.searchsorted(np.cumsum(shares), random.random(), side="right"))
-        lower, upper = (*_kinds(), range_of_motion())[kind]
+        lower, upper = (*kinds(), range_of_motion())[kind]
         return random.uniform(lower, upper)
 
     def _view(
         self, model: CoarseModel, vertices: Points, height: float, size: int, random: np.random.Generator
-    ) -> DepthImage:
-        """Depth image of a posed body from a side that is drawn, with the faults that are drawn."""
-        wrong = drawn_nuisances(random)
+    ) -> tuple[DepthImage, NDArray[np.float32]]:
+        """Depth image of a posed body from a side that is drawn, with faults that are drawn; where its vertices are."""
+        count, wrong = len(vertices), drawn_nuisances(random)
         hidden = [hand for hand, gone in zip(model.hands, wrong.missing, strict=True) if gone]
         faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
         if random.random() < self.held:
@@ -172,8 +187,9 @@ class WideSampler:
         if random.random() < self.perspective:
             distance = height * random.uniform(NEAREST, FARTHEST)
             points[:, :2] *= distance / (distance - points[:, 2:])
-        image = rendered(points, _facing(points, faces), _half_width(points, random), size)
-        return _disturbed(image, wrong, random)
+        half_width = _half_width(points, random)
+        image = rendered(points, _facing(points, faces), half_width, size)
+        return _disturbed(image, wrong, random), _seen_at(points[:count], image, half_width)
 
 
 def _holding(
@@ -185,6 +201,37 @@ def _holding(
     directions = np.linalg.qr(random.normal(size=(3, 3)))[0]
     own = palm + (ball.vertices * axes) @ directions.T
     return np.concatenate([vertices, own]), np.concatenate([faces, (ball.faces + len(vertices)).astype(np.int32)])
+
+
+def _standardised(places: NDArray[np.float32], triangles: int) -> NDArray[np.float32]:
+    mean, deviation = _average(triangles)
+    return np.asarray((_some(places) - mean) / deviation, dtype=np.float32).reshape(len(places), -1)
+
+
+def _some(places: NDArray[Any]) -> NDArray[Any]:
+    return places[:, np.linspace(0, places.shape[1] - 1, N_POINTS).astype(np.int64)]
+
+
+@functools.cache
+def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
+    """Places of the points of the average of some bodies, shape (N_POINTS, 3), and their root mean square around it."""
+    model, random = coarse_model(triangles), np.random.default_rng(AVERAGED)
+    standing = model.posed(
+        model.shaped([varied_body(random) for _ in range(AVERAGED)]), np.tile(CANONICAL.angles(), (AVERAGED, 1))
+    )
+    places = _some(np.stack([turned(vertices, Nuisances()) / _height(vertices) for vertices in standing]))
+    mean = places.mean(axis=0)
+    return mean, float(np.sqrt(np.mean((places - mean) ** 2)))
+
+
+def _seen_at(points: Points, image: DepthImage, half_width: float) -> NDArray[np.float32]:
+    """Row and column of each point, shape (n, 2), NaN where the image shows something nearer."""
+    shares = (points / half_width + 1) / 2
+    pixels = np.stack([1 - shares[:, 1], shares[:, 0]], axis=1) * len(image)
+    row, column = np.clip(pixels.astype(np.int64), 0, len(image) - 1).T
+    hidden = image[row, column] - shares[:, 2] > _BEHIND
+    pixels[hidden] = np.nan
+    return pixels.astype(np.float32)
 
 
 def _facing(points: Points, faces: Faces) -> Faces:
@@ -215,7 +262,7 @@ def _disturbed(image: DepthImage, wrong: Nuisances, random: np.random.Generator)
 
 
 @functools.cache
-def _kinds() -> tuple[Limits, ...]:
+def kinds() -> tuple[Limits, ...]:
     """Smallest and largest angles of poses near to standing, with hips and knees bent, with arms before the body."""
     lower, upper = (Pose.from_angles(end) for end in range_of_motion())
 

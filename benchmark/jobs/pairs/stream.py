@@ -18,6 +18,9 @@ from benchmark.streaming import StreamedData
 TRAINED, VALIDATED = 0, 1
 """Seeds of the streams."""
 
+VIEWS = 2
+"""Images of each pose in the wide stream."""
+
 SAMPLE = 1024
 """Pairs for a learner that keeps all of its pairs in memory."""
 
@@ -48,7 +51,7 @@ def varied_data(asked: Beyond, unseen: MakesPairs) -> StreamedData:
         surfaces=fresh.surfaces,
         validation_surfaces=validation.surfaces,
     )
-    wide = WideSampler(seed=TRAINED)
+    wide = WideSampler(seed=TRAINED, views=VIEWS)
     code = source_code("benchmark.datasets.varied.wide").digest
     return replace(
         plain,
