@@ -43,6 +43,8 @@ class Streamed:
         ``"plain"``: five strided convolutions. ``"residual"``: with a residual block after the second and the third.
     attention
         Layers of self-attention over the last features but one, which see the whole image.
+    average
+        Whether what the decoder predicts is added to images of the average body, which are learned too.
     one_form
         Weight of the variance of the forms that are predicted for one body, relative to that of all forms.
     places
@@ -67,6 +69,7 @@ class Streamed:
     norm: Literal["group", "sample", "none"] = "group"
     encoder: Literal["plain", "residual"] = "plain"
     attention: Annotated[int, Interval(0, 8)] = 0
+    average: bool = False
     one_form: Annotated[float, Interval(0)] = 0.0
     places: Annotated[float, Interval(0)] = 0.0
     points: Annotated[float, Interval(0)] = 0.0
@@ -107,10 +110,12 @@ STREAMED: dict[str, Streamed] = {
             PLAIN,
             name="people",
             sides=2,
-            norm="sample",
+            norm="none",
             encoder="residual",
             decoder="shuffle",
-            attention=2,
+            average=True,
+            places=1.0,
+            points=0.1,
             stream="wide",
         ),
     )

@@ -21,6 +21,9 @@ HALVINGS = 5
 HEADS = 4
 """Heads of a layer of attention."""
 
+_AVERAGE_GAIN = 10.0
+"""Factor of the images of the average body: a pixel belongs to no convolution and has to learn by itself."""
+
 _RESIDUAL_STAGES = (1, 2)
 """Strided convolutions of a residual encoder after which there is a residual block."""
 
@@ -189,10 +192,12 @@ class StreamedNetwork(nn.Module):
         )
         head = nn.Conv2d(width, configuration.channels * (4 if shuffled else 1), 3, padding=1)
         self.head = nn.Sequential(head, nn.PixelShuffle(2)) if shuffled else head
+        size = (configuration.channels, *[configuration.resolution] * 2)
+        self.average = nn.Parameter(torch.zeros(size)) if configuration.average else None
 
     def code(self, image: Tensor) -> Tensor:
         """What a body is reduced to, shape (n, code_size), from depth images, shape (n, 1, r, r)."""
-        return cast(Tensor, self.encode(self.encoder(image).flatten(1)))
+        return self.code_and_places(image)[0]
 
     def code_and_places(self, image: Tensor) -> tuple[Tensor, Tensor | None]:
         """Return the code, and the canonical positions of what each coarse pixel shows, shape (n, 3, r / 8, r / 8)."""
@@ -204,6 +209,8 @@ class StreamedNetwork(nn.Module):
         """Depth of each side, then the mask in (0, 1), shape (n, sides + 1, r, r), from codes."""
         innermost = functional.relu(self.decode(code)).view(-1, *self.innermost)
         raw = self.head(self.decoder(innermost))
+        if self.average is not None:
+            raw = raw + _AVERAGE_GAIN * self.average
         return torch.cat([raw[:, : self.sides], torch.sigmoid(raw[:, self.sides :])], dim=1)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -239,4 +246,6 @@ def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
             # Depths begin in the middle of the frame, the mask at the share that a body covers.
             first = torch.tensor([*[0.5] * configuration.sides, MASK_LOGIT])
             head.bias.copy_(first.repeat_interleave(4) if shuffled else first)
+            if configuration.average:
+                head.weight.mul_(_SECOND_GAIN)
     return network

@@ -119,10 +119,8 @@ class WideSampler:
         """Bodies, and their vertices in the canonical pose."""
         drawn: dict[int, Resting] = {}
         shapes: dict[int, Points] = {}
+        missing = list(range(len(names)))
         for _ in range(MOST_DRAWS):
-            missing = [place for place in range(len(names)) if place not in drawn]
-            if not missing:
-                return [drawn[place] for place in range(len(names))], [shapes[place] for place in range(len(names))]
             candidates = model.shaped([varied_body(randoms[place]) for place in missing])
             standing = model.posed(candidates, np.tile(CANONICAL.angles(), (len(missing), 1)))
             for place, body, vertices in zip(missing, candidates, standing, strict=True):
@@ -133,6 +131,9 @@ class WideSampler:
                     again[POSES_OVERLAP] += 1
                 else:
                     drawn[place], shapes[place] = body, vertices
+            missing = [place for place in missing if place not in drawn]
+            if not missing:
+                return [drawn[place] for place in range(len(names))], [shapes[place] for place in range(len(names))]
         raise hopeless(names[missing[0]])
 
     def _posed(
