@@ -26,8 +26,8 @@ class Streamed:
         Numbers that a body is reduced to.
     decoder
         ``"plain"``: a transposed convolution in each block. ``"residual"``: enlarging by interpolation, then two
-        convolutions around which the block's input is led. ``"shuffle"``: as plain, but the last doubling rearranges
-        four channels into four pixels.
+        convolutions around which the block's input is led. ``"shuffle"``: as plain, but for the last two doublings 16
+        channels are rearranged into 16 pixels.
     sides
         1: depth of the front of the canonical pose. 2: of its back as well, and the form is a closed surface.
     crop

@@ -51,12 +51,14 @@ def losses(
     """
     mask = target[:, -1:]
     covered = mask.sum().clamp(min=1) * configuration.sides
-    depths = prediction[:, :-1] - target[:, :-1]
+    # Split once: the derivative of a slice is a whole image of zeros.
+    predicted, predicted_mask = prediction.split([configuration.sides, 1], dim=1)
+    depths = predicted - target[:, :-1]
     zero = depths.new_zeros(())
     return torch.stack(
         [
             (depths.square() * mask).sum() / covered,
-            (prediction[:, -1:] - mask).square().mean(),
+            (predicted_mask - mask).square().mean(),
             gradient_loss(depths, mask) if configuration.gradient else zero,
             code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
             code_loss(_shown(prediction, mask), poses) if configuration.one_form and poses > 1 else zero,

@@ -24,6 +24,9 @@ HEADS = 4
 _AVERAGE_GAIN = 10.0
 """Factor of the images of the average body: a pixel belongs to no convolution and has to learn by itself."""
 
+_SHUFFLED = 2
+"""Doublings of a decoder that are one rearrangement of channels into pixels."""
+
 _RESIDUAL_STAGES = (1, 2)
 """Strided convolutions of a residual encoder after which there is a residual block."""
 
@@ -186,12 +189,13 @@ class StreamedNetwork(nn.Module):
         self.decode = nn.Linear(configuration.code_size, flat)
         inward, shuffled = widths[::-1], configuration.decoder == "shuffle"
         block = ResidualBlock if configuration.decoder == "residual" else _plain_block
-        outward = [*inward[1:], width][: HALVINGS - shuffled]
+        outward = [*inward[1:], width][: HALVINGS - (_SHUFFLED if shuffled else 0)]
         self.decoder = nn.Sequential(
             *(block(before, after, norm) for before, after in zip(inward, outward, strict=False))
         )
-        head = nn.Conv2d(width, configuration.channels * (4 if shuffled else 1), 3, padding=1)
-        self.head = nn.Sequential(head, nn.PixelShuffle(2)) if shuffled else head
+        enlarged = 2**_SHUFFLED if shuffled else 1
+        head = nn.Conv2d(outward[-1], configuration.channels * enlarged**2, 3, padding=1)
+        self.head = nn.Sequential(head, nn.PixelShuffle(enlarged)) if shuffled else head
         size = (configuration.channels, *[configuration.resolution] * 2)
         self.average = nn.Parameter(torch.zeros(size)) if configuration.average else None
 
@@ -211,7 +215,8 @@ class StreamedNetwork(nn.Module):
         raw = self.head(self.decoder(innermost))
         if self.average is not None:
             raw = raw + _AVERAGE_GAIN * self.average
-        return torch.cat([raw[:, : self.sides], torch.sigmoid(raw[:, self.sides :])], dim=1)
+        depths, mask = raw.split([self.sides, 1], dim=1)
+        return torch.cat([depths, torch.sigmoid(mask)], dim=1)
 
     def forward(self, image: Tensor) -> Tensor:
         """Predict the canonical pose; see :meth:`decoded`."""
@@ -230,7 +235,6 @@ def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = StreamedNetwork(configuration)
-        shuffled = isinstance(network.head, nn.Sequential)
         head = network.head[0] if isinstance(network.head, nn.Sequential) else network.head
         for module in network.modules():
             if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:
@@ -245,7 +249,7 @@ def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
         with torch.no_grad():
             # Depths begin in the middle of the frame, the mask at the share that a body covers.
             first = torch.tensor([*[0.5] * configuration.sides, MASK_LOGIT])
-            head.bias.copy_(first.repeat_interleave(4) if shuffled else first)
+            head.bias.copy_(first.repeat_interleave(len(head.bias) // len(first)))
             if configuration.average:
                 head.weight.mul_(_SECOND_GAIN)
     return network

@@ -237,9 +237,9 @@ def _seen_at(points: Points, image: DepthImage, half_width: float) -> NDArray[np
 
 def _facing(points: Points, faces: Faces) -> Faces:
     """Triangles whose outside the camera sees: of a closed surface no other one is in front."""
-    first, second, third = points[faces[:, 0], :2], points[faces[:, 1], :2], points[faces[:, 2], :2]
-    one, other = second - first, third - first
-    return np.ascontiguousarray(faces[one[:, 0] * other[:, 1] > one[:, 1] * other[:, 0]])
+    corners = faces.T
+    (x, x1, x2), (y, y1, y2) = (np.take(np.ascontiguousarray(points[:, axis]), corners) for axis in range(2))
+    return np.asarray(faces[(x1 - x) * (y2 - y) > (y1 - y) * (x2 - x)])
 
 
 def _disturbed(image: DepthImage, wrong: Nuisances, random: np.random.Generator) -> DepthImage:
