@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -55,18 +55,13 @@ def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -
     return described
 
 
-def defaults_of(described: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that have a default, with it, by name."""
-    return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
-
-
 def described_by(described: object, plain: C) -> C:
     """Configuration that a card describes.
 
     Parameters
     ----------
     described
-        All fields by name, as the card has them; an older card lacks some, which then have their default.
+        All fields by name, as the card has them.
     plain
         Some configuration of the same kind.
 
@@ -77,7 +72,7 @@ def described_by(described: object, plain: C) -> C:
     """
     kind: Any = type(plain)
     known = {entry.name for entry in fields(kind)}
-    if not isinstance(described, Mapping) or not set(described) <= known or not isinstance(described.get("name"), str):
+    if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
         raise ConfigurationError("the card describes another kind of network", "train the model again")
     values = {name: value for name, value in described.items() if name != "name"}
     made: C = replace(plain, name=described["name"], **checked(kind, values, "the network"))  # type: ignore[type-var]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -24,10 +23,10 @@ def as_stored(network: nn.Module) -> None:
             parameter.copy_(parameter.half().float())
 
 
-def stored(network: nn.Module, told: Mapping[str, str] | None = None) -> bytes:
-    """Content of the file of weights, and what it tells besides."""
+def stored(network: nn.Module) -> bytes:
+    """Content of the file of weights."""
     halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in network.state_dict().items()}
-    content: bytes = save(halves, told)
+    content: bytes = save(halves)
     return content
 
 

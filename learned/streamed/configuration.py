@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -130,14 +131,16 @@ def streamed(name: str) -> Streamed:
 
 
 def from_card(described: object) -> Streamed:
-    """Configuration that a card describes.
+    """Configuration that a card describes; an older card lacks some fields, which then have their default.
 
     Raises
     ------
     ConfigurationError
         If it is not one.
     """
-    found = described_by(described, PLAIN)
+    # Only an older card of a streamed network lacks fields: their defaults are those that were fixed before.
+    whole = {**PLAIN.described(), **described} if isinstance(described, Mapping) and "name" in described else described
+    found = described_by(whole, PLAIN)
     check_resolution(found)
     return found
 

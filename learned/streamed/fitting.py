@@ -10,12 +10,12 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from benchmark.learning import TrainingData
-from learned.described import defaults_of
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
 from learned.streamed.training import train_streamed
 from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
+from learned.training.saving import defaults_of
 from learned.training.steps import Plan, Trained
 
 

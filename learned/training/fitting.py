@@ -17,11 +17,10 @@ from benchmark.learning import CARD, TrainingData
 from benchmark.parameters.values import checked
 from benchmark.streaming import StreamedData
 from benchmark.threads import available_cores
-from learned.described import defaults_of
 from learned.training.arithmetic import device_named
 from learned.training.checkpoint import CHECKPOINT
 from learned.training.machine import Machine, machine_among
-from learned.training.saving import check_finished, hardware, write_model
+from learned.training.saving import check_finished, defaults_of, hardware, write_model
 from learned.training.steps import N, Plan, Trained
 from learned.weights import as_stored, n_parameters, stored
 

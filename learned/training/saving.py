@@ -7,6 +7,7 @@ import io
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,11 @@ def check_finished(
             f"not of {wanted}",
             "delete the folder to train anew, or name other --results",
         )
+
+
+def defaults_of(described: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that have a default, with it, by name."""
+    return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
 
 
 def hardware(device: str) -> str:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 import torch
+from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.contracts import Interval
@@ -23,7 +24,6 @@ from learned.training.arithmetic import Precision, has_bfloat16, keep_freed_memo
 from learned.training.average import Average
 from learned.training.checkpoint import SNAPSHOTS, Progress
 from learned.training.stream import Batch, batches
-from learned.weights import stored
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints: what a crash costs at most, and the steps of a row."""
@@ -291,7 +291,8 @@ class Steps(Generic[B]):
         bodies = step * self.plan.bodies
         told = {"recipe": json.dumps(self.recipe, sort_keys=True), "bodies": str(bodies)}
         with self._averaged():
-            checkpoint.write(self.folder / SNAPSHOTS / f"{bodies:010}.safetensors", stored(self.network, told))
+            halves = {name: each.detach().cpu().half().contiguous() for name, each in self.network.state_dict().items()}
+        checkpoint.write(self.folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, told))
 
     def _averaged(self) -> AbstractContextManager[None]:
         return nullcontext() if self._average is None else self._average.used()
