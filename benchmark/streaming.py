@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from benchmark.learning import TrainingData
 
-__all__ = ["Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
+__all__ = ["N_POINTS", "Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
+
+
+N_POINTS = 250
+"""Points of a body whose places are told."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -23,12 +27,22 @@ class Fresh:
     identifiers
         Names of the bodies, n of them.
     images
-        Depth images of each body in its poses, shape (n, poses, size, size), float32 in [0, 1], 0 as background.
+        Depth images of each body, shape (n, k, size, size), float32 in [0, 1], 0 as background: its poses, each from
+        one side or more.
     fronts, backs
         Depth of the canonical pose as the camera sees it, and of the surface that lies behind everything else at the
         same pixel, counted from the same eye; shape (n, size, size). Both have one mask.
     drawn_again
         How often something was drawn again, by reason.
+    pixels
+        Row and column at which each image shows points of the body, NaN where something hides them, shape
+        (n, k, v, 2); None where they are not told.
+    places
+        The same points in the canonical pose in coordinates of the camera, over the height of the body, shape
+        (n, v, 3).
+    points
+        Places of some points less those of the average body, over the root mean square of that, shape
+        (n, 3 * N_POINTS).
     """
 
     identifiers: tuple[str, ...]
@@ -36,6 +50,9 @@ class Fresh:
     fronts: NDArray[np.float32]
     backs: NDArray[np.float32]
     drawn_again: Mapping[str, int]
+    pixels: NDArray[np.float32] | None = None
+    places: NDArray[np.float32] | None = None
+    points: NDArray[np.float32] | None = None
 
 
 class MakesFresh(Protocol):
@@ -119,9 +136,12 @@ class StreamedData(TrainingData):
         Makes batches of other bodies, which no choice of a subject to be tested enters.
     surfaces, validation_surfaces
         The same bodies for learners of complete surfaces: those of a number are in the same poses as in its images.
+    wide
+        Other bodies in harder poses, with several images of each; None where there are none.
     """
 
     fresh: MakesFresh
     validation: MakesFresh
     surfaces: MakesSurfaces
     validation_surfaces: MakesSurfaces
+    wide: StreamedData | None = None

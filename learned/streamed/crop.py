@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -45,14 +47,19 @@ def cropped(images: Image, resolution: int) -> Image:
     """
     size = images.shape[-1]
     seen = images[0] > 0
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
-    length = side / FILL
-    down, across = (
-        _resampling((place[0] + place[-1] + 1 - length) / 2, length, size, resolution) for place in (rows, columns)
-    )
+    starts, length = window(images[0])
+    down, across = (_resampling(start, length, size, resolution) for start in starts)
     middle = float(images[0][seen].mean(dtype=np.float64))
     return _resampled(images, down, across, middle, size / length)
+
+
+def window(image: Image) -> tuple[tuple[float, float], float]:
+    """Return the first row and column of the frame that the foreground of an image fills, and its side, in pixels."""
+    seen = image > 0
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
+    first, second = (float(place[0] + place[-1] + 1 - length) / 2 for place in (rows, columns))
+    return (first, second), length
 
 
 def shrunk(images: Image, resolution: int) -> Image:
@@ -62,20 +69,21 @@ def shrunk(images: Image, resolution: int) -> Image:
     return _resampled(images, whole, whole, 0.5, 1.0)
 
 
-def _resampling(start: float, length: float, size: int, resolution: int) -> NDArray[np.float64]:
-    """Share of each new pixel that each old one covers, shape (resolution, size)."""
+def _resampling(start: float, length: float, size: int, resolution: int) -> csr_array:
+    """Share of each new pixel that each old one covers, shape (resolution, size), most of which are zero."""
     edges = start + length * np.arange(resolution + 1) / resolution
-    old = np.arange(size)
+    first = np.floor(edges[:-1]).astype(np.int64)
+    old = first[:, None] + np.arange(math.ceil(length / resolution) + 2)
     overlap = np.minimum(edges[1:, None], old + 1.0) - np.maximum(edges[:-1, None], old)
-    return np.asarray(np.maximum(overlap, 0) * (resolution / length))
+    shares = np.maximum(overlap, 0) * (resolution / length)
+    covered = (shares > 0) & (old >= 0) & (old < size)
+    begins = np.concatenate([[0], np.cumsum(covered.sum(axis=1))])
+    return csr_array((shares[covered], old[covered], begins), shape=(resolution, size))
 
 
-def _resampled(
-    images: Image, down: NDArray[np.float64], across: NDArray[np.float64], middle: float, scale: float
-) -> Image:
+def _resampled(images: Image, rows: csr_array, columns: csr_array, middle: float, scale: float) -> Image:
     seen = (images[0] > 0).astype(np.float64)
-    # Most of the shares are zero, and a sparse product adds in one order on every machine.
-    rows, columns = csr_array(down), csr_array(across)
+    # A sparse product adds in one order on every machine.
     cover = (columns @ (rows @ seen).T).T
     mask = cover >= COVERED - _TIE
     sums = np.stack([(columns @ (rows @ (image * seen)).T).T for image in images])

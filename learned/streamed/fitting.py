@@ -15,6 +15,7 @@ from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
 from learned.streamed.training import train_streamed
 from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
+from learned.training.saving import defaults_of
 from learned.training.steps import Plan, Trained
 
 
@@ -69,6 +70,10 @@ def fit(
     """
     chosen, plan, machine = checked_plan(name, options)
     stream = stream_of(data)
+    if chosen.stream == "wide":
+        if stream.wide is None:
+            raise ConfigurationError(f"training '{data.name}' has no wide stream", "take another configuration")
+        stream = stream.wide
 
     def train(
         folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
@@ -88,6 +93,7 @@ def fit(
         seed=seed,
         train=train,
         load=load_streamed,
+        defaults=defaults_of(chosen),
     )
     fitting.into(folder, machine, say)
 

@@ -11,15 +11,19 @@ from torch import Tensor
 
 from benchmark.streaming import Fresh, MakesFresh
 from learned.streamed.configuration import Streamed
-from learned.streamed.crop import seen_by
+from learned.streamed.crop import seen_by, window
 
-OVERSAMPLING = 2
-"""Pixels rendered for each side of a pixel that the network sees."""
+OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
+"""Pixels rendered for each side of a pixel that the network sees, by stream."""
+
+
+CELL = 8
+"""Pixels per side of the coarse pixels that canonical positions are taught for."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageBatch:
-    """Pairs to train on; the poses of one body are neighbours.
+    """Pairs to train on; the images of one body are neighbours.
 
     Parameters
     ----------
@@ -28,13 +32,18 @@ class ImageBatch:
     identifiers
         Names of the bodies.
     images
-        Depth, shape (bodies * poses, 1, r, r).
+        Depth, shape (bodies * k, 1, r, r).
     targets
-        Depth of each side, then the mask, shape (bodies * poses, sides + 1, r, r).
+        Depth of each side, then the mask, shape (bodies * k, sides + 1, r, r).
     poses
-        Poses of each body.
+        Images of each body, k.
     drawn_again
         How often something was drawn again, by reason.
+    places
+        Canonical positions of the body's points in coarse pixels of the image, and whether there are any, shape
+        (bodies * k, 4, r / CELL, r / CELL); None where nothing is taught by them.
+    points
+        Standardised places of points of the body, shape (bodies * k, p); None where nothing is taught by them.
     """
 
     number: int
@@ -43,6 +52,8 @@ class ImageBatch:
     targets: Tensor
     poses: int
     drawn_again: Mapping[str, int]
+    places: Tensor | None = None
+    points: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +76,8 @@ class MakesImages:
 
     def __call__(self, number: int) -> ImageBatch:
         """Make one batch."""
-        fresh = self.make(number, self.bodies, OVERSAMPLING * self.configuration.resolution)
+        size = round(OVERSAMPLING[self.configuration.stream] * self.configuration.resolution)
+        fresh = self.make(number, self.bodies, size)
         return batch_of(fresh, number, self.configuration)
 
 
@@ -78,6 +90,28 @@ def batch_of(fresh: Fresh, number: int, configuration: Streamed) -> ImageBatch:
         sides = seen_by(configuration, np.stack([front, back][: configuration.sides]))
         targets.append(np.concatenate([sides, (sides[:1] > 0).astype(np.float32)]))
     repeated = torch.from_numpy(np.stack(targets)).repeat_interleave(poses, dim=0)
-    return ImageBatch(
-        number, fresh.identifiers, torch.from_numpy(np.stack(images)), repeated, poses, dict(fresh.drawn_again)
-    )
+    inputs = torch.from_numpy(np.stack(images))
+    places = _places(fresh, configuration.resolution // CELL) if configuration.places else None
+    points = None
+    if configuration.points and fresh.points is not None:
+        points = torch.from_numpy(fresh.points).repeat_interleave(poses, dim=0)
+    return ImageBatch(number, fresh.identifiers, inputs, repeated, poses, dict(fresh.drawn_again), places, points)
+
+
+def _places(fresh: Fresh, cells: int) -> Tensor | None:
+    """Mean canonical position of the points that each coarse pixel of each image shows, and whether there are any."""
+    if fresh.pixels is None or fresh.places is None:
+        return None
+    found = np.zeros((*fresh.images.shape[:2], 4, cells, cells), dtype=np.float32)
+    for of_body, images, pixels, places in zip(found, fresh.images, fresh.pixels, fresh.places, strict=True):
+        for cell, image, pixel in zip(of_body, images, pixels, strict=True):
+            starts, length = window(image)
+            shown = ~np.isnan(pixel[:, 0])
+            at = (cells / length * (pixel[shown] - starts)).astype(np.int64).clip(0, cells - 1)
+            flat = at[:, 0] * cells + at[:, 1]
+            count = np.bincount(flat, minlength=cells * cells)
+            for axis in range(3):
+                sums = np.bincount(flat, places[shown, axis], minlength=cells * cells)
+                cell[axis] = (sums / np.maximum(count, 1)).reshape(cells, cells)
+            cell[3] = (count > 0).reshape(cells, cells)
+    return torch.from_numpy(found.reshape(-1, 4, cells, cells))

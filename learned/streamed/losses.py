@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from learned.streamed.configuration import Streamed
 
-NAMES = ("depth loss", "mask loss", "gradient loss", "code loss")
+NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss", "place loss", "point loss")
 """Columns of the history."""
+
+FORM_PIXELS = 4
+"""Pixels per side that are averaged before forms are compared."""
 
 _LEAST_SPREAD = 1e-6
 """Smallest variance between codes, lest all of them being one be divided by zero."""
 
 
-def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configuration: Streamed) -> Tensor:
+def losses(
+    prediction: Tensor,
+    target: Tensor,
+    code: Tensor,
+    poses: int,
+    configuration: Streamed,
+    places: tuple[Tensor, Tensor] | None = None,
+    points: tuple[Tensor, Tensor] | None = None,
+) -> Tensor:
     """All terms, unweighted; those of weight zero are zero.
 
     Parameters
@@ -27,29 +39,55 @@ def losses(prediction: Tensor, target: Tensor, code: Tensor, poses: int, configu
         Poses of each body.
     configuration
         Which terms count.
+    places
+        Predicted canonical positions, shape (n, 3, s, s), and the true ones with their mask, shape (n, 4, s, s).
+    points
+        Predicted and true places of points, shape (n, p) each.
 
     Returns
     -------
     torch.Tensor
-        Shape (4,), in the order of :data:`NAMES`.
+        Shape (7,), in the order of :data:`NAMES`.
     """
     mask = target[:, -1:]
     covered = mask.sum().clamp(min=1) * configuration.sides
-    depths = prediction[:, :-1] - target[:, :-1]
+    # Split once: the derivative of a slice is a whole image of zeros.
+    predicted, predicted_mask = prediction.split([configuration.sides, 1], dim=1)
+    depths = predicted - target[:, :-1]
     zero = depths.new_zeros(())
     return torch.stack(
         [
             (depths.square() * mask).sum() / covered,
-            (prediction[:, -1:] - mask).square().mean(),
+            (predicted_mask - mask).square().mean(),
             gradient_loss(depths, mask) if configuration.gradient else zero,
             code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
+            code_loss(_shown(prediction, mask), poses) if configuration.one_form and poses > 1 else zero,
+            place_loss(*places) if places else zero,
+            functional.mse_loss(*points) if points else zero,
         ]
     )
 
 
 def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
     """The loss that is minimised, a scalar."""
-    return terms[0] + terms[1] + configuration.gradient * terms[2] + configuration.one_code * terms[3]
+    total = terms[0] + terms[1]
+    chosen = configuration
+    weights = (chosen.gradient, chosen.one_code, chosen.one_form, chosen.places, chosen.points)
+    for weight, term in zip(weights, terms[2:], strict=True):
+        total = total + weight * term
+    return total
+
+
+def place_loss(predicted: Tensor, true: Tensor) -> Tensor:
+    """Mean square of the distance of canonical positions, over the coarse pixels that show the body."""
+    shown = true[:, 3:]
+    return ((predicted - true[:, :3]).square() * shown).sum() / shown.sum().clamp(min=1)
+
+
+def _shown(prediction: Tensor, mask: Tensor) -> Tensor:
+    """What a prediction shows, shape (n, numbers): its mask, and its depths where the true mask is, in small."""
+    shown = torch.cat([prediction[:, :-1] * mask, prediction[:, -1:]], dim=1)
+    return functional.avg_pool2d(shown, FORM_PIXELS).flatten(1)
 
 
 def gradient_loss(errors: Tensor, mask: Tensor) -> Tensor:

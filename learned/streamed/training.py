@@ -83,10 +83,7 @@ class _Teacher:
     watched: str = "mask overlap"
 
     def losses(self, batch: ImageBatch, half: bool) -> Tensor:
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
-            code = self.network.code(self._image(batch.images))
-            prediction = self.network.decoded(code)
-        return losses(prediction.float(), batch.targets.to(self.device), code, batch.poses, self.configuration)
+        return batch_losses(self.network, self.configuration, batch, self.device, half)
 
     def total(self, losses: Tensor) -> Tensor:
         return weighted(losses, self.configuration)
@@ -103,3 +100,39 @@ class _Teacher:
 
     def _image(self, images: Tensor) -> Tensor:
         return images.to(self.device).contiguous(memory_format=torch.channels_last)
+
+
+def batch_losses(
+    network: StreamedNetwork, configuration: Streamed, batch: ImageBatch, device: torch.device, half: bool
+) -> Tensor:
+    """Return all terms of the loss of a batch; see :func:`learned.streamed.losses.losses`.
+
+    Parameters
+    ----------
+    network, configuration
+        What is trained.
+    batch
+        What it is trained on.
+    device
+        Where the network is.
+    half
+        Whether it may compute in bfloat16.
+    """
+    images = batch.images.to(device).contiguous(memory_format=torch.channels_last)
+    with torch.autocast(device.type, torch.bfloat16, enabled=half):
+        code, places = network.code_and_places(images)
+        prediction = network.decoded(code)
+        points = network.points(code) if network.points is not None else None
+    return losses(
+        prediction.float(),
+        batch.targets.to(device),
+        code,
+        batch.poses,
+        configuration,
+        _beside(places, batch.places),
+        _beside(points, batch.points),
+    )
+
+
+def _beside(predicted: Tensor | None, true: Tensor | None) -> tuple[Tensor, Tensor] | None:
+    return None if predicted is None or true is None else (predicted.float(), true.to(predicted.device))

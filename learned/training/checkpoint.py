@@ -16,8 +16,12 @@ from torch import Tensor, nn
 from benchmark.errors import TrainingError
 from benchmark.system.files import write_atomically
 from benchmark.system.fingerprints import fingerprint
+from learned.training.average import Average
 
 CHECKPOINT = "checkpoint.safetensors"
+
+SNAPSHOTS = "snapshots"
+"""Folder of the weights at several numbers of bodies."""
 
 VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
@@ -74,6 +78,7 @@ def keep(
     progress: Progress,
     recipe: Mapping[str, Any],
     loop: str,
+    average: Average | None = None,
 ) -> None:
     """Write a checkpoint.
 
@@ -89,6 +94,8 @@ def keep(
         Everything that determines the result; :func:`resume` refuses another one.
     loop
         Module of the training loop; :func:`resume` refuses a checkpoint of other code.
+    average
+        Averaged weights, if there are any.
     """
     tensors: dict[str, Tensor] = {}
     for name, parameter in network.named_parameters():
@@ -99,6 +106,8 @@ def keep(
                 tensors[f"{moment}.{name}"] = state[moment].detach().cpu().contiguous()
         if "step" in state:
             tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
+        if average is not None:
+            tensors[f"average.{name}"] = average.weights[name].cpu().contiguous()
     told = {
         "recipe": json.dumps(recipe, sort_keys=True),
         "code": json.dumps(training_code(loop)),
@@ -111,10 +120,24 @@ def keep(
     write(folder / CHECKPOINT, save(tensors, told))
 
 
+def steps_done(folder: Path) -> int:
+    """Return the epochs or steps after which the checkpoint was written; 0 if there is none that can be read."""
+    try:
+        with safe_open(str(folder / CHECKPOINT), framework="pt") as file:
+            return int((file.metadata() or {})["epoch"])
+    except (SafetensorError, OSError, KeyError, ValueError):
+        return 0
+
+
 def resume(
-    folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: Mapping[str, Any], loop: str
+    folder: Path,
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    recipe: Mapping[str, Any],
+    loop: str,
+    average: Average | None = None,
 ) -> Progress | None:
-    """Set network and optimiser to where the checkpoint stands; None if there is none.
+    """Set network, optimiser and average to where the checkpoint stands; None if there is none.
 
     Raises
     ------
@@ -159,6 +182,8 @@ def resume(
                     moment: torch.zeros_like(parameter).copy_(tensors[f"{moment}.{name}"]) for moment in _MOMENTS
                 }
                 optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
+            if average is not None:
+                average.weights[name].copy_(tensors[f"average.{name}"])
     return Progress(epoch, batch, seconds, history)
 
 

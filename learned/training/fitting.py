@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -20,7 +20,7 @@ from benchmark.threads import available_cores
 from learned.training.arithmetic import device_named
 from learned.training.checkpoint import CHECKPOINT
 from learned.training.machine import Machine, machine_among
-from learned.training.saving import check_finished, hardware, write_model
+from learned.training.saving import check_finished, defaults_of, hardware, write_model
 from learned.training.steps import N, Plan, Trained
 from learned.weights import as_stored, n_parameters, stored
 
@@ -100,6 +100,8 @@ class Fitting(Generic[N]):
         progress.
     load
         Loads the finished model, and raises ``ConfigurationError`` if it cannot be used.
+    defaults
+        Fields of the configuration that the card of an older model may lack.
     """
 
     kind: str
@@ -111,6 +113,7 @@ class Fitting(Generic[N]):
     seed: int
     train: Callable[[Path, Mapping[str, Any], torch.device, Callable[[str], None]], Trained[N]]
     load: Callable[[Path], object]
+    defaults: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def recipe(self) -> dict[str, Any]:
@@ -143,7 +146,7 @@ class Fitting(Generic[N]):
         """
         recipe = self.recipe
         if (folder / CARD).is_file():
-            check_finished(folder, recipe, self.words)
+            check_finished(folder, recipe, self.words, {"configuration": self.defaults, "plan": defaults_of(self.plan)})
             say(f"{folder} holds this model already")
             return
         torch.set_num_threads(machine.cores)

@@ -7,6 +7,7 @@ import io
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,9 @@ def write_model(folder: Path, weights: bytes, history: Sequence[Mapping[str, flo
     write(folder / CARD, _card_text(card).encode())
 
 
-def check_finished(folder: Path, recipe: Mapping[str, Any], wanted: str) -> None:
+def check_finished(
+    folder: Path, recipe: Mapping[str, Any], wanted: str, defaults: Mapping[str, Mapping[str, Any]] | None = None
+) -> None:
     """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe.
 
     Parameters
@@ -37,14 +40,23 @@ def check_finished(folder: Path, recipe: Mapping[str, Any], wanted: str) -> None
         Everything that determines the result.
     wanted
         The training that was asked for, in words.
+    defaults
+        Entries of parts of the recipe, by name of the part, that an older card may lack.
     """
     card = read_card(folder)
-    if card.get("recipe") != recipe:
+    found = dict(card.get("recipe", {}))
+    found |= {part: {**entries, **found[part]} for part, entries in (defaults or {}).items() if part in found}
+    if found != recipe:
         raise ConfigurationError(
             f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
             f"not of {wanted}",
             "delete the folder to train anew, or name other --results",
         )
+
+
+def defaults_of(described: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that have a default, with it, by name."""
+    return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
 
 
 def hardware(device: str) -> str:

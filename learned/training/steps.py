@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Generic, Protocol, TypeVar
+from typing import Annotated, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 import torch
+from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.contracts import Interval
-from benchmark.errors import TrainingError
+from benchmark.errors import ConfigurationError, TrainingError
 from learned.training import checkpoint
 from learned.training.arithmetic import Precision, has_bfloat16, keep_freed_memory
-from learned.training.checkpoint import Progress
+from learned.training.average import Average
+from learned.training.checkpoint import SNAPSHOTS, Progress
 from learned.training.stream import Batch, batches
 
 CHECKPOINT_SECONDS = 60.0
@@ -28,7 +32,13 @@ ROW = 50
 """Steps of a row of the history; checkpoints are written between rows."""
 
 LOOKS = 20
-"""How often validation bodies are looked at during a training."""
+"""How often validation bodies are looked at during a training whose end is known."""
+
+LOOK_STEPS = 2000
+"""Steps between two looks of one whose end is not."""
+
+FIRST_SNAPSHOT = 1000
+"""Bodies after which the weights of a training of unknown length are kept, and again whenever they have doubled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +52,17 @@ class Plan:
     bodies
         Bodies of each step; the stream says in how many poses.
     learning_rate
-        Largest step size of Adam; it rises over the first ``warm_up`` steps and falls to zero along half a cosine.
+        Largest step size of Adam; it rises over the first ``warm_up`` steps.
     warm_up
         Steps of the rise.
+    schedule
+        ``"cosine"``: the step size falls to zero along half a cosine. ``"constant"``: it stays, so that a training may
+        be given more ``steps``, or a ``falling`` end, when it is well under way.
+    falling
+        Last steps of a constant schedule, along which the step size falls to zero in a line.
+    average
+        Share of the averaged weights that is kept in each step, the rest being the newest weights; 0 for no average.
+        The finished model has the averaged weights.
     gradient_clip
         Largest norm of the gradient; 0 for no limit.
     precision
@@ -55,12 +73,25 @@ class Plan:
     bodies: Annotated[int, Interval(2)] = 16
     learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
     warm_up: Annotated[int, Interval(0)] = 200
+    schedule: Literal["cosine", "constant"] = "cosine"
+    falling: Annotated[int, Interval(0)] = 0
+    average: Annotated[float, Interval(0, 1, closed="left")] = 0.0
     gradient_clip: Annotated[float, Interval(0)] = 1.0
     precision: Precision = "auto"
+
+    def __post_init__(self) -> None:
+        """Raise ``ConfigurationError`` if the step size is to fall in two ways, or for longer than the training."""
+        if self.falling > (self.steps if self.schedule == "constant" else 0):
+            raise ConfigurationError(
+                f"the step size cannot fall for {self.falling} of {self.steps} steps of schedule '{self.schedule}'",
+                "pass -o schedule=constant, and fewer falling steps than steps",
+            )
 
     def step_size(self, step: int) -> float:
         """Step size of Adam in a step, counted from 0."""
         rising = min(1.0, (step + 1) / (self.warm_up + 1))
+        if self.schedule == "constant":
+            return self.learning_rate * rising * min(1.0, (self.steps - step) / (self.falling + 1))
         return self.learning_rate * rising * 0.5 * (1 + math.cos(math.pi * step / self.steps))
 
 
@@ -159,6 +190,10 @@ class Steps(Generic[B]):
     say: Callable[[str], None]
     rates: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Begin the average at the first weights."""
+        self._average = Average(self.network) if self.plan.average else None
+
     def run(self, device: torch.device, workers: int) -> tuple[Progress, str]:
         """Train, going on from the checkpoint in the folder if there is one.
 
@@ -183,7 +218,8 @@ class Steps(Generic[B]):
             stands at the last step that was done, unless a loss of it was not a number.
         """
         optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
-        found = checkpoint.resume(self.folder, self.network, optimiser, self.recipe, self.loop)
+        recipe = self._recipe(checkpoint.steps_done(self.folder))
+        found = checkpoint.resume(self.folder, self.network, optimiser, recipe, self.loop, self._average)
         if found:
             self.say(f"going on after step {found.epoch} of {self.plan.steps}")
         torch.set_flush_denormal(True)
@@ -191,6 +227,8 @@ class Steps(Generic[B]):
         precision = self.plan.precision
         half = precision == "bfloat16" or (precision == "auto" and has_bfloat16(device))
         progress = self._run(found or Progress(0, self.plan.bodies, 0.0, ()), optimiser, half, workers)
+        if self._average is not None:
+            self._average.swap()
         return progress, "bfloat16" if half else "float32"
 
     def _run(self, progress: Progress, optimiser: torch.optim.Adam, half: bool, workers: int) -> Progress:
@@ -199,7 +237,7 @@ class Steps(Generic[B]):
         began, kept, processor = time.perf_counter() - progress.seconds, time.perf_counter(), 0.0
         terms: list[Tensor] = []
         again: Counter[str] = Counter()
-        look = max(1, plan.steps // LOOKS)
+        look = LOOK_STEPS if plan.schedule == "constant" else max(1, plan.steps // LOOKS)
         try:
             for batch in stream:
                 before = time.process_time()
@@ -207,6 +245,8 @@ class Steps(Generic[B]):
                 processor += time.process_time() - before
                 again.update(batch.drawn_again)
                 step = batch.number + 1
+                if plan.schedule == "constant" and doubled(step, plan.bodies):
+                    self._snapshot(step)
                 if step % ROW and step != plan.steps:
                     continue
                 row = self._row(step, terms, again, processor)
@@ -236,7 +276,26 @@ class Steps(Generic[B]):
         return [{"params": parameters, "rate": rate} for rate, parameters in by_rate.items()]
 
     def _keep(self, progress: Progress, optimiser: torch.optim.Adam) -> None:
-        checkpoint.keep(self.folder, self.network, optimiser, progress, self.recipe, self.loop)
+        recipe = self._recipe(progress.epoch)
+        checkpoint.keep(self.folder, self.network, optimiser, progress, recipe, self.loop, self._average)
+
+    def _recipe(self, done: int) -> Mapping[str, Any]:
+        """What determines the weights after so many steps: as long as the step size is constant, not how many come."""
+        if self.plan.schedule == "cosine" or done > self.plan.steps - self.plan.falling or "plan" not in self.recipe:
+            return self.recipe
+        plan = {name: value for name, value in self.recipe["plan"].items() if name not in ("steps", "falling")}
+        return {**self.recipe, "plan": plan}
+
+    def _snapshot(self, step: int) -> None:
+        """Keep the weights, rounded to half precision, beside the checkpoint."""
+        bodies = step * self.plan.bodies
+        told = {"recipe": json.dumps(self.recipe, sort_keys=True), "bodies": str(bodies)}
+        with self._averaged():
+            halves = {name: each.detach().cpu().half().contiguous() for name, each in self.network.state_dict().items()}
+        checkpoint.write(self.folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, told))
+
+    def _averaged(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._average is None else self._average.used()
 
     def _step(self, batch: B, optimiser: torch.optim.Adam, half: bool) -> Tensor:
         for group in optimiser.param_groups:
@@ -248,6 +307,8 @@ class Steps(Generic[B]):
         if self.plan.gradient_clip:
             nn.utils.clip_grad_norm_(self.network.parameters(), self.plan.gradient_clip)
         optimiser.step()
+        if self._average is not None:
+            self._average.add(self.plan.average, batch.number)
         # Reading a number would make the host wait for the device, so the losses stay there for a row.
         return found.detach()
 
@@ -264,7 +325,7 @@ class Steps(Generic[B]):
 
     def _looked(self, half: bool) -> dict[str, float]:
         self.network.eval()
-        with torch.no_grad():
+        with torch.no_grad(), self._averaged():
             found = self.teacher.measured(half)
         return {name: value for name, value in found.items() if math.isfinite(value)}
 
@@ -276,6 +337,12 @@ class Steps(Generic[B]):
         left = progress.seconds / progress.epoch * (self.plan.steps - progress.epoch)
         done = f"step {progress.epoch}/{self.plan.steps}"
         return f"{done}  {terms}{seen}  {progress.seconds:.0f} s, about {left:.0f} s left"
+
+
+def doubled(step: int, bodies: int) -> bool:
+    """Whether the bodies that were seen pass a power of two times ``FIRST_SNAPSHOT`` in a step, counted from 1."""
+    before, after = ((count * bodies // FIRST_SNAPSHOT).bit_length() for count in (step - 1, step))
+    return after > before
 
 
 def fresh_bodies(plan: Plan, progress: Progress) -> dict[str, int]:

@@ -14,7 +14,9 @@ LOOP = "learned.paired.training"
 
 #: What makes forms of a model, and what only trains one.
 SHARED = {"images", "learner", "surface", "weights"}
-SHARED_IN_TRAINING = {f"training.{name}" for name in ("arithmetic", "checkpoint", "machine", "measures", "saving")}
+SHARED_IN_TRAINING = {
+    f"training.{name}" for name in ("arithmetic", "average", "checkpoint", "machine", "measures", "saving")
+}
 PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network", "prediction")}
 PAIRED_IN_TRAINING = {
     f"paired.{name}" for name in ("fitting", "gathering", "pairs", "pictures", "saving", "schedule", "training")

@@ -47,22 +47,28 @@ class BodyModel:
         Triangles of every body, shape (m, 3).
     hands
         Which of them belong to the left and to the right hand, each of shape (m,).
+    model
+        The model of the package ``anny``.
+    rows
+        Its vertices that a body has, n of them.
+    bones, weights
+        Bones that each vertex follows, and how much, shape (n, k) each.
     """
 
     faces: Faces
     hands: tuple[NDArray[np.bool_], NDArray[np.bool_]]
-    _model: Any
-    _rows: NDArray[np.int64]
-    _bones: NDArray[np.int64]
-    _weights: NDArray[np.float64]
+    model: Any
+    rows: NDArray[np.int64]
+    bones: NDArray[np.int64]
+    weights: NDArray[np.float64]
 
     def shaped(self, bodies: Sequence[Body]) -> list[Shaped]:
         """Bodies at rest, ready to be posed."""
         import torch
 
-        with _one_thread(), torch.inference_mode():
-            rest = self._model.get_rest_model(self._coefficients(bodies))
-            shapes = rest["rest_vertices"].numpy()[:, self._rows]
+        with one_thread(), torch.inference_mode():
+            rest = self.model.get_rest_model(self._coefficients(bodies))
+            shapes = rest["rest_vertices"].numpy()[:, self.rows]
             return [Shaped(shape, bones) for shape, bones in zip(shapes, rest["rest_bone_poses"], strict=True)]
 
     def posed(self, bodies: Sequence[Shaped], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
@@ -78,14 +84,14 @@ class BodyModel:
         import torch
 
         count = len(poses[0])
-        with _one_thread(), torch.inference_mode():
+        with one_thread(), torch.inference_mode():
             bones = torch.stack([body.bones for body in bodies]).repeat_interleave(count, dim=0)
-            moved = self._model.get_bone_transforms(_rotations(poses), bones)[0].numpy()
+            moved = self.model.get_bone_transforms(_rotations(poses), bones)[0].numpy()
         posed = []
         for number, body in enumerate(bodies):
             of_body = moved[number * count : (number + 1) * count]
             repeated = np.broadcast_to(body.vertices, (count, *body.vertices.shape)).astype(np.float64, order="C")
-            made = linear_blend_skinning(repeated, self._bones, self._weights, np.ascontiguousarray(of_body))
+            made = linear_blend_skinning(repeated, self.bones, self.weights, np.ascontiguousarray(of_body))
             posed.append(np.round(made, _DECIMALS))
         return posed
 
@@ -100,8 +106,8 @@ class BodyModel:
         named = {name: phenotypes[:, place] for place, name in enumerate(asdict(bodies[0].subject))}
         values = torch.tensor([body.local for body in bodies], dtype=torch.float64)
         local = {name: values[:, place] for place, name in enumerate(LABELS)}
-        parsed = self._model.get_tensor_inputs(None, named, local, None)
-        return self._model._get_phenotype_blendshape_coefficients(*parsed[1:])
+        parsed = self.model.get_tensor_inputs(None, named, local, None)
+        return self.model._get_phenotype_blendshape_coefficients(*parsed[1:])
 
 
 def varied_mesh(body: Body, pose: Pose) -> Mesh:
@@ -144,7 +150,7 @@ def body_model() -> BodyModel:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Let torch compute on one thread, so that the same bits come out wherever it runs."""
     import torch
 

@@ -59,8 +59,13 @@ def joint_limits() -> tuple[Angles, Angles]:
     They are normal ranges of motion, wider where an authored pose or its mirror image needs it.
     """
     ends = [end.angles() for pose in POSES.values() for end in (pose, pose.mirrored())]
-    symmetric = [_both_sides(end).angles() for end in (_MOTION.lower, _MOTION.upper)]
-    return np.min([symmetric[0], *ends], axis=0), np.max([symmetric[1], *ends], axis=0)
+    lower, upper = range_of_motion()
+    return np.min([lower, *ends], axis=0), np.max([upper, *ends], axis=0)
+
+
+def range_of_motion() -> tuple[Angles, Angles]:
+    """Return the smallest and largest angle of every joint by the normal ranges of motion alone, shape (27,) each."""
+    return _both_sides(_MOTION.lower).angles(), _both_sides(_MOTION.upper).angles()
 
 
 def free_pose(random: np.random.Generator) -> Pose:

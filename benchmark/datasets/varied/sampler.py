@@ -117,7 +117,7 @@ class Sampler:
             missing = [place for place in missing if drawn[place] is None]
             if not missing:
                 return [body for body in drawn if body is not None], shapes
-        raise _hopeless(names[missing[0]])
+        raise hopeless(names[missing[0]])
 
     def _posed(
         self,
@@ -145,14 +145,15 @@ class Sampler:
                         again[POSES_OVERLAP] += 1
                     else:
                         found[place].append(vertices)
-        raise _hopeless(next(name for name, made in zip(names, found, strict=True) if len(made) < self.poses))
+        raise hopeless(next(name for name, made in zip(names, found, strict=True) if len(made) < self.poses))
 
 
 def _height(vertices: Points) -> float:
     return float(np.ptp(vertices[:, 2]))
 
 
-def _hopeless(name: str) -> DatasetError:
+def hopeless(name: str) -> DatasetError:
+    """Return the error of a body for which nothing fits."""
     return DatasetError(
         f"{name} has no pose that does not push it through itself in {MOST_DRAWS} draws", "take another seed"
     )

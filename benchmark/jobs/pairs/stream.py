@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 from benchmark.datasets.varied.sampler import Sampler
+from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
 from benchmark.jobs.pairs.beyond import Beyond
 from benchmark.jobs.recipes import source_code
@@ -15,6 +17,9 @@ from benchmark.streaming import StreamedData
 
 TRAINED, VALIDATED = 0, 1
 """Seeds of the streams."""
+
+VIEWS = 2
+"""Images of each pose in the wide stream."""
 
 SAMPLE = 1024
 """Pairs for a learner that keeps all of its pairs in memory."""
@@ -32,7 +37,7 @@ def varied_data(asked: Beyond, unseen: MakesPairs) -> StreamedData:
     """
     fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
     code = source_code("benchmark.datasets.varied.sampler").digest
-    return StreamedData(
+    plain = StreamedData(
         name=asked.training.name,
         title="fresh bodies in free poses, none of them a subject of a generated set of people",
         digest=keys.digest([repr(fresh), repr(validation), SAMPLE, code]),
@@ -45,6 +50,19 @@ def varied_data(asked: Beyond, unseen: MakesPairs) -> StreamedData:
         validation=validation,
         surfaces=fresh.surfaces,
         validation_surfaces=validation.surfaces,
+    )
+    wide = WideSampler(seed=TRAINED, views=VIEWS)
+    code = source_code("benchmark.datasets.varied.wide").digest
+    return replace(
+        plain,
+        wide=replace(
+            plain,
+            title="fresh bodies in free poses from several sides, no subject and no authored pose of a generated set",
+            digest=keys.digest([repr(wide), repr(validation), SAMPLE, code]),
+            subjects=(f"wide-{TRAINED}-0-0 and all that follow",),
+            identifiers=(f"wide-{TRAINED}-0-0 and all that follow",),
+            fresh=wide,
+        ),
     )
 
 

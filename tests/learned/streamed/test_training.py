@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from benchmark.contracts import Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, TrainingError
@@ -23,8 +27,10 @@ from learned.streamed import configuration, fitting, training
 from learned.streamed.fitting import fit
 from learned.streamed.images import MakesImages
 from learned.streamed.methods import StreamedLearner
+from learned.streamed.network import build_streamed
 from learned.training import steps
-from learned.training.checkpoint import CHECKPOINT
+from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS
+from learned.training.steps import Steps
 from learned.training.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
 from tests.learned.toy import files, quiet, toy_data
@@ -191,3 +197,109 @@ def test_a_model_of_another_kind_is_not_loaded(finished: Path, tmp_path: Path) -
         StreamedLearner().check_card({"configuration": {}}, tmp_path)
     with pytest.raises(ConfigurationError, match="holds 'plain', not 'toy'"):
         StreamedLearner(configuration="toy").check_card({"streamed": {**TOY.described(), "name": "plain"}}, tmp_path)
+
+
+OPEN = {**OPTIONS, "schedule": "constant", "average": 0.9}
+
+
+class Stopped(BaseException):
+    """Stands for a process that is killed."""
+
+
+def stopped_at(step: int, folder: Path, options: dict[str, Any]) -> None:
+    """Train until so many steps are in the checkpoint, and die."""
+
+    def say(line: str) -> None:
+        if line.startswith(f"step {step}/"):
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        fit("toy", 0, toy_stream(), folder, options, say)
+
+
+def test_a_training_of_unknown_length_goes_on_with_more_steps_and_a_falling_end(tmp_path: Path) -> None:
+    ending = {**OPEN, "steps": 40, "falling": 20}
+    fit("toy", 0, toy_stream(), tmp_path / "whole", ending, quiet)
+    stopped_at(16, tmp_path / "open", {**OPEN, "steps": 1000})
+    stopped_at(32, tmp_path / "open", ending)
+    fit("toy", 0, toy_stream(), tmp_path / "open", ending, quiet)
+    assert weights(tmp_path / "open") == weights(tmp_path / "whole")
+    assert read_card(tmp_path / "open")["bodies"] == 160
+
+
+def test_a_step_size_that_should_have_begun_to_fall_is_refused(tmp_path: Path) -> None:
+    stopped_at(16, tmp_path, {**OPEN, "steps": 1000})
+    for options in ({"steps": 30, "falling": 20}, {"steps": 12}):
+        with pytest.raises(TrainingError, match="was made with another plan"):
+            fit("toy", 0, toy_stream(), tmp_path, {**OPEN, **options}, quiet)
+
+
+def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
+    newest: list[torch.Tensor] = []
+    step = Steps._step
+
+    def noted(self: Steps, *arguments: Any) -> torch.Tensor:
+        found = step(self, *arguments)
+        newest.append(self.network.head.bias.detach().clone())  # type: ignore[union-attr, operator]
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Steps, "_step", noted)
+        fit("toy", 0, toy_stream(), tmp_path, OPEN, quiet)
+    mean = build_streamed(TOY, 0).head.bias.detach()  # type: ignore[union-attr, operator]
+    for number, each in enumerate(newest):
+        mean = mean + (1 - min(0.9, (1 + number) / (10 + number))) * (each - mean)
+    stored = load_file(str(tmp_path / WEIGHTS))["head.bias"]
+    assert torch.allclose(stored.float(), mean, atol=1e-3)
+    assert not torch.allclose(stored.float(), newest[-1], atol=1e-3)
+
+
+def test_the_weights_are_kept_at_every_doubling_of_the_bodies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps, "FIRST_SNAPSHOT", 20)
+    fit("toy", 0, toy_stream(), tmp_path, OPEN, quiet)
+    kept = sorted((tmp_path / SNAPSHOTS).iterdir())
+    assert [path.stem for path in kept] == ["0000000020", "0000000040", "0000000080", "0000000160"]
+    assert load_file(str(kept[0]))["head.bias"].dtype == torch.float16
+    fit("toy", 0, toy_stream(), tmp_path / "cosine", OPTIONS, quiet)
+    assert SNAPSHOTS not in files(tmp_path / "cosine")
+
+
+def test_step_sizes_of_a_plan() -> None:
+    plan = steps.Plan(steps=100, warm_up=3, learning_rate=1.0, schedule="constant", falling=9)
+    sizes = [plan.step_size(step) for step in range(100)]
+    assert sizes[:4] == [0.25, 0.5, 0.75, 1.0]
+    assert set(sizes[3:91]) == {1.0}
+    np.testing.assert_allclose(sizes[91:], np.arange(9, 0, -1) / 10)
+    for wrong in ({"schedule": "cosine", "falling": 1}, {"schedule": "constant", "falling": 101}):
+        with pytest.raises(ConfigurationError, match="cannot fall"):
+            steps.Plan(steps=100, **wrong)
+
+
+def test_a_stream_without_wide_bodies_cannot_teach_a_network_that_wants_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(configuration.STREAMED, "toy", replace(TOY, stream="wide"))
+    with pytest.raises(ConfigurationError, match="no wide stream"):
+        fit("toy", 0, toy_stream(), tmp_path, OPTIONS, quiet)
+    wide = replace(toy_stream(), wide=replace(toy_stream(Ellipsoids(seed=9)), digest="wide"))
+    fit("toy", 0, wide, tmp_path, {**OPTIONS, "steps": 2}, quiet)
+    assert read_card(tmp_path)["data_digest"] == "wide"
+
+
+def test_a_model_whose_card_is_older_than_an_option_stays_what_it_is(tmp_path: Path, finished: Path) -> None:
+    shutil.copytree(finished, tmp_path / "old")
+    path = tmp_path / "old" / CARD
+    card = json.loads(path.read_text())
+    for part in (card["streamed"], card["recipe"]["configuration"]):
+        for name in ("norm", "encoder", "attention", "one_form", "places", "points", "stream"):
+            del part[name]
+    for part in (card["plan"], card["recipe"]["plan"]):
+        for name in ("schedule", "falling", "average"):
+            del part[name]
+    path.write_text(json.dumps(card))
+    said: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path / "old", OPTIONS, said.append)
+    assert said == [f"{tmp_path / 'old'} holds this model already"]
+    image = both(500, 0.3, 0.7)[0]
+    forms = [StreamedLearner(configuration="toy").load(folder).predict(image)[0] for folder in (finished, path.parent)]
+    np.testing.assert_array_equal(forms[0].vertices, forms[1].vertices)

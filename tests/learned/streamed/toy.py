@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from benchmark.errors import DatasetError
-from benchmark.streaming import Fresh, MakesSurfaces, StreamedData, Surfaces
+from benchmark.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData, Surfaces
 from learned.streamed.configuration import PLAIN, Streamed
 from tests.learned.toy import toy_data
 
@@ -51,7 +51,14 @@ class Ellipsoids:
             for pose in range(2):
                 images[body, pose] = both(size, width, height, *random.uniform(-0.3, 0.3, 2))[0]
         names = tuple(f"toy-{number}-{body}" for body in range(bodies))
-        return Fresh(identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again={"toys": 1})
+        pixels = random.uniform(0.4 * size, 0.6 * size, (bodies, 2, 20, 2)).astype(np.float32)
+        pixels[:, :, 0] = np.nan
+        places = random.uniform(-0.5, 0.5, (bodies, 20, 3)).astype(np.float32)
+        points = np.repeat(fronts.max(axis=(1, 2))[:, None], 3 * N_POINTS, axis=1)
+        return Fresh(
+            identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again={"toys": 1},
+            pixels=pixels, places=places, points=points,
+        )  # fmt: skip
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
         """Spheroids that are bent along their axis in each of two poses."""

@@ -1,0 +1,301 @@
+"""A wider stream of bodies at a third of the cost: harder poses, several views of each, no authored pose at all."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from benchmark.datasets.human_poses import Arm, Column, Leg, Pose
+from benchmark.datasets.varied.bodies import varied_body
+from benchmark.datasets.varied.camera import Nuisances, both_sides, drawn_nuisances, rendered, turned
+from benchmark.datasets.varied.coarse import CoarseModel, Resting, coarse_model
+from benchmark.datasets.varied.model import CANONICAL
+from benchmark.datasets.varied.overlap import doubled_share
+from benchmark.datasets.varied.poses import range_of_motion
+from benchmark.datasets.varied.sampler import (
+    BODIES_LEAVE,
+    LARGEST_DOUBLED,
+    MOST_DRAWS,
+    POSES_OVERLAP,
+    SHARES,
+    SHORTEST,
+    TALLEST,
+    hopeless,
+)
+from benchmark.geometry.mesh import Faces, Points
+from benchmark.geometry.rasterise import DepthImage
+from benchmark.streaming import N_POINTS, Fresh
+
+Limits = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+FRONTAL_SHARE, FRONTAL = 0.5, 25.0
+"""Half of the views are from the front to within 25 degrees; the others from any side, the back as well."""
+
+NEAREST, FARTHEST = 1.2, 4.0
+"""Distances of a camera with perspective, as multiples of the height of the standing body."""
+
+AVERAGED = 256
+"""Bodies whose average the points of a body are told relative to."""
+
+AGAIN = 4
+"""Poses that are tried at once in place of one that pushes a body through itself."""
+
+_BEHIND = 0.01
+"""Share of the frame by which a hidden point is farther away than what its pixel shows."""
+
+_LEAST_DEPTH = 1e-3
+"""Smallest depth that is not background."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WideSampler:
+    """Makes batches; see :class:`benchmark.streaming.MakesFresh`.
+
+    Parameters
+    ----------
+    seed
+        Seed of the stream; streams of different seeds share no body.
+    poses
+        Poses of each body.
+    views
+        Images of each pose, each from another side with faults of its own.
+    triangles
+        Of a body as it is rendered.
+    everyday, crouched, reaching
+        Shares of the poses near to standing, with both hips and knees bent, and with the arms before the body. In all
+        others every angle is drawn by itself within the range of motion.
+    perspective
+        Share of the images of a camera with perspective.
+    held
+        Share of the images in which a hand holds something.
+    """
+
+    seed: int
+    poses: int = 2
+    views: int = 1
+    triangles: int = 7000
+    everyday: float = 0.3
+    crouched: float = 0.15
+    reaching: float = 0.15
+    perspective: float = 0.5
+    held: float = 0.1
+
+    def __call__(self, number: int, bodies: int, size: int) -> Fresh:
+        """Make one batch; the images of a body are its poses, each in all its views."""
+        model, again = coarse_model(self.triangles), Counter[str]()
+        names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
+        # A number more than those of `Sampler`, so that no body of it comes here.
+        randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
+        drawn, shapes = self._bodies(model, names, randoms, again)
+        posed = self._posed(model, names, drawn, shapes, randoms, again)
+        images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
+        fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
+        count = len(shapes[0])
+        pixels = np.empty((bodies, self.poses * self.views, count, 2), dtype=np.float32)
+        places = np.empty((bodies, count, 3), dtype=np.float32)
+        for place, random in enumerate(randoms):
+            target = turned(shapes[place], Nuisances())
+            half_width = _half_width(target, random)
+            fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
+            height = _height(shapes[place])
+            places[place] = target / height
+            for row in range(self.poses * self.views):
+                made = self._view(model, posed[place, row // self.views], height, size, random)
+                images[place, row], pixels[place, row] = made
+        return Fresh(
+            identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again),
+            pixels=pixels, places=places, points=_standardised(places, self.triangles),
+        )  # fmt: skip
+
+    def _bodies(
+        self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
+    ) -> tuple[list[Resting], list[Points]]:
+        """Bodies, and their vertices in the canonical pose."""
+        drawn: dict[int, Resting] = {}
+        shapes: dict[int, Points] = {}
+        missing = list(range(len(names)))
+        for _ in range(MOST_DRAWS):
+            candidates = model.shaped([varied_body(randoms[place]) for place in missing])
+            standing = model.posed(candidates, np.tile(CANONICAL.angles(), (len(missing), 1)))
+            for place, body, vertices in zip(missing, candidates, standing, strict=True):
+                height = _height(vertices)
+                if not SHORTEST < height < TALLEST:
+                    again[BODIES_LEAVE] += 1
+                elif doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
+                    again[POSES_OVERLAP] += 1
+                else:
+                    drawn[place], shapes[place] = body, vertices
+            missing = [place for place in missing if place not in drawn]
+            if not missing:
+                return [drawn[place] for place in range(len(names))], [shapes[place] for place in range(len(names))]
+        raise hopeless(names[missing[0]])
+
+    def _posed(
+        self,
+        model: CoarseModel,
+        names: list[str],
+        bodies: list[Resting],
+        shapes: list[Points],
+        randoms: list[np.random.Generator],
+        again: Counter[str],
+    ) -> NDArray[np.float64]:
+        """Vertices of each body in its poses, none of which pushes it through itself, shape (bodies, poses, n, 3)."""
+        found = np.empty((len(names), self.poses, *shapes[0].shape))
+        missing = [(place, pose) for place in range(len(names)) for pose in range(self.poses)]
+        for round_number in range(MOST_DRAWS):
+            # One pose in three is drawn again: later rounds draw several, so that there are few of them.
+            tried = [slot for slot in missing for _ in range(AGAIN if round_number else 1)]
+            angles = np.stack([self.angles(randoms[place]) for place, _ in tried])
+            made = model.posed([bodies[place] for place, _ in tried], angles)
+            for (place, pose), vertices in zip(tried, made, strict=True):
+                if (place, pose) not in missing:
+                    continue
+                if doubled_share(vertices, model.faces, _height(shapes[place])) > LARGEST_DOUBLED:
+                    again[POSES_OVERLAP] += 1
+                else:
+                    found[place, pose] = vertices
+                    missing.remove((place, pose))
+            if not missing:
+                return found
+        raise hopeless(names[missing[0][0]])
+
+    def angles(self, random: np.random.Generator) -> NDArray[np.float64]:
+        """Angles of a pose that faces the front, shape (27,)."""
+        shares = (self.everyday, self.crouched, self.reaching)
+        kind = int(np.searchsorted(np.cumsum(shares), random.random(), side="right"))
+        lower, upper = (*kinds(), range_of_motion())[kind]
+        return random.uniform(lower, upper)
+
+    def _view(
+        self, model: CoarseModel, vertices: Points, height: float, size: int, random: np.random.Generator
+    ) -> tuple[DepthImage, NDArray[np.float32]]:
+        """Depth image of a posed body from a side that is drawn, with faults that are drawn; where its vertices are."""
+        count, wrong = len(vertices), drawn_nuisances(random)
+        hidden = [hand for hand, gone in zip(model.hands, wrong.missing, strict=True) if gone]
+        faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
+        if random.random() < self.held:
+            hand = model.faces[model.hands[random.integers(2)]]
+            vertices, faces = _holding(vertices, faces, vertices[hand].mean(axis=(0, 1)), height, random)
+        angle = np.radians(random.uniform(-1, 1) * (FRONTAL if random.random() < FRONTAL_SHARE else 180.0))
+        spin = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        points = turned(vertices @ spin.T, wrong)
+        if random.random() < self.perspective:
+            distance = height * random.uniform(NEAREST, FARTHEST)
+            points[:, :2] *= distance / (distance - points[:, 2:])
+        half_width = _half_width(points, random)
+        image = rendered(points, _facing(points, faces), half_width, size)
+        return _disturbed(image, wrong, random), _seen_at(points[:count], image, half_width)
+
+
+def _holding(
+    vertices: Points, faces: Faces, palm: NDArray[np.float64], height: float, random: np.random.Generator
+) -> tuple[Points, Faces]:
+    """A body that holds an ellipsoid of a random size and direction, with half axes of .01 to .12 of its height."""
+    ball = _ball()
+    axes = height * np.exp(random.uniform(np.log(0.01), np.log(0.12), 3))
+    directions = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    own = palm + (ball.vertices * axes) @ directions.T
+    return np.concatenate([vertices, own]), np.concatenate([faces, (ball.faces + len(vertices)).astype(np.int32)])
+
+
+def _standardised(places: NDArray[np.float32], triangles: int) -> NDArray[np.float32]:
+    mean, deviation = _average(triangles)
+    return np.asarray((_some(places) - mean) / deviation, dtype=np.float32).reshape(len(places), -1)
+
+
+def _some(places: NDArray[Any]) -> NDArray[Any]:
+    return places[:, np.linspace(0, places.shape[1] - 1, N_POINTS).astype(np.int64)]
+
+
+@functools.cache
+def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
+    """Places of the points of the average of some bodies, shape (N_POINTS, 3), and their root mean square around it."""
+    model, random = coarse_model(triangles), np.random.default_rng(AVERAGED)
+    standing = model.posed(
+        model.shaped([varied_body(random) for _ in range(AVERAGED)]), np.tile(CANONICAL.angles(), (AVERAGED, 1))
+    )
+    places = _some(np.stack([turned(vertices, Nuisances()) / _height(vertices) for vertices in standing]))
+    mean = places.mean(axis=0)
+    return mean, float(np.sqrt(np.mean((places - mean) ** 2)))
+
+
+def _seen_at(points: Points, image: DepthImage, half_width: float) -> NDArray[np.float32]:
+    """Row and column of each point, shape (n, 2), NaN where the image shows something nearer."""
+    shares = (points / half_width + 1) / 2
+    pixels = np.stack([1 - shares[:, 1], shares[:, 0]], axis=1) * len(image)
+    row, column = np.clip(pixels.astype(np.int64), 0, len(image) - 1).T
+    hidden = image[row, column] - shares[:, 2] > _BEHIND
+    pixels[hidden] = np.nan
+    return pixels.astype(np.float32)
+
+
+def _facing(points: Points, faces: Faces) -> Faces:
+    """Triangles whose outside the camera sees: of a closed surface no other one is in front."""
+    corners = faces.T
+    (x, x1, x2), (y, y1, y2) = (np.take(np.ascontiguousarray(points[:, axis]), corners) for axis in range(2))
+    return np.asarray(faces[(x1 - x) * (y2 - y) > (y1 - y) * (x2 - x)])
+
+
+def _disturbed(image: DepthImage, wrong: Nuisances, random: np.random.Generator) -> DepthImage:
+    """The image with noise, steps, holes and lost pixels, drawn for the pixels that see the body alone."""
+    rows, columns = np.nonzero(image)
+    depths = image[rows, columns].astype(np.float64)
+    if wrong.noise:
+        depths += wrong.noise * random.standard_normal(len(depths))
+    if wrong.step:
+        depths = np.round(depths / wrong.step) * wrong.step
+    lost = random.random(len(depths)) < wrong.dropped if wrong.dropped else np.zeros(len(depths), dtype=bool)
+    for _ in range(wrong.holes):
+        place = random.integers(len(depths))
+        radius = random.uniform(0.01, 0.04) * len(image)
+        lost |= (rows - rows[place]) ** 2 + (columns - columns[place]) ** 2 < radius**2
+    if np.count_nonzero(lost) > len(lost) / 2:
+        lost[:] = False
+    result = np.zeros_like(image)
+    result[rows[~lost], columns[~lost]] = np.clip(depths[~lost], _LEAST_DEPTH, 1)
+    return result
+
+
+@functools.cache
+def kinds() -> tuple[Limits, ...]:
+    """Smallest and largest angles of poses near to standing, with hips and knees bent, with arms before the body."""
+    lower, upper = (Pose.from_angles(end) for end in range_of_motion())
+
+    def limits(arms: tuple[Arm, Arm], legs: tuple[Leg, Leg], trunk: tuple[Column, Column] | None = None) -> Limits:
+        trunk = trunk or (lower.trunk, upper.trunk)
+        ends = zip(arms, legs, trunk, (lower.head, upper.head), (lower.body, upper.body), strict=True)
+        low, high = (
+            Pose(left_arm=arm, right_arm=arm, left_leg=leg, right_leg=leg, trunk=trunk, head=head, body=body).angles()
+            for arm, leg, trunk, head, body in ends
+        )
+        return low, high
+
+    hanging = Arm(raised=5, forward=-45, roll=-30, bend=0), Arm(raised=60, forward=90, roll=30, bend=100)
+    near = Leg(flexion=-20, abduction=0, roll=-10, bend=0, point=-10), Leg(flexion=40, abduction=15, roll=25, bend=50)
+    bent = (
+        Leg(flexion=60, abduction=-5, roll=-20, bend=50, point=-20),
+        Leg(flexion=120, abduction=40, roll=30, bend=135, point=30),
+    )
+    before = Arm(raised=25, forward=45, roll=-45, bend=20), Arm(raised=110, forward=135, roll=60, bend=150)
+    upright = Column(bend=-10, lean=-10, turn=-20), Column(bend=25, lean=10, turn=20)
+    free = (lower.left_arm, upper.left_arm), (lower.left_leg, upper.left_leg)
+    return limits(hanging, near, upright), limits(free[0], bent), limits(before, free[1])
+
+
+@functools.cache
+def _ball() -> trimesh.Trimesh:
+    return trimesh.creation.icosphere(subdivisions=2)
+
+
+def _half_width(points: Points, random: np.random.Generator) -> float:
+    return float(np.abs(points[:, :2]).max()) / random.uniform(*SHARES)
+
+
+def _height(vertices: Points) -> float:
+    return float(np.ptp(vertices[:, 2]))

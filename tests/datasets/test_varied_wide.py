@@ -1,0 +1,146 @@
+"""The wide stream: no authored pose and no tested subject, poses and bones as the body model has them."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
+from benchmark.datasets.varied import wide
+from benchmark.datasets.varied.bodies import CLEARANCE, Body, clearance, varied_body
+from benchmark.datasets.varied.coarse import coarse_model
+from benchmark.datasets.varied.joints import batch_rotations
+from benchmark.datasets.varied.model import CANONICAL
+from benchmark.datasets.varied.poses import free_pose, range_of_motion
+from benchmark.datasets.varied.wide import WideSampler
+from benchmark.errors import DatasetError
+from benchmark.streaming import N_POINTS
+
+#: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
+needs_the_full_body = pytest.mark.exhaustive
+
+NEAR = 15.0
+"""Degrees within which all joints of two poses lie that are the same but for a tremor."""
+
+
+def test_bones_turn_as_those_of_single_poses_do() -> None:
+    random = np.random.default_rng(0)
+    poses = [*POSES.values(), *(free_pose(random) for _ in range(20))]
+    together = batch_rotations(np.stack([pose.angles() for pose in poses]))
+    for place, pose in enumerate(poses):
+        alone = bone_rotations(pose)
+        assert alone.keys() == together.keys()
+        for bone, rotation in alone.items():
+            np.testing.assert_allclose(together[bone][place], rotation, atol=1e-12)
+
+
+def test_no_authored_pose_enters_training() -> None:
+    sampler, random = WideSampler(seed=0), np.random.default_rng(0)
+    drawn = np.stack([sampler.angles(random) for _ in range(3000)])
+    lower, upper = range_of_motion()
+    assert (drawn >= lower).all()
+    assert (drawn <= upper).all()
+    authored = np.stack([one.angles() for pose in POSES.values() for one in (pose, pose.mirrored())])
+    # The last angle is the turn of the whole body, which a view draws by itself.
+    farthest = np.abs(drawn[:, None, :-1] - authored[None, :, :-1]).max(axis=2)
+    assert farthest.min() > NEAR
+    assert not {"perturbed_pose", "varied_pose", "POSES", "SUBJECTS", "FRONT"} & vars(wide).keys()
+
+
+def test_limits_of_each_kind_of_pose_are_what_it_says() -> None:
+    everyday, crouched, reaching = ([Pose.from_angles(end) for end in limits] for limits in wide.kinds())
+    assert everyday[1].left_leg.flexion < crouched[0].left_leg.flexion
+    assert crouched[0].right_leg.bend >= 45
+    assert reaching[0].left_arm.forward >= 45
+    for lower, upper in wide.kinds():
+        assert (lower <= upper).all()
+    only = WideSampler(seed=0, everyday=0, crouched=1, reaching=0)
+    assert all(only.angles(np.random.default_rng(seed))[8] >= crouched[0].left_leg.flexion for seed in range(20))
+
+
+@needs_the_full_body
+def test_no_subject_of_a_set_enters_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Body] = []
+
+    def noted(random: np.random.Generator) -> Body:
+        drawn.append(varied_body(random))
+        return drawn[-1]
+
+    monkeypatch.setattr(wide, "varied_body", noted)
+    WideSampler(seed=11)(0, 8, 64)
+    assert len(drawn) >= 8
+    assert min(clearance(body.subject) for body in drawn) >= CLEARANCE
+
+
+@needs_the_full_body
+def test_a_coarse_body_is_the_body() -> None:
+    model, random = coarse_model(7000), np.random.default_rng(0)
+    bodies = [varied_body(random) for _ in range(6)]
+    poses = [CANONICAL, *(free_pose(random) for _ in bodies[1:])]
+    coarse = model.posed(model.shaped(bodies), np.stack([pose.angles() for pose in poses]))
+    exact = model.full.posed(model.full.shaped(bodies), [[pose] for pose in poses])
+    for one, (other,) in zip(coarse, exact, strict=True):
+        apart = np.linalg.norm((one - one.mean(axis=0)) - (other - other.mean(axis=0)), axis=1)
+        assert apart.mean() < 1e-3
+        assert apart.max() < 0.03
+        solid = trimesh.Trimesh(one, model.faces, process=False)
+        assert solid.is_watertight
+        assert solid.volume > 0
+    np.testing.assert_allclose(coarse[0] - coarse[0].mean(axis=0), exact[0][0] - exact[0][0].mean(axis=0), atol=1e-3)
+
+
+@needs_the_full_body
+def test_a_batch_is_a_matter_of_its_number_and_a_body_of_its_place() -> None:
+    sampler = WideSampler(seed=7, views=2)
+    first, again, other = sampler(0, 3, 96), sampler(0, 3, 96), sampler(1, 3, 96)
+    for name in ("images", "fronts", "backs", "pixels", "places", "points"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+        assert not np.array_equal(getattr(first, name), getattr(other, name), equal_nan=True)
+    alone = sampler(0, 1, 96)
+    np.testing.assert_array_equal(alone.images[0], first.images[0])
+    assert first.images.shape == (3, 4, 96, 96)
+    assert first.points is not None
+    assert first.points.shape == (3, 3 * N_POINTS)
+    assert not set(first.identifiers) & set(other.identifiers)
+    assert ((first.images > 0).sum(axis=(2, 3)) > 150).all()
+    np.testing.assert_array_equal(first.fronts > 0, first.backs > 0)
+
+
+@needs_the_full_body
+def test_a_pixel_shows_the_points_that_are_told_for_it() -> None:
+    made = WideSampler(seed=3, held=0, perspective=0)(0, 4, 128)
+    assert made.pixels is not None
+    for images, pixels in zip(made.images, made.pixels, strict=True):
+        for image, pixel in zip(images, pixels, strict=True):
+            shown = pixel[~np.isnan(pixel[:, 0])].astype(int)
+            assert 0.2 < len(shown) / len(pixel) < 0.8
+            assert np.mean(image[shown[:, 0], shown[:, 1]] > 0) > 0.6
+
+
+@needs_the_full_body
+def test_the_average_body_is_the_origin_of_the_points() -> None:
+    made = WideSampler(seed=5, poses=1)(0, 40, 64)
+    assert made.points is not None
+    assert abs(made.points.mean()) < 0.3
+    assert np.sqrt(np.mean(made.points**2)) == pytest.approx(1, abs=0.3)
+
+
+@needs_the_full_body
+def test_something_is_held_and_perspective_enlarges_what_is_near() -> None:
+    plain, held, near = (
+        WideSampler(seed=2, poses=1, held=share, perspective=perspective)(4, 6, 128)
+        for share, perspective in ((0, 0), (1, 0), (0, 1))
+    )
+    for one, other in itertools.combinations((plain.images, held.images, near.images), 2):
+        assert not np.array_equal(one, other)
+
+
+@needs_the_full_body
+def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(wide, "LARGEST_DOUBLED", -1.0)
+    monkeypatch.setattr(wide, "MOST_DRAWS", 2)
+    with pytest.raises(DatasetError, match="wide-0-5-0 has no pose"):
+        WideSampler(seed=0)(5, 1, 32)
