@@ -143,6 +143,15 @@ def test_what_may_change_a_digit_must_run(compared, edits, expected):
     assert {change.tree for change in found} == {0, 1}
 
 
+def test_a_function_with_another_decorator_must_have_begun(compared):
+    before = "def clipped(total):\n    return max"
+    after = "@functools.cache\ndef clipped(total):\n    if total > 9:\n        return 9\n    return max"
+    edited = "def clipped(total):\n    if total > 9:\n        return 9\n    return max"
+    assert compared((HELPERS, before, edited))
+    found = compared((HELPERS, before, after))
+    assert {change.function for change in found} == {"clipped"}
+
+
 def test_a_kernel_is_told_as_compiled(compared):
     found = compared((HELPERS, "* 0.5", "* 0.25"))
     assert all(change.is_compiled for change in found)
