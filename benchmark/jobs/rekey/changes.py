@@ -14,7 +14,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmark.jobs.rekey.reached import Region
-from benchmark.jobs.rekey.syntax import FUNCTIONS, Comparison, Function, Names, bound_in, leaves, plain, shape
+from benchmark.jobs.rekey.syntax import (
+    FUNCTIONS,
+    Comparison,
+    Function,
+    Names,
+    beginning,
+    bound_in,
+    leaves,
+    plain,
+    shape,
+)
 from benchmark.jobs.rekey.trees import Tree
 
 OLD, NEW = 0, 1
@@ -144,8 +154,8 @@ class _Differences:
             self._add(OLD, module, name, compared.old)
             self._add(NEW, other, other_name, compared.new)
             if module != other and not self._names.same(module, other):  # its globals may mean something else there
-                self._add(OLD, module, name, versions[OLD].body[:1])
-                self._add(NEW, other, other_name, versions[NEW].body[:1])
+                self._add(OLD, module, name, [beginning(versions[OLD])])
+                self._add(NEW, other, other_name, [beginning(versions[NEW])])
         for tree, partners in ((OLD, set(pairs)), (NEW, set(pairs.values()))):
             for module in self._touched[tree]:
                 for name, function in self._all[tree][module].functions.items():

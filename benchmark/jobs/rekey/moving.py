@@ -136,7 +136,7 @@ def rekey(commit: str, scope: Scope, say: Callable[[str], None], *, dry_run: boo
             for candidate in to_compare:
                 if not candidate.problem:
                     found.moved.append(_move(candidate, scope, trees))
-    if not dry_run:  # what was answered is of no more use; an interrupted run, and one after a dry one, go on with it
+    if not (dry_run or found.refused):  # what was answered is of no more use
         shutil.rmtree(folder, ignore_errors=True)
     return found
 

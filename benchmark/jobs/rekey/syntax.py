@@ -151,21 +151,25 @@ class Comparison:
 
     def _compare_functions(self, old: Function, new: Function) -> None:
         """Compare what a function does; what its head says must have been of account where the function began."""
-        entered = [old.body[0]], [new.body[0]]
         places = [list(_arguments(each.args)) for each in (old, new)]
         if len(places[0]) != len(places[1]):
-            self._add(*entered)
+            self._enter(old, new)
         else:
             for (one, before), (other, now) in zip(*places, strict=True):
                 if not self._is_same(one, one.arg, other.arg):
-                    self._add(*entered)
+                    self._enter(old, new)
                 if shape(before) != shape(now) or Comparison(self._names, _list(before), _list(now)).differ:
-                    self._add(*entered)
+                    self._enter(old, new)
                     self._add(_uses(old, one.arg), _uses(new, other.arg))
         heads = [_list(*each.decorator_list) for each in (old, new)]
         if shape(heads[0]) != shape(heads[1]) or Comparison(self._names, *heads).differ:
-            self._add(*entered)
-        self._compare_lists(old, old.body, new.body, *entered[0], *entered[1])
+            self._enter(old, new)
+        self._compare_lists(old, old.body, new.body, old.body[0], new.body[0])
+
+    def _enter(self, old: Function, new: Function) -> None:
+        """Take both functions for different as a whole: it is enough that they began."""
+        self.old.append(beginning(old))
+        self.new.append(beginning(new))
 
     @property
     def differ(self) -> bool:
@@ -216,6 +220,11 @@ def shape(node: Any) -> str:
     if isinstance(node, list):
         return "[" + ",".join("_" if isinstance(part, str) else shape(part) for part in node) + "]"
     return repr(node)
+
+
+def beginning(function: Function) -> ast.AST:
+    """Return the part of a function that runs whenever it is called."""
+    return next(leaves(function), function.body[0])
 
 
 def leaves(node: ast.AST) -> Iterator[ast.AST]:

@@ -143,6 +143,12 @@ def test_what_may_change_a_digit_must_run(compared, edits, expected):
     assert {change.tree for change in found} == {0, 1}
 
 
+def test_a_function_with_another_decorator_must_have_begun(compared):
+    (old, new) = compared((FORM, "    def canonicalise", "    @functools.cache\n    def canonicalise"))
+    assert {old.function, new.function} == {"Form.canonicalise"}
+    assert (old.region[0], new.region[0]) == (15, 16)  # the first statement, whatever comes behind it
+
+
 def test_a_kernel_is_told_as_compiled(compared):
     found = compared((HELPERS, "* 0.5", "* 0.25"))
     assert all(change.is_compiled for change in found)
