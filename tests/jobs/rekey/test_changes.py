@@ -146,7 +146,7 @@ def test_what_may_change_a_digit_must_run(compared, edits, expected):
 def test_a_function_with_another_decorator_must_have_begun(compared):
     (old, new) = compared((FORM, "    def canonicalise", "    @functools.cache\n    def canonicalise"))
     assert {old.function, new.function} == {"Form.canonicalise"}
-    assert (old.region[0], new.region[0]) == (15, 16)  # the first statement, whatever comes behind it
+    assert (old.region[0], new.region[0]) == (17, 18)  # the first statement, whatever comes behind it
 
 
 def test_a_kernel_is_told_as_compiled(compared):
