@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.jobs.rekey.sampling import sample_of
+from benchmark.system.fingerprints import FIRST_PARTY
 from tests.jobs.rekey.copies import Copy
 
 ROOT = Path(__file__).parents[3]
@@ -34,29 +35,63 @@ def copy(original, tmp_path):
 
 ORIENTATION = "baselines/_kernels/orientation.py"
 
+AREAS = """def vertex_areas(mesh: Mesh) -> FloatArray:
+    \"\"\"Return the barycentric area of each vertex, a third of its triangles, shape (n,), in squared mesh units.\"\"\"
+    shares = np.repeat(mesh.face_areas / 3, 3)
+    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices), dtype=np.float64)
+"""
+CHOICE = "    negligible = np.abs(moments) <= NEGLIGIBLE * (weights @ np.abs(centred) ** 3)\n"
+SPLIT = """def _negligible(moments: FloatArray, weights: FloatArray, centred: FloatArray) -> FloatArray:
+    return np.abs(moments) <= NEGLIGIBLE * (weights @ np.abs(centred) ** 3)
+
+
+def canonical_signs("""
+TIES = "baselines/_kernels/ties.py"
+
 SAME = {
     "a local": [(ORIENTATION, "settled", "turned")],
     "a parameter": [(ORIENTATION, "weights", "masses")],
     "an annotation": [("benchmark/geometry/mesh.py", "def area(self) -> float:", "def area(self) -> 'float':")],
     "the text of an error": [("benchmark/geometry/io.py", "faces name vertices", "triangles name vertices")],
-}
+    "a function that is split": [
+        (ORIENTATION, CHOICE, "    negligible = _negligible(moments, weights, centred)\n"),
+        (ORIENTATION, "def canonical_signs(", SPLIT),
+    ],
+    "a function that is moved": [
+        (ORIENTATION, AREAS, ""),
+        (ORIENTATION, "ties import largest\n", "ties import largest, vertex_areas\n"),
+        (TIES, "from benchmark.contracts import FloatArray\n",
+         "from benchmark.contracts import FloatArray\nfrom benchmark.geometry.mesh import Mesh\n"),
+        (TIES, "def largest(", f"{AREAS}\n\ndef largest("),
+    ],
+}  # fmt: skip
 
 DIFFERENT = {
     "a constant in a kernel": ([("benchmark/geometry/geodesics.py", "0.5 * (matrix", "0.51 * (matrix")], "differs"),
+    "an operator two calls away": ([(ORIENTATION, "weights @ centred**3", "weights @ centred**2")], "differs"),
+    "a default of a parameter": (
+        [("baselines/classic_mds.py", 'metric: Metric = "geodesic"', 'metric: Metric = "biharmonic"')],
+        "more than code changed: parameters changed: metric geodesic -> biharmonic",
+    ),
     "a number of vertices": ([("benchmark/jobs/stages/complete.py", "= 2000", "= 150")], "differs"),
-    "a rule for shapes that are refused": (
+    "a tolerance for shapes that are refused": (
         [("benchmark/geometry/io.py", "faces.max() >= len(vertices)", "faces.max() >= 10 + len(vertices)")], "differs",
     ),
 }  # fmt: skip
 
 
+def replaced_everywhere(copy, before, after):
+    return [
+        (str(path.relative_to(copy.root)), before, after)
+        for package in FIRST_PARTY
+        for path in (copy.root / package).rglob("*.py")
+        if before in path.read_text()
+    ]
+
+
 @pytest.mark.slow
 def test_a_function_that_is_renamed_with_its_callers_moves_all_rows(copy):
-    everywhere = [
-        (str(path.relative_to(copy.root)), "canonical_signs", "settled_signs")
-        for path in (copy.root / "baselines").rglob("*.py")
-        if "canonical_signs" in path.read_text()
-    ]
+    everywhere = replaced_everywhere(copy, "canonical_signs", "settled_signs")
     before = {record["key"]: record for record in copy.records()}
     code, said = copy.edited(*everywhere)
     assert code == 0, said
@@ -96,6 +131,14 @@ def test_one_difference_refuses_the_rows_that_it_concerns_and_no_others(copy):
 @pytest.mark.parametrize("edits", SAME.values(), ids=SAME)
 def test_edits_that_change_no_digit_move_all_rows(copy, edits):
     code, said = copy.edited(*edits)
+    assert code == 0, said
+    assert copy.planned() == "0 of 2 jobs to run"
+
+
+@pytest.mark.exhaustive
+def test_a_module_that_is_renamed_moves_all_rows(copy):
+    (copy.root / TIES).rename(copy.root / "baselines/_kernels/equals.py")
+    code, said = copy.edited(*replaced_everywhere(copy, "_kernels.ties", "_kernels.equals"))
     assert code == 0, said
     assert copy.planned() == "0 of 2 jobs to run"
 
