@@ -82,7 +82,7 @@ LONG = "x" * 5000
         (("report", "--figure", "forms.doc"), "forms.doc is no name of a figure; let it end in .png, .pdf, .svg"),
         (("report", "--figure", "a.png", "--of", "all"), "see 'python -m benchmark report --help'"),
         (("check", "all"), "unknown method 'all'"),
-        (("canonicalise", "-m", "all", "a.off"), "unknown method 'all'"),
+        (("canonicalise", "-m", "all", "a.off", "-o", "b.off"), "unknown method 'all'"),
     ],
 )
 def test_an_argument_that_cannot_be_is_refused_in_one_line(call, arguments, message, tmp_path):
@@ -206,10 +206,10 @@ def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp
     ],
 )
 def test_canonicalise_survives_its_method(call, act, message, tmp_path):
-    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    write_off(tmp_path / "data" / "rod.off", rod(0.1, 1.0))
     plugin = write_plugin(tmp_path / "tried.py", at_work=act)
     limit = ("--timeout", "1s") if act == "hangs" else ()
-    done = call("canonicalise", "-m", "tried", "rod.off", "--plugin", plugin, *limit)
+    done = call("canonicalise", "-m", "tried", "data/rod.off", "--plugin", plugin, *limit)
     assert message in refused(done)
     assert not Path("rod-tried.off").exists()
 
@@ -238,16 +238,18 @@ def test_a_copy_of_the_process_that_a_method_makes_and_forgets_does_not_go_on(pl
 
 
 def test_what_a_thread_of_a_method_raises_is_one_line(call, tmp_path):
-    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    write_off(tmp_path / "data" / "rod.off", rod(0.1, 1.0))
     act = "thread = threading.Thread(target=lambda: 1 / 0); thread.start(); thread.join()"
-    done = call("canonicalise", "-m", "tried", "rod.off", "--plugin", write_plugin(tmp_path / "tried.py", at_work=act))
+    done = call(
+        "canonicalise", "-m", "tried", "data/rod.off", "--plugin", write_plugin(tmp_path / "tried.py", at_work=act)
+    )
     assert done[::2] == (0, "a thread raises ZeroDivisionError: division by zero\n")
 
 
 def test_the_file_of_a_form_has_a_name_that_fits(call, tmp_path):
-    write_off(tmp_path / "rod.off", rod(0.1, 1.0))
+    write_off(tmp_path / "data" / "rod.off", rod(0.1, 1.0))
     plugin = write_plugin(tmp_path / "tried.py", name="tried-path", field="start: str = ''")
-    code, output, error = call("canonicalise", "-m", "tried-path[start=a/b]", "rod.off", "--plugin", plugin)
+    code, output, error = call("canonicalise", "-m", "tried-path[start=a/b]", "data/rod.off", "--plugin", plugin)
     assert (code, error) == (0, "")
     assert output.startswith("rod-tried-path[start=a_b].off: 290 vertices")
 

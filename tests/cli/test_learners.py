@@ -103,7 +103,7 @@ def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained,
     text = run("III", results, root)
     assert "| Mean target" in text
     assert "- Mean target: trained on tosca-III: one pass" in text
-    assert "- The paper's schedule: 500 x 500 pixels, 500 epochs" in text
+    assert "The paper's schedule" not in text
     assert "- Mean target, view: 6 of 12 shapes were seen in training" in text
     assert "**Table III-held-out. Retrieval of cats and horses alone" in text
     assert "TOSCA (6 shapes, 2 classes)" in text
