@@ -11,6 +11,9 @@ from learned.streamed.configuration import Streamed
 NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss", "place loss", "point loss")
 """Columns of the history."""
 
+WEIGHTS = ("gradient", "one_code", "one_form", "places", "points")
+"""Fields of a configuration that weigh all of them but the first two."""
+
 FORM_PIXELS = 4
 """Pixels per side that are averaged before forms are compared."""
 
@@ -71,10 +74,8 @@ def losses(
 def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
     """The loss that is minimised, a scalar."""
     total = terms[0] + terms[1]
-    chosen = configuration
-    weights = (chosen.gradient, chosen.one_code, chosen.one_form, chosen.places, chosen.points)
-    for weight, term in zip(weights, terms[2:], strict=True):
-        total = total + weight * term
+    for name, term in zip(WEIGHTS, terms[2:], strict=True):
+        total = total + getattr(configuration, name) * term
     return total
 
 
@@ -85,8 +86,9 @@ def place_loss(predicted: Tensor, true: Tensor) -> Tensor:
 
 
 def _shown(prediction: Tensor, mask: Tensor) -> Tensor:
-    """What a prediction shows, shape (n, numbers): its mask, and its depths where the true mask is, in small."""
-    shown = torch.cat([prediction[:, :-1] * mask, prediction[:, -1:]], dim=1)
+    """Mask of a prediction, and its depths where the true mask is, in coarse pixels, shape (n, numbers)."""
+    depths, predicted_mask = prediction.split([prediction.shape[1] - 1, 1], dim=1)
+    shown = torch.cat([depths * mask, predicted_mask], dim=1)
     return functional.avg_pool2d(shown, FORM_PIXELS).flatten(1)
 
 

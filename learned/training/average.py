@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 
 class Average:
-    """Exponential moving average of the weights of a network [Polyak and Juditsky 1992].
+    """Exponential moving average of the weights of a network.
 
     Parameters
     ----------

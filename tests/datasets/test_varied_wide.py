@@ -18,6 +18,7 @@ from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.errors import DatasetError
 from benchmark.streaming import N_POINTS
+from learned.streamed.configuration import STREAMED
 
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
 needs_the_full_body = pytest.mark.exhaustive
@@ -47,7 +48,9 @@ def test_no_authored_pose_enters_training() -> None:
     # The last angle is the turn of the whole body, which a view draws by itself.
     farthest = np.abs(drawn[:, None, :-1] - authored[None, :, :-1]).max(axis=2)
     assert farthest.min() > NEAR
-    assert not {"perturbed_pose", "varied_pose", "POSES", "SUBJECTS", "FRONT"} & vars(wide).keys()
+    recipes = {"perturbed_pose", "varied_pose", "POSES", "SUBJECTS", "FRONT", "scan"}
+    assert not recipes & vars(wide).keys()
+    assert STREAMED["people"].stream == "wide"
 
 
 def test_limits_of_each_kind_of_pose_are_what_it_says() -> None:
