@@ -23,12 +23,13 @@ from typing import Any  # noqa: E402
 import click  # noqa: E402
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
-from benchmark.jobs.stages.ranking import form_distances, scores  # noqa: E402
 from safetensors import safe_open  # noqa: E402
 
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
+from benchmark.jobs.stages.distances import form_distances  # noqa: E402
+from benchmark.jobs.stages.measures import scores  # noqa: E402
 from benchmark.learning import read_card  # noqa: E402
 from benchmark.streaming import Fresh, MakesFresh  # noqa: E402
 from learned.streamed.configuration import Streamed, from_card  # noqa: E402
