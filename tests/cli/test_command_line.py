@@ -250,7 +250,7 @@ def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
     arguments = ("-d", folder, "-m", "identity", "--input", "mesh", "--results", tmp_path / "results")
     done = benchmark("run", *arguments)
     (row,) = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-    assert (row["status"], row["n_shapes"], row["unsupported"]) == ("ok", 8, 5)
+    assert (row["status"], row["n_shapes"], row["unsupported"], row["coverage"]) == ("ok", 13, 5, 1)
     assert "5 unsupported" in done.stdout
     assert done.returncode == 0
 

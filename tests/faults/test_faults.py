@@ -126,7 +126,10 @@ def _changes_scores(scene: Scene) -> None:
     path, record = next((path, record) for path, record in found.items() if record["method"] == INNOCENT)
     scene.check_scores(INNOCENT)
     assert scene.outcome.crossings == []
-    record["scores"]["NN"] /= 2
+    queries = [None if value is None else value / 2 for value in record["per_query"]["NN"]]
+    record["per_query"]["NN"] = queries
+    known = [value for value in queries if value is not None]
+    record["scores"]["NN"] = sum(known) / len(known)
     path.write_text(json.dumps(record))
     scene.check_scores(INNOCENT)
 

@@ -121,7 +121,7 @@ def test_each_record_says_what_happened_and_what_to_do(faulty_run):
     assert _at_a_shape(found["bug"], "ZeroDivisionError: division by zero")
     assert "1 / 0" in found["bug"]["traceback"]
     assert found["picky"]["unsupported"] == [["thin2", "too thin; feed it"]]
-    assert found["picky"]["n_shapes"] == 5
+    assert (found["picky"]["n_shapes"], found["picky"]["coverage"]) == (6, pytest.approx(5 / 6))
     assert "Picky, mesh: 1 unsupported (thin2): too thin; feed it" in done.stdout
 
 
