@@ -49,8 +49,8 @@ def canonical_signs("""
 TIES = "baselines/_kernels/ties.py"
 
 SAME = {
-    "a local": [(ORIENTATION, "settled", "turned")],
-    "a parameter": [(ORIENTATION, "weights", "masses")],
+    "a local": [(ORIENTATION, "extremes", "farthest_out")],
+    "a parameter": [(ORIENTATION, "eigenvalues", "spectrum")],
     "an annotation": [("benchmark/geometry/mesh.py", "def area(self) -> float:", "def area(self) -> 'float':")],
     "the text of an error": [("benchmark/geometry/io.py", "faces name vertices", "triangles name vertices")],
     "a function that is split": [
@@ -74,9 +74,6 @@ DIFFERENT = {
         "more than code changed: parameters changed: metric geodesic -> biharmonic",
     ),
     "a number of vertices": ([("benchmark/jobs/stages/complete.py", "= 2000", "= 150")], "differs"),
-    "a tolerance for shapes that are refused": (
-        [("benchmark/geometry/io.py", "faces.max() >= len(vertices)", "faces.max() >= 10 + len(vertices)")], "differs",
-    ),
 }  # fmt: skip
 
 
