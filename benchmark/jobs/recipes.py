@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from typing import Any
 
 from benchmark.contracts import Input
@@ -162,6 +163,11 @@ def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) 
         "codebook": draw,
         "code": distances_code(scorer).digest,
     }
+
+
+def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
+    """Return the draws of the scorer that a gallery has distances under; one without a number for a descriptor."""
+    return (None,) if spec.describes else range(scorer.info.draws)
 
 
 def scorer_recipe(scorer: ScorerSpec) -> Recipe:

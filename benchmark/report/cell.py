@@ -51,7 +51,7 @@ class Cell:
     @property
     def is_partial(self) -> bool:
         """Whether there are scores, but not of all shapes."""
-        return self.scores is not None and self.coverage < 1
+        return self.scores is not None and not self.is_complete
 
     @property
     def is_complete(self) -> bool:

@@ -95,7 +95,7 @@ def _marked(
 def _competes(row: Row, input_: Input | None) -> bool:
     """Whether the figures of a row may be the best: those of a control, or of some shapes alone, may not."""
     cell = _cell(row, input_)
-    return row.family != CONTROL and (cell is None or cell.is_complete or cell.scores is None)
+    return row.family != CONTROL and not (cell and cell.is_partial)
 
 
 def _difference(row: Row, input_: Input | None, metric: str, minus: str) -> str:

@@ -6,8 +6,9 @@ numba keeps a kernel until its own file changes; the kernels of other files that
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from benchmark.system.fingerprints import FIRST_PARTY
@@ -46,9 +47,10 @@ def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> in
         Number of files that were removed.
     """
     known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
+    callees = cache(lambda source: _callees(source, known))
     count = 0
     for source, kept in compiled_files(root):
-        behind = _compiled_together(source, known)
+        behind = _compiled_together(source, callees)
         newest = max(path.stat().st_mtime_ns for path in behind)
         for path in kept:
             if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
@@ -63,11 +65,11 @@ def _sources(root: Path) -> Iterator[Path]:
         yield from sorted((root / package).rglob("*.py"))
 
 
-def _compiled_together(source: Path, known: Mapping[str, Path]) -> set[Path]:
+def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> set[Path]:
     """A module with all those whose kernels and constants may be part of its own kernels."""
     found, pending = {source}, [source]
     while pending:
-        new = _callees(pending.pop(), known) - found
+        new = callees(pending.pop()) - found
         found |= new
         pending += new
     return found

@@ -74,6 +74,24 @@ def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(tmp_
     assert after["cost"]["seconds_per_shape"].keys() == before["cost"]["seconds_per_shape"].keys()
 
 
+def test_distances_that_are_damaged_are_made_again(tmp_path, monkeypatch):
+    rods, results = write_rods(tmp_path / "rods", bends=(0.0, 1.2)), tmp_path / "results"
+    words = ["-d", str(rods), "-m", "identity", "--input", "mesh", "--results", str(results), "--executor", "serial"]
+    assert CliRunner().invoke(cli, ["run", *words]).exit_code == 0
+    store = Store.open(results)
+    (before,) = store.records
+    for key in before["artefacts"]:
+        if "distances" in dict(np.load(results / "runs" / "artefacts" / key[:2] / f"{key}.npz")):
+            store.discard(key)
+    store.remove_record(before["key"])
+    # Their headers may be whole where they are not: nothing is known of them before they are read.
+    monkeypatch.setattr(Store, "digest_under", lambda self, key: "kept")
+    done = CliRunner().invoke(cli, ["run", *words])
+    assert done.exit_code == 0, done.output
+    (after,) = store.records
+    assert after["per_query"] == before["per_query"]
+
+
 @pytest.mark.slow
 def test_ranking_tells_which_draw_is_under_way(tmp_path):
     class Scope:

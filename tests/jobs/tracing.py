@@ -22,26 +22,25 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import CodeType, FrameType, SimpleNamespace
 from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.geometry import depth
-from benchmark.geometry.preparation import decimate
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
-from benchmark.jobs.stages import complete, distances, measures
+from benchmark.jobs.rekey.sampling import decimated, make_small
+from benchmark.jobs.stages import distances, measures
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.tables import Table
 from benchmark.storage.store import Store
 from benchmark.system import fingerprints
-from retrieval.cmbof import CMBOF
 
 ROOT = Path(__file__).parents[2]
 
@@ -189,15 +188,6 @@ def _ramp(count: int) -> Any:
     return np.abs(np.subtract.outer(np.arange(count), np.arange(count))).astype(float)
 
 
-def decimated(target: int) -> Callable[[Any], Any]:
-    """Makes meshes small enough for kernels that are not compiled."""
-
-    def fewer(mesh: Any) -> Any:
-        return decimate(mesh, 2 * target) if mesh.n_vertices > 4 * target else mesh
-
-    return fewer
-
-
 def traced(
     dataset: str, chosen: list[str], inputs: list[str], plugins: list[str], size: int, image: int, data_root: str = "",
     subjects: int = 2, poses: int = 2, also: Sequence[str] = (), scorer: str = DEFAULT,
@@ -225,10 +215,7 @@ def traced(
         For each stage, ``form`` followed by the name of the method, modules that ``ran`` and those ``outside`` of what
         the recipe names.
     """
-    complete.N_VERTICES = size
-    depth.SAMPLES = 2 * size
-    settings: Any = CMBOF.__init__
-    settings.__kwdefaults__.update({"image_size": image or 256, "n_words": 20})
+    make_small(size, image or 256)
     root = Path(data_root) if data_root else None
     full = open_dataset(dataset, root)
     first = list(dict.fromkeys(entry.subject for entry in full.entries))[:subjects]
@@ -243,7 +230,7 @@ def traced(
                 continue
             tracer = Tracer()
             with tempfile.TemporaryDirectory() as folder, Watching(tracer, with_features=bool(image)):
-                small = few(full, entries, tracer, decimated(size))
+                small = few(full, entries, tracer, partial(decimated, vertices=size))
                 runner.open_dataset = lambda *_, small=small: small
                 _run(small, entries, input_, spec, Path(folder), root, judge)  # type: ignore[arg-type]
             for stage in tracer.ran:

@@ -28,6 +28,7 @@ from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import distances, measures
 from benchmark.jobs.treatment import Treated, Treatment, features_of
+from benchmark.scoring import Scorer
 from benchmark.storage import keys
 from benchmark.storage.arrays import ABOUT
 from benchmark.storage.costs import Cost
@@ -266,7 +267,7 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
 
 @dataclass(frozen=True)
 class _Signatures:
-    """What is told of the signatures of a gallery beside its distances, for a ranking that needs the latter alone.
+    """Facts about the signatures of a gallery, kept beside its distances for a ranking that needs the latter alone.
 
     Parameters
     ----------
@@ -307,6 +308,8 @@ class _Gallery:
     ----------
     store, treatment
         Where the shapes are, and what makes their forms.
+    scorer
+        What compares the forms; None for descriptors.
     tell
         Told which draw is under way.
     entries, found
@@ -319,6 +322,7 @@ class _Gallery:
 
     store: Store
     treatment: Treatment
+    scorer: Scorer | None
     tell: Callable[[str], object]
     entries: list[Entry] = field(default_factory=list)
     found: dict[str, Treated] = field(default_factory=dict)
@@ -331,7 +335,7 @@ class _Gallery:
         cls, store: Store, treatment: Treatment, entries: Sequence[Entry], tell: Callable[[str], object]
     ) -> _Gallery:
         """Look for the forms, and for the signatures unless all distances are kept."""
-        gallery = cls(store, treatment, tell)
+        gallery = cls(store, treatment, None if treatment.describes else treatment.scorer, tell)
         gallery._keep(entries, treatment.found)
         if not (treatment.describes or all(map(store.digest_under, gallery.keys))):
             found = dict(gallery.found)
@@ -352,8 +356,9 @@ class _Gallery:
                 if not self.treatment.preparation.is_prepared(entry):
                     self.unprepared.append(entry.identifier)
         forms = [self.treatment.recipe(entry) for entry in self.entries]
-        draws = (None,) if self.treatment.describes else range(self.treatment.scorer.info.draws)
-        self.recipes = {draw: recipes.distances_recipe(forms, self.treatment.scorer_spec, draw) for draw in draws}
+        scorer = self.treatment.scorer_spec
+        draws = recipes.draws_of(self.treatment.spec, scorer)
+        self.recipes = {draw: recipes.distances_recipe(forms, scorer, draw) for draw in draws}
 
     @property
     def keys(self) -> list[str]:
@@ -371,21 +376,22 @@ class _Gallery:
             method = self.treatment.method
             if len(self.entries) == 1:
                 return {"distances": np.zeros((1, 1))}
-            if draw is None:
+            if draw is None or self.scorer is None:
                 assert not isinstance(method, Method)  # noqa: S101
                 descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
                 return {"distances": distances.descriptor_distances(method, descriptors)}
             self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
-            signatures = [features_of(self.found[entry.identifier]) for entry in self.entries]
-            about = json.dumps(asdict(_Signatures.of(self.found.values())), sort_keys=True)
-            matrix = distances.form_distances(self.treatment.scorer, signatures, draw)
+            # Distances that are kept need no signatures, but those whose file is damaged do.
+            signed = [self.treatment.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
+            about = json.dumps(asdict(_Signatures.of(signed)), sort_keys=True)
+            matrix = distances.form_distances(self.scorer, list(map(features_of, signed)), draw)
             return {"distances": matrix, _SIGNATURES: np.array(about)}
 
         return self.store.get_or_compute(self.recipes[draw], compute, work="rank")
 
     @cached_property
     def signatures(self) -> _Signatures:
-        """What is told of the signatures."""
+        """Facts about the signatures, from themselves or from beside the distances."""
         if self.treatment.describes or any(each.features is not None for each in self.found.values()):
             return _Signatures.of(self.found.values())
         first = self.store.find(next(iter(self.recipes.values())), wanted=_SIGNATURES.__eq__)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import shutil
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -285,14 +286,12 @@ class _Progress:
     """Tells how far the samples of a tree are, every so many seconds."""
 
     def __init__(self, what: str, total: int, say: Callable[[str], None]) -> None:
-        import time
-
-        self._what, self._total, self._say, self._now = what, total, say, time.monotonic
-        self._begun = self._said = self._now()
+        self._what, self._total, self._say = what, total, say
+        self._begun = self._said = time.monotonic()
         say(f"{what}: {total} shapes")
 
     def __call__(self, done: int) -> None:
-        now = self._now()
+        now = time.monotonic()
         if now - self._said >= 10.0:
             self._said = now
             left = (now - self._begun) * (self._total - done) / done if done else None

@@ -40,7 +40,7 @@ from benchmark.jobs.orders import Order
 from benchmark.jobs.pairs import training_data
 from benchmark.jobs.plan import Job, data_recipe, job_recipe
 from benchmark.jobs.preparation import REFUSED, Preparation
-from benchmark.jobs.recipes import distances_recipe, source_recipe, training_code
+from benchmark.jobs.recipes import distances_recipe, draws_of, source_recipe, training_code
 from benchmark.jobs.rekey.reached import Reached
 from benchmark.jobs.treatment import Treatment
 from benchmark.learning import CARD, WEIGHTS, TrainingData, TrainingPair, read_card
@@ -52,7 +52,7 @@ from benchmark.protocols.tables import Table
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.arrays import digest_of
 from benchmark.storage.keys import digest
-from benchmark.storage.records import scorer_name
+from benchmark.storage.records import answered_labels, answered_shapes, scorer_name
 from benchmark.storage.store import Artefact, Store
 from benchmark.streaming import StreamedData
 
@@ -150,11 +150,9 @@ def sample_of(record: Mapping[str, Any], size: int) -> tuple[str, ...]:
         Shapes besides those that were refused.
     """
     classes: dict[str, list[str]] = {}
-    refused = [name for name, _ in record["unsupported"]]
-    answered = [name for name in record["shapes"] if name not in refused]
-    for name, label in zip(record["shapes"], record["labels"], strict=True):
-        if name not in refused:
-            classes.setdefault(label, []).append(name)
+    answered, refused = answered_shapes(record), [name for name, _ in record["unsupported"]]
+    for name, label in zip(answered, answered_labels(record), strict=True):
+        classes.setdefault(label, []).append(name)
     pairs = [members for members in classes.values() if len(members) > 1]
     chosen = [pairs[0][0], pairs[0][-1]] if pairs else []
     others = [members for members in reversed(classes.values()) if members not in pairs[:1]]
@@ -178,7 +176,7 @@ def answer(request: Mapping[str, Any], out: Path) -> None:
     known = _known_lines(out)
     done = {line["row"] for line in known if "row" in line}
     if request.get("small"):
-        _make_small()
+        make_small()
     root = Path(__file__).parents[3]
     reached = Reached(request.get("regions", {}), root)
     with out.open("a", encoding="utf-8") as file, reached.watching():  # methods are made of parameters, too
@@ -304,8 +302,7 @@ class _Tools:
             forms.append(treatment.recipe(entry))
             yield digest(treatment.preparation.recipe(entry))
             yield digest(forms[-1])
-        draws = (None,) if job.method.describes else range(job.scorer.info.draws)
-        yield from (digest(distances_recipe(forms, job.scorer, draw)) for draw in draws)
+        yield from (digest(distances_recipe(forms, job.scorer, draw)) for draw in draws_of(job.method, job.scorer))
         yield treatment.preparation.frame_key
 
     def _dataset(self, source: str) -> Dataset:
@@ -399,7 +396,7 @@ class _Tools:
         treatment = self._treatment(small, Preparation(small.gallery.dataset, small.input, self.store))
         refused = {name for name, _ in content["unsupported"]}
         forms = [treatment.recipe(entry) for entry in entries if entry.identifier not in refused]
-        draws = (None,) if small.method.describes else range(small.scorer.info.draws)
+        draws = draws_of(small.method, small.scorer)
         keys = {str(draw): digest(distances_recipe(forms, small.scorer, draw)) for draw in draws}
         measures = {name: content[name] for name in _MEASURES if name in content}
         kept = {draw: self.store.digest_under(key) for draw, key in keys.items()} if content["status"] == "ok" else {}
@@ -443,28 +440,40 @@ def _mesh_recipe(dataset: Dataset, entry: Entry) -> dict[str, Any]:
     return {"stage": "sampled mesh", "source": source_recipe(dataset, entry)}
 
 
-def _make_small() -> None:
-    """Let shapes and views of this process be small enough for kernels that are not compiled."""
+def make_small(vertices: int = SMALL_SHAPE, pixels: int = SMALL_VIEW) -> None:
+    """Let shapes and views of this process be small enough for kernels that are not compiled.
+
+    Parameters
+    ----------
+    vertices
+        Of a prepared shape.
+    pixels
+        Per side of a view of the scorer.
+    """
     from benchmark.geometry import depth
     from benchmark.jobs.stages import complete
     from retrieval.cmbof import CMBOF
 
-    complete.N_VERTICES = SMALL_SHAPE
-    depth.SAMPLES = 2 * SMALL_SHAPE
+    complete.N_VERTICES = vertices
+    depth.SAMPLES = 2 * vertices
     settings: Any = CMBOF.__init__
-    settings.__kwdefaults__.update({"image_size": SMALL_VIEW, "n_words": 20})
+    settings.__kwdefaults__.update({"image_size": pixels, "n_words": 20})
+
+
+def decimated(mesh: Mesh, vertices: int = SMALL_SHAPE) -> Mesh:
+    """Return a mesh that is small enough for shapes of so many vertices, for kernels that are not compiled."""
+    from benchmark.geometry.preparation import decimate
+
+    return decimate(mesh, 2 * vertices) if mesh.n_vertices > 4 * vertices else mesh
 
 
 def _smaller(dataset: Dataset, meshes: Store | None) -> Dataset:
     """The data set with decimated meshes, those of an earlier request where they are there."""
-    from benchmark.geometry.preparation import decimate
-
     kind: Any = type(dataset)
 
     def load(self: Any, entry: Entry) -> Mesh:
         found = meshes and meshes.find(_mesh_recipe(dataset, entry), scratch=True)
-        mesh = Mesh(found.arrays["vertices"], found.arrays["faces"]) if found else kind.load(self, entry)
-        return decimate(mesh, 2 * SMALL_SHAPE) if mesh.n_vertices > 4 * SMALL_SHAPE else mesh
+        return decimated(Mesh(found.arrays["vertices"], found.arrays["faces"]) if found else kind.load(self, entry))
 
     smaller = copy.copy(dataset)
     object.__setattr__(

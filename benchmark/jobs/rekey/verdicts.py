@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +57,12 @@ class Candidate:
 
     def modules(self, tree: int) -> frozenset[str]:
         """Names of the modules in its recipe."""
-        code = (self.old, self.new)[tree]["recipe"]["code"]
-        return frozenset(name for stage in code.values() for name in stage["code"])
+        return self._modules[tree]
+
+    @cached_property
+    def _modules(self) -> list[frozenset[str]]:
+        codes = (each["recipe"]["code"].values() for each in (self.old, self.new))
+        return [frozenset(name for stage in code for name in stage["code"]) for code in codes]
 
     @property
     def last(self) -> str:
