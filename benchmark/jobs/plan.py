@@ -207,7 +207,7 @@ def _job(
 
 
 def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
-    """Whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
+    """Return whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
     if older["status"] != "ok" or not older.get("artefacts"):
         return False
     parts = [{**each, "code": {**each["code"], "measures": None}} for each in (older["recipe"], keys.plain(recipe))]

@@ -74,7 +74,7 @@ def measures_code() -> fingerprints.Fingerprint:
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
-    """What determines the mesh of a shape; for one that cannot be read, the kind of error."""
+    """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
     try:
         data = dataset.recipe(entry)
     except ShapeError as error:

@@ -120,7 +120,7 @@ class Treatment:
         return Treated(prepared, answer, None, {**notes(treated(prepared)), **notes(treated(answer))})
 
     def with_signature(self, entry: Entry, found: Treated) -> Treated:
-        """What was found of a shape with the signature of its form; raises ``ShapeError`` if it has none."""
+        """Return what was found of a shape with the signature of its form; raises ``ShapeError`` if it has none."""
         if found.features is not None:
             return found
         signature = self.store.find(features_recipe(self.recipe(entry), self.scorer_spec), scratch=True)

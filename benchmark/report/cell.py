@@ -50,12 +50,12 @@ class Cell:
 
     @property
     def is_partial(self) -> bool:
-        """Whether there are scores, but not of all shapes."""
+        """Return whether there are scores, but not of all shapes."""
         return self.scores is not None and not self.is_complete
 
     @property
     def is_complete(self) -> bool:
-        """Whether there is a result of every shape, so that the figure may be called the best."""
+        """Return whether there is a result of every shape, so that the figure may be called the best."""
         return self.scores is not None and self.coverage >= 1
 
     @property

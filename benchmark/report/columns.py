@@ -93,7 +93,7 @@ def _marked(
 
 
 def _competes(row: Row, input_: Input | None) -> bool:
-    """Whether the figures of a row may be the best: those of a control, or of some shapes alone, may not."""
+    """Return whether the figures of a row may be the best: those of a control, or of some shapes alone, may not."""
     cell = _cell(row, input_)
     return row.family != CONTROL and not (cell and cell.is_partial)
 

@@ -72,7 +72,7 @@ class Change:
 
 @dataclass
 class _Module:
-    """What a module defines."""
+    """Definitions of a module."""
 
     name: str
     file: str
@@ -106,7 +106,7 @@ class _Module:
                     self.constants[prefix + name] = statement
 
     def is_compiled(self, function: str) -> bool:
-        """Whether a function is a compiled kernel."""
+        """Return whether a function is a compiled kernel."""
         decorators = self.functions[function].decorator_list if function else []
         return any(word in ast.unparse(each) for each in decorators for word in _COMPILERS)
 
@@ -170,7 +170,7 @@ class _Differences:
         self._found += [(tree, module, function, node) for node in nodes if hasattr(node, "end_lineno")]
 
     def _is_reachable(self, tree: int, module: str, function: str) -> bool:
-        """Whether anything mentions a function by its name, or its class inherits from one that may call it."""
+        """Return whether anything mentions a function by its name, or its class inherits from one that may call it."""
         owner, _, leaf = function.rpartition(".")
         head = self._all[tree][module].constants.get(f"{owner}.")
         inherits = isinstance(head, ast.Expr) and isinstance(head.value, ast.List) and bool(head.value.elts)

@@ -247,7 +247,7 @@ def _sample(
 
 
 def _trains(candidate: Candidate) -> bool:
-    """Whether the code that trains the models of a row differs."""
+    """Return whether the code that trains the models of a row differs."""
     return bool(candidate.old.get("training") != candidate.new.get("training"))
 
 

@@ -173,7 +173,7 @@ class Comparison:
 
     @property
     def differ(self) -> bool:
-        """Whether there is a difference."""
+        """Return whether there is a difference."""
         return bool(self.old or self.new)
 
     def _is_same(self, node: ast.AST, old: str, new: str) -> bool:

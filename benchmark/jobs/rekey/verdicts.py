@@ -52,7 +52,7 @@ class Candidate:
 
     @property
     def is_current(self) -> bool:
-        """Whether the record has the key that this code gives it."""
+        """Return whether the record has the key that this code gives it."""
         return bool(self.new.get("key") == self.record["key"])
 
     def modules(self, tree: int) -> frozenset[str]:
