@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 
 class BenchmarkError(Exception):
@@ -60,6 +60,20 @@ class InvalidSignature(ShapeError):
 
 class UnsupportedShape(ShapeError):
     """A method cannot treat this shape; the message says why."""
+
+
+def as_facts(error: BenchmarkError) -> dict[str, str]:
+    """Return an error as texts, by which another process raises it again; see :func:`from_facts`."""
+    kinds = (each for each in type(error).__mro__ if globals().get(each.__name__) is each)
+    return {"kind": next(kinds).__name__, "problem": error.problem, "mend": error.mend}
+
+
+def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
+    """Build the error that :func:`as_facts` described; one of a kind that is not of this module is plain."""
+    kind = globals().get(str(facts["kind"]))
+    if not (isinstance(kind, type) and issubclass(kind, BenchmarkError)):
+        kind = BenchmarkError
+    return kind(facts["problem"], facts["mend"])
 
 
 def message(error: BaseException) -> str:

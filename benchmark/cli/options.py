@@ -15,6 +15,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.completion import EVERY, FINISHED
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.system.names import DATA_VARIABLE
 from benchmark.system.text import say
 
 if TYPE_CHECKING:
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from benchmark.storage.store import Store
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
-
-#: Names the folder of the official data sets where ``--data-root`` does not.
-DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
 #: Fewest vertices of a prepared mesh.
 FEWEST_VERTICES = 4

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,8 +17,10 @@ from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
+from benchmark.system.messages import Arrays
 from benchmark.system.names import LONGEST_NAME, is_name
-from benchmark.system.plugins import import_plugin
+from benchmark.system.plugins import import_plugin, is_closed
+from benchmark.system.services import Ask, Service
 from benchmark.system.text import clean
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
@@ -109,6 +112,79 @@ class OwnDataset:
         return f"data set '{self.name}', shape '{entry.identifier}': {what}"
 
 
+@dataclass(frozen=True)
+class _Told:
+    """What a data set in another process has told of itself, and whether it makes meshes rather than naming files."""
+
+    source: str
+    info: DatasetInfo
+    makes_meshes: bool
+
+
+class _ForeignDataset(OwnDataset):
+    """The same for a process that does not import the file: another one lists the shapes and makes the meshes."""
+
+    made: Any
+
+    @classmethod
+    def open(cls, source: str) -> _ForeignDataset:
+        """Ask for all shapes; see :func:`open_own`."""
+        told, _ = _service(source).request({"work": "open", "source": source}, {})
+        entries = tuple(
+            Entry(each["identifier"], each["subject"], each["pose"], Path(each["path"]) if each["path"] else None)
+            for each in told["entries"]
+        )
+        made: Any = _Told(source, DatasetInfo(**told["info"]), told["makes_meshes"])
+        return cls(made, entries, source.rpartition(":")[0])
+
+    def load(self, entry: Entry) -> Mesh:
+        """See :meth:`OwnDataset.load`."""
+        if not self.made.makes_meshes and entry.path is not None:
+            return read_mesh(entry.path)
+        found = self._ask("load", entry)[1]
+        return Mesh(found["vertices"], found["faces"])
+
+    def recipe(self, entry: Entry) -> str:
+        """See :meth:`OwnDataset.recipe`."""
+        return str(self._ask("recipe", entry)[0]["recipe"])
+
+    def camera(self, entry: Entry) -> Camera:
+        """See :meth:`OwnDataset.camera`."""
+        told, _ = self._ask("camera", entry)
+        found = Camera(tuple(told["direction"]), tuple(told["up"]))
+        object.__setattr__(found, "up", tuple(told["up"]))  # to normalise it once more may cost its last bits
+        return found
+
+    def _ask(self, work: str, entry: Entry) -> tuple[Mapping[str, Any], Arrays]:
+        return _service(self.made.source).request({"work": work, "identifier": entry.identifier}, {})
+
+
+@cache
+def _service(source: str) -> Service:
+    """The process of a data set."""
+    return Service(_serve)
+
+
+_served: list[OwnDataset] = []
+
+
+def _serve(facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:
+    """Answer what a :class:`_ForeignDataset` asks, in the process of the file."""
+    if facts["work"] == "open":
+        found = open_own(facts["source"])
+        _served.append(found)
+        entries = [{**asdict(each), "path": str(each.path) if each.path else None} for each in found.entries]
+        return {"info": asdict(found.made.info), "makes_meshes": hasattr(found.made, "load"), "entries": entries}, {}
+    dataset = _served[0]
+    entry = next(each for each in dataset.entries if each.identifier == facts["identifier"])
+    if facts["work"] == "recipe":
+        return {"recipe": dataset.recipe(entry)}, {}
+    if facts["work"] == "camera":
+        return asdict(dataset.camera(entry)), {}
+    mesh = dataset.load(entry)
+    return {}, {"vertices": mesh.vertices, "faces": mesh.faces}
+
+
 def is_own(source: str) -> bool:
     """Whether a data set is named by a plugin file and a class in it."""
     return _MARK in source
@@ -129,6 +205,8 @@ def open_own(source: str) -> OwnDataset:
     DatasetError
         If it has no such class, or that lists no shapes as it should.
     """
+    if is_closed():
+        return _ForeignDataset.open(source)
     path, _, attribute = source.rpartition(":")
     found = getattr(import_plugin(path), attribute, None)
     if not isinstance(getattr(found, "info", None), DatasetInfo):

@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.contracts import Input
+from benchmark.datasets.own import is_own
+from benchmark.jobs.foreign.shuffling import shuffled
+from benchmark.jobs.foreign.specs import kept_apart, scorer_kept_apart
 from benchmark.jobs.plan import Job
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model
+from benchmark.storage.keys import plain
 
 
 class Scope(Protocol):
@@ -89,14 +93,14 @@ class Order:
             data_root=scope.data_root,
             identifiers=tuple(entry.identifier for entry in job.gallery.entries),
             input=job.input,
-            method=job.method,
+            method=kept_apart(job.method),
             seed=scope.seed,
             models=job.models,
             results=scope.results,
-            recipe=job.recipe,
+            recipe=plain(job.recipe),
             all_unseen=job.gallery.table.all_unseen,
             split_size=job.gallery.table.split_size,
-            scorer=job.scorer,
+            scorer=scorer_kept_apart(job.scorer),
             ranks_again=job.ranks_again,
         )
 
@@ -105,6 +109,11 @@ class Order:
         """Gallery, input and method, as people name a job, and the scorer where it is not the default one."""
         by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
         return f"{self.facts['gallery']} {self.input} {self.method.name}{by}"
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether code that is none of this suite makes a part of it."""
+        return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
     def room(self) -> str:
@@ -167,6 +176,8 @@ def shares(orders: list[Order], workers: int) -> list[Share]:
             found.append(Share(again, ()))
             group = [order for order in group if not order.ranks_again]
         identifiers = list(dict.fromkeys(identifier for order in group for identifier in order.identifiers))
+        if any(order.is_foreign for order in group):
+            identifiers = shuffled(identifiers)  # galleries are sorted by class, which no method is to know
         size = min(LARGEST_SHARE, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
         for start in range(0, len(identifiers), size):
             chosen = tuple(identifiers[start : start + size])

@@ -57,7 +57,7 @@ class Preparation:
         """
         if self._latest is None or self._latest[:2] != (entry.identifier, seed):
             arrays = treated(self.artefact(entry))
-            shape = shape_of(arrays, entry.identifier, seed, _Shared(self._meter))
+            shape = shape_of(arrays, entry.identifier, seed, SharedStages(self._meter))
             self._latest = (entry.identifier, seed, shape)
         return self._latest[2]
 
@@ -125,7 +125,7 @@ class Preparation:
         return Artefact("", compute(), Cost(), environment_text(), was_cached=False)
 
 
-def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: _Shared | None = None) -> Shape:
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
     """The shape that methods are given, from the arrays of its preparation."""
     return Shape(
         identifier=identifier,
@@ -158,7 +158,7 @@ def notes(arrays: Arrays) -> dict[str, float | str]:
     return {name[5:]: value.item() for name, value in arrays.items() if name.startswith("note:")}
 
 
-class _Shared:
+class SharedStages:
     """What the methods of one shape share in memory; each is charged what it would have paid alone."""
 
     def __init__(self, meter: Meter) -> None:
@@ -166,6 +166,7 @@ class _Shared:
         self._found: dict[str, tuple[Arrays, Cost]] = {}
 
     def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
+        """See :class:`benchmark.contracts.ArtefactCache`."""
         name = f"{stage} {sorted(parameters.items())}"
         if name in self._found:
             arrays, cost = self._found[name]

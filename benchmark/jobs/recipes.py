@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from typing import Any
 
@@ -46,10 +45,7 @@ def preparation_code(input_: Input) -> fingerprints.Fingerprint:
 
 def method_code(spec: MethodSpec) -> fingerprints.Fingerprint:
     """Code between the prepared shape and the form."""
-    # A class made by a decorator or inherited from elsewhere brings the code of its bases along.
-    modules = [base.__module__ for base in inspect.getmro(spec.load())[1:] if base.__module__ != "builtins"]
-    inherited = [name for name in dict.fromkeys(modules) if name.partition(".")[0] in fingerprints.FIRST_PARTY]
-    return fingerprints.fingerprint(spec.module, *inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
+    return fingerprints.fingerprint(spec.module, *spec.inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
 
 
 def training_code(spec: MethodSpec) -> dict[str, str]:

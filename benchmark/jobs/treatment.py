@@ -6,13 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 from benchmark.contracts import Descriptor, Mesh, Method
 from benchmark.datasets.base import Entry
+from benchmark.jobs.foreign.shuffling import shuffled
+from benchmark.jobs.foreign.specs import Foreign
 from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, treated
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import features, form
-from benchmark.learning import Learner
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
@@ -20,6 +22,8 @@ from benchmark.scoring import Scorer
 from benchmark.storage.store import Artefact, Store
 
 __all__ = ["Treated", "Treatment"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -71,12 +75,19 @@ class Treatment:
     @cached_property
     def method(self) -> Method | Descriptor:
         """The method itself; a learner without its model."""
-        return self.spec.create()
+        return self._told_of(self.spec.create())
 
     @cached_property
     def scorer(self) -> Scorer:
         """The scorer itself."""
-        return self.scorer_spec.create()
+        return self._told_of(self.scorer_spec.create())
+
+    def _told_of(self, made: T) -> T:
+        """Give what works in a process of its own numbers for names, and let it say what its work costs."""
+        if not isinstance(made, Foreign):
+            return made
+        names = shuffled([entry.identifier for entry in self.preparation.dataset.entries])
+        return made.known_by({name: number for number, name in enumerate(names)}, self.store.meter.replace)
 
     @property
     def describes(self) -> bool:
@@ -171,10 +182,11 @@ class Treatment:
     def _method_for(self, entry: Entry) -> Method | Descriptor:
         """The method that treats a shape; each model is loaded once."""
         model = self.models.get(entry.identifier)
-        if model is None or not isinstance(self.method, Learner):
+        method: Any = self.method
+        if model is None:
             return self.method
         if model.folder not in self._loaded:
-            self._loaded[model.folder] = self.method.load(model.folder)
+            self._loaded[model.folder] = method.load(model.folder)
         return self._loaded[model.folder]
 
 

@@ -10,12 +10,17 @@ from typing import Any, cast
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.system import fingerprints, warden
 from benchmark.system.forks import one_of_us
-from benchmark.system.plugins import import_plugin
+from benchmark.system.plugins import import_plugin, require_open_process
 
 
 def module_of(target: str) -> str:
     """Module name or plugin path of ``"module:attribute"``."""
     return target.rpartition(":")[0]
+
+
+def is_foreign(module: str) -> bool:
+    """Return whether a module, or a plugin file by its path, is none of this suite."""
+    return module.partition(".")[0] not in fingerprints.FIRST_PARTY
 
 
 def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) -> type[Any]:
@@ -38,7 +43,8 @@ def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) ->
         If it cannot be imported or has no such ``info``.
     """
     place, attribute = module_of(target), target.rpartition(":")[2]
-    if place.partition(".")[0] not in fingerprints.FIRST_PARTY:
+    if is_foreign(place):
+        require_open_process(place)
         warden.adopt()
     try:
         with one_of_us():

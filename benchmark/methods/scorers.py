@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of_scorer
-from benchmark.methods.loading import classes_of, load_class, make, module_of
+from benchmark.methods.loading import classes_of, is_foreign, load_class, make, module_of
 from benchmark.parameters.grid import split_name
 from benchmark.parameters.values import assignments, format_value, non_default_values, parameter_values
 from benchmark.scoring import Scorer, ScorerInfo
@@ -74,6 +74,11 @@ class ScorerSpec:
     def module(self) -> str:
         """Module name or plugin path."""
         return module_of(self.target)
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the scorer comes from a plugin file or an installed package."""
+        return is_foreign(self.module)
 
     @property
     def info(self) -> ScorerInfo:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from benchmark.contracts import Descriptor, Method, MethodInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of
-from benchmark.methods.loading import classes_of, load_class, make, module_of
+from benchmark.methods.loading import classes_of, is_foreign, load_class, make, module_of
 from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
 from benchmark.scoring import ScorerInfo
@@ -75,7 +76,13 @@ class MethodSpec:
     @property
     def is_foreign(self) -> bool:
         """Whether the method comes from a plugin file or an installed package."""
-        return self.module.partition(".")[0] not in fingerprints.FIRST_PARTY
+        return is_foreign(self.module)
+
+    @property
+    def inherited(self) -> tuple[str, ...]:
+        """Modules of the suite that its class, made by a decorator or inherited from elsewhere, brings along."""
+        modules = dict.fromkeys(base.__module__ for base in inspect.getmro(self.load())[1:])
+        return tuple(name for name in modules if name.partition(".")[0] in fingerprints.FIRST_PARTY)
 
     def load(self) -> type[Any]:
         """Import and return the class.

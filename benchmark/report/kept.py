@@ -24,9 +24,9 @@ from benchmark.methods.registry import MethodSpec, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
-from benchmark.storage.arrays import load_arrays
 from benchmark.storage.records import Record, answered_shapes
 from benchmark.storage.store import Store
+from benchmark.system.arrays import load_arrays
 from benchmark.system.plugins import is_imported
 
 

@@ -66,6 +66,7 @@ class _Frame:
     peak: int = 0
     inner_seconds: float = 0.0
     shared: dict[str, Cost] = field(default_factory=dict)
+    elsewhere: Cost | None = None
 
 
 class Meter:
@@ -114,6 +115,12 @@ class Meter:
                 above = max([above + sum(part.resident_mib for part in parts), *alone])
             cost = Cost(elapsed - frame.inner_seconds, above, work not in self._used, 0.0, frame.shared)
             self._used.add(work)
+            cost = frame.elsewhere or cost
+
+    def replace(self, cost: Cost) -> None:
+        """Let the stage that is being computed cost what it cost in another process, which did its work."""
+        if self._open:
+            self._open[-1].elsewhere = cost
 
     def share(self, stage: str, cost: Cost) -> None:
         """Book a stage that was called under the one that is being computed."""

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from benchmark.errors import BenchmarkError
-from benchmark.storage.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records
+from benchmark.system.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.system.files import write_atomically
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"

@@ -10,8 +10,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from benchmark import errors
-from benchmark.errors import BenchmarkError, one_line
+from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.system.files import write_text
 from benchmark.system.workers import BY_HAND, Worker, ending, memory_per_worker
 
@@ -129,8 +128,7 @@ def _told(path: Path, code: int, what: str, mend: str) -> Any:
         return found["answer"]
     if "raised" in found:
         raise BrokenCall(f"{what} raises {found['raised']}", mend)
-    error: type[BenchmarkError] = getattr(errors, found["kind"], BenchmarkError)
-    raise error(found["problem"], found["mend"])
+    raise from_facts(found)
 
 
 def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Path, speaks: bool) -> None:
@@ -141,7 +139,7 @@ def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Pa
             answer = function(*arguments, *say)
         content = json.dumps({"answer": answer})
     except BenchmarkError as error:
-        content = json.dumps({"kind": type(error).__name__, "problem": error.problem, "mend": error.mend})
+        content = json.dumps(as_facts(error))
     except MemoryError:
         content = json.dumps({"raised": "MemoryError: out of memory"})
     except BaseException as error:  # also what ends a program: it is told like everything else

@@ -1,4 +1,4 @@
-"""What a method, a data set or a scorer may be called."""
+"""Names that methods, data sets and scorers may have, and that of the variable which tells where data lies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 #: Characters of the longest name, which becomes part of the names of files.
 LONGEST_NAME = 60
 
+#: Environment variable of the folder of the official data sets where ``--data-root`` is not passed.
+DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
 #: Words on the command line that stand for several methods, so that none can be called like them.
 RESERVED = frozenset({"all", "finished"})

@@ -45,6 +45,26 @@ class _PluginFolders:
         importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
 
 
+_closed = False
+
+
+def close_process() -> None:
+    """Let no foreign code into this process from now on: what it makes is trusted."""
+    global _closed
+    _closed = True
+
+
+def is_closed() -> bool:
+    """Return whether no foreign code may be imported into this process."""
+    return _closed
+
+
+def require_open_process(module: str) -> None:
+    """Raise ``AssertionError`` if no foreign code may be imported into this process."""
+    if _closed:
+        raise AssertionError(f"{module} must not be imported into a process that makes results")
+
+
 def import_plugin(path: str) -> ModuleType:
     """Import a Python file under a name derived from its path; modules beside it can be imported from then on.
 
@@ -61,6 +81,7 @@ def import_plugin(path: str) -> ModuleType:
     name = _module_name(path)
     if name in sys.modules:
         return sys.modules[name]
+    require_open_process(path)
     require_file(path)
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import itertools
 import multiprocessing
 import os
@@ -14,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 from benchmark.errors import one_line
 from benchmark.system import warden
@@ -111,6 +112,22 @@ def ending(code: int) -> str:
         return signal.Signals(-code).name
     except ValueError:
         return f"signal {-code}"
+
+
+def end_like(code: int) -> NoReturn:
+    """End this process as another one ended.
+
+    Parameters
+    ----------
+    code
+        Exit code of the other, or minus the number of the signal.
+    """
+    faulthandler.disable()  # the other one has told where it was
+    if code < 0:
+        with suppress(OSError):  # there is no handler for some signals
+            signal.signal(-code, signal.SIG_DFL)
+        os.kill(os.getpid(), -code)
+    os._exit(abs(code))
 
 
 def memory_per_worker(workers: int = 1) -> int:

@@ -17,6 +17,7 @@ What is not asked to be named, and why:
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import sys
 import tempfile
@@ -47,7 +48,7 @@ ROOT = Path(__file__).parents[2]
 #: Machinery that calls stages.
 CALLERS = frozenset(
     {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.runner",
-     "benchmark.storage.costs", "benchmark.storage.store", "benchmark.storage.arrays", "benchmark.storage.environment"}
+     "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays", "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.
@@ -286,6 +287,7 @@ def _run(
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
     order = Order.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
+    order = dataclasses.replace(order, method=job.method)  # a plugin, too, is traced in this process
     runner.work(Share((order,), order.identifiers), lambda *_: None)
     runner.work(Ranking((order,)), lambda *_: None)
     record = store.records.read(order.key) or {}

@@ -10,10 +10,10 @@ from typing import Any
 
 import benchmark
 from benchmark.datasets.catalogue import is_known, is_path
+from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.methods.registry import MethodSpec, variant
-from benchmark.methods.scorers import ScorerSpec
-from benchmark.parameters.values import format_value
+from benchmark.methods.scorers import ScorerSpec, scorer_of
 from benchmark.protocols.models import Model
 from benchmark.storage.keys import plain
 
@@ -106,18 +106,22 @@ def written_method(spec: MethodSpec) -> Content:
 def read_method(content: Mapping[str, Any]) -> MethodSpec:
     """The method that :func:`written_method` described; raises ``ConfigurationError`` if there is none such here."""
     base = MethodSpec(content["base_name"], content["target"], named=content["named"])
+    if base.is_foreign:
+        return ForeignMethodSpec(base.base_name, base.target, named=base.named, spelling=content["name"])
     return variant(content["name"], {base.base_name: base})
 
 
 def written_scorer(spec: ScorerSpec) -> Content:
     """A scorer by its name, where its class is, and its parameters in their one spelling."""
-    spelled = {name: format_value(value) for name, value in spec.parameters.items()}
-    return {"base_name": spec.base_name, "target": spec.target, "parameters": spelled}
+    return {"name": spec.name, "base_name": spec.base_name, "target": spec.target}
 
 
 def read_scorer(content: Mapping[str, Any]) -> ScorerSpec:
     """The scorer that :func:`written_scorer` described; raises ``ConfigurationError`` if there is none such here."""
-    return ScorerSpec(content["base_name"], content["target"], content["parameters"])
+    base = ScorerSpec(content["base_name"], content["target"])
+    if base.is_foreign:
+        return ForeignScorerSpec(base.base_name, base.target, spelling=content["name"])
+    return scorer_of(content["name"], {base.base_name: base})
 
 
 def model_folder(place: list[str], results: Path) -> Path:

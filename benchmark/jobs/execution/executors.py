@@ -49,6 +49,8 @@ class Executor(Protocol):
 class SerialExecutor:
     """Everything in this process: for debugging. There is no timeout, and a crash ends the run.
 
+    What code of plugins makes a part of is done in processes, first: this one has imported the plugin.
+
     Parameters
     ----------
     claims
@@ -59,7 +61,8 @@ class SerialExecutor:
 
     def execute(self, orders: Sequence[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
         """Treat all shapes, then rank; the jobs of another run come last, if it has not done them by then."""
-        left = list(orders)
+        left = [order for order in orders if not order.is_foreign]
+        yield from ProcessExecutor(1, self.claims).execute([o for o in orders if o.is_foreign], watch)
         while left:
             taken = [order for order in left if self.claims.take(order.key)]
             left = [order for order in left if order not in taken]

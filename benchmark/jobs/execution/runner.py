@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
+from benchmark.jobs.foreign.shuffling import in_shuffled_order
+from benchmark.jobs.foreign.specs import Foreign
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
@@ -30,12 +32,15 @@ from benchmark.jobs.stages import distances, measures
 from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.scoring import Scorer
 from benchmark.storage import keys
-from benchmark.storage.arrays import ABOUT
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
 from benchmark.storage.store import Artefact, StorageError, Store
 from benchmark.system import fingerprints
+from benchmark.system.arrays import ABOUT
 from benchmark.system.commits import commit
+from benchmark.system.services import ForeignError
+
+T = TypeVar("T")
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
@@ -177,6 +182,8 @@ def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]
         keep(order, store, failure(UNSAVED, f"{where}{error}"))
     except BenchmarkError as error:
         keep(order, store, failure("failed", f"{where}{message(error)}"))
+    except ForeignError as error:
+        keep(order, store, failure("failed", f"{where}{error}", error.trace))
     except BaseException as error:  # also what ends a program: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
             raise  # somebody interrupts jobs that are done in this process
@@ -379,15 +386,28 @@ class _Gallery:
             if draw is None or self.scorer is None:
                 assert not isinstance(method, Method)  # noqa: S101
                 descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
-                return {"distances": distances.descriptor_distances(method, descriptors)}
+                return {
+                    "distances": self._compared(
+                        descriptors, lambda items: distances.descriptor_distances(method, items), method
+                    )
+                }
             self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
             # Distances that are kept need no signatures, but those whose file is damaged do.
             signed = [self.treatment.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
             about = json.dumps(asdict(_Signatures.of(signed)), sort_keys=True)
-            matrix = distances.form_distances(self.scorer, list(map(features_of, signed)), draw)
+            scorer, number = self.scorer, draw
+            matrix = self._compared(
+                list(map(features_of, signed)), lambda items: distances.form_distances(scorer, items, number), scorer
+            )
             return {"distances": matrix, _SIGNATURES: np.array(about)}
 
         return self.store.get_or_compute(self.recipes[draw], compute, work="rank")
+
+    def _compared(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:
+        """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
+        if not isinstance(by, Foreign):
+            return compare(items)
+        return in_shuffled_order([entry.identifier for entry in self.entries], items, compare)
 
     @cached_property
     def signatures(self) -> _Signatures:

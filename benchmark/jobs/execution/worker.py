@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmark.jobs.cluster.letters import Letter
 from benchmark.jobs.orders import Task
 from benchmark.storage.store import StorageError
-from benchmark.system import fingerprints
+from benchmark.system import fingerprints, plugins, services
 from benchmark.system.workers import Worker
 
 #: Exit code of a process that could not write into the results folder: by custom, an error of input or output.
@@ -122,11 +122,13 @@ def _beside(status_file: Path) -> Path:
 
 def _do(task: Task | Letter, status_file: Path, trace_file: Path, known: fingerprints.Knowledge) -> None:
     """Do the task, in its process."""
+    plugins.close_process()
     fingerprints.learn(known)
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
+        services.trace_to(trace_file)
         trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
         faulthandler.enable(trace, all_threads=False)
-        faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
+        faulthandler.register(signal.SIGUSR1, trace, all_threads=False, chain=True)
     from benchmark.jobs.execution.runner import work
 
     latest = Status()

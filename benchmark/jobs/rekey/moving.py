@@ -17,11 +17,11 @@ from benchmark.jobs.rekey.reached import Region
 from benchmark.jobs.rekey.sampling import Row, sample_of
 from benchmark.jobs.rekey.trees import Tree, ask, checked_out, working_tree
 from benchmark.jobs.rekey.verdicts import Candidate
-from benchmark.storage.arrays import load_arrays, save_arrays
 from benchmark.storage.environment import environment
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records
 from benchmark.storage.store import Store
+from benchmark.system.arrays import load_arrays, save_arrays
 from benchmark.system.files import write_atomically
 
 #: Shapes of a sample, besides those that are refused.

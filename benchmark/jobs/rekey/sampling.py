@@ -50,11 +50,11 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.tables import Table
 from benchmark.protocols.trainings import find_training
-from benchmark.storage.arrays import digest_of
 from benchmark.storage.keys import digest
 from benchmark.storage.records import answered_labels, answered_shapes, scorer_name
 from benchmark.storage.store import Artefact, Store
 from benchmark.streaming import StreamedData
+from benchmark.system.arrays import digest_of
 
 #: Stages in their order, as an answer names them.
 STAGES = ("mesh", "prepared", "form", "signature", "distances", "measures", "training")

@@ -14,8 +14,8 @@ from benchmark.jobs.plan import difference
 from benchmark.jobs.rekey.changes import NEW, OLD, Change
 from benchmark.jobs.rekey.sampling import STAGES
 from benchmark.storage import keys
-from benchmark.storage.arrays import load_arrays
 from benchmark.storage.records import Place, place
+from benchmark.system.arrays import load_arrays
 
 #: Parts of a recipe that may differ where no digit does: text of the code, and digests that hold some of it.
 _OF_CODE = frozenset({"code", "gallery", "view"})

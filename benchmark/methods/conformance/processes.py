@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,7 @@ from benchmark.methods.conformance.trial import (
 )
 from benchmark.methods.registry import MethodSpec
 from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.names import DATA_VARIABLE
 
 KERNEL = "OPENBLAS_CORETYPE"
 
@@ -83,10 +85,27 @@ def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
 
 def _answer(spec: MethodSpec, model: Path | None) -> dict[str, Any]:
     """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
+    _hide_data()
     try:
         return {"numbers": Trial(spec, model).reference.tolist()}
     except BaseException as error:  # also what ends a program
         return {"fault": explain(error)}
+
+
+def _hide_data() -> None:
+    """Let no file of the data folder be found in this process: what a method needs of a shape, the shape offers."""
+    folder = os.environ.pop(DATA_VARIABLE, "")
+    if not folder:
+        return
+    hidden = Path(folder).resolve()
+
+    def refuse(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in ("open", "os.listdir", "os.scandir") and isinstance(arguments[0], (str, bytes, os.PathLike)):
+            path = Path(os.fsdecode(arguments[0])).resolve()
+            if path.is_relative_to(hidden):
+                raise FileNotFoundError(f"{path}: the data folder is hidden, for a method gets all it may know")
+
+    sys.addaudithook(refuse)
 
 
 @contextmanager

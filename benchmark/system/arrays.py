@@ -9,7 +9,7 @@ import math
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,9 @@ def digest_of(arrays: Arrays) -> str:
     return found.hexdigest()[:16]
 
 
-def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> dict[str, NDArray[Any]]:
+def load_arrays(
+    source: Path | IO[bytes], key: str, wanted: Callable[[str], bool] | None = None
+) -> dict[str, NDArray[Any]]:
     """Read what :func:`save_arrays` wrote.
 
     Each array is read to its last byte, which is when its checksum is compared, and is compared with what the file says
@@ -81,8 +83,8 @@ def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = Non
 
     Parameters
     ----------
-    path
-        The file.
+    source
+        The file, or its path.
     key
         What it is kept under.
     wanted
@@ -95,7 +97,7 @@ def load_arrays(path: Path, key: str, wanted: Callable[[str], bool] | None = Non
     Exception
         Of many kinds, if it is damaged or something else.
     """
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(source) as archive:
         parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
         if sum(part.file_size for part in parts.values()) > LARGEST:
             raise ValueError("the arrays are too large")

@@ -1,0 +1,256 @@
+"""Methods and scorers of plugins as they are known to processes that do not import them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, NoReturn, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
+from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.foreign.serving import folded, serve
+from benchmark.methods.registry import MethodSpec
+from benchmark.methods.scorers import ScorerSpec
+from benchmark.scoring import Scorer, ScorerInfo, SignatureArrays
+from benchmark.storage.costs import Cost
+from benchmark.system.messages import Arrays
+from benchmark.system.services import Service
+
+Facts = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ForeignMethodSpec(MethodSpec):
+    """A method of a plugin; all that is known of it was told by the process that imports it.
+
+    Parameters
+    ----------
+    spelling
+        Name with parameters, in its one spelling.
+    """
+
+    spelling: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        return self.spelling
+
+    @property
+    def title(self) -> str:
+        """Name in the tables."""
+        return str(self._facts["title"])
+
+    @property
+    def info(self) -> MethodInfo:
+        """What the method says about itself."""
+        return MethodInfo(**_with_tuples(self._facts["info"]))
+
+    @property
+    def inherited(self) -> tuple[str, ...]:
+        """Modules of the suite that its class inherits from."""
+        return tuple(self._facts["inherited"])
+
+    @property
+    def describes(self) -> bool:
+        """Whether it is a descriptor."""
+        return bool(self._facts["describes"])
+
+    @property
+    def learns(self) -> bool:
+        """Whether it is a learner."""
+        return bool(self._facts["learns"])
+
+    def resolved_parameters(self) -> dict[str, Any]:
+        """All parameters as JSON tells them."""
+        return dict(self._facts["parameters"])
+
+    def load(self) -> NoReturn:
+        """Raise, for the class is in another process."""
+        raise AssertionError(f"{self.target} is not imported here")
+
+    def create(self) -> Method | Descriptor:
+        """Return the method, which works in its process."""
+        remote = _Remote("method", self.target, {"name": self.spelling, "base_name": self.base_name})
+        kind = _RemoteDescriptor if self.describes else _RemoteMethod
+        return cast(Method | Descriptor, kind(remote, self.info))
+
+    @property
+    def _facts(self) -> Facts:
+        return _told("method", self.target, self.spelling, self.base_name)
+
+
+@dataclass(frozen=True)
+class ForeignScorerSpec(ScorerSpec):
+    """A scorer of a plugin; all that is known of it was told by the process that imports it.
+
+    Parameters
+    ----------
+    spelling
+        Name with parameters, in its one spelling.
+    """
+
+    spelling: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        return self.spelling
+
+    @property
+    def title(self) -> str:
+        """Name in the tables."""
+        return str(self._facts["title"])
+
+    @property
+    def info(self) -> ScorerInfo:
+        """What the scorer says about itself."""
+        return ScorerInfo(**_with_tuples(self._facts["info"]))
+
+    def resolved_parameters(self) -> dict[str, Any]:
+        """All parameters as JSON tells them."""
+        return dict(self._facts["parameters"])
+
+    def load(self) -> NoReturn:
+        """Raise, for the class is in another process."""
+        raise AssertionError(f"{self.target} is not imported here")
+
+    def create(self) -> Scorer:
+        """Return the scorer, which works in its process."""
+        remote = _Remote("scorer", self.target, {"name": self.spelling, "base_name": self.base_name})
+        return cast(Scorer, _RemoteScorer(remote, self.info))
+
+    @property
+    def _facts(self) -> Facts:
+        return _told("scorer", self.target, self.spelling, self.base_name)
+
+
+def kept_apart(spec: MethodSpec) -> MethodSpec:
+    """Return a method as workers are told of it: one of a plugin, so that they do not import it."""
+    if not spec.is_foreign or isinstance(spec, ForeignMethodSpec):
+        return spec
+    return ForeignMethodSpec(spec.base_name, spec.target, named=spec.named, spelling=spec.name)
+
+
+def scorer_kept_apart(spec: ScorerSpec) -> ScorerSpec:
+    """Return a scorer as workers are told of it; see :func:`kept_apart`."""
+    if not spec.is_foreign or isinstance(spec, ForeignScorerSpec):
+        return spec
+    return ForeignScorerSpec(spec.base_name, spec.target, spelling=spec.name)
+
+
+@cache
+def _service(kind: str, module: str) -> Service:
+    """The process of the methods, or of the scorers, of a plugin."""
+    return Service(serve)
+
+
+@cache
+def _told(kind: str, target: str, name: str, base_name: str) -> Facts:
+    facts = {"name": name, "base_name": base_name}
+    return _Remote(kind, target, facts).request(f"tell of {kind}", {}, {})[0]
+
+
+def _with_tuples(info: Facts) -> Facts:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in info.items()}
+
+
+@dataclass(frozen=True)
+class _Remote:
+    """A method or scorer in the process of its plugin."""
+
+    kind: str
+    target: str
+    facts: Mapping[str, str]
+
+    def request(
+        self, work: str, facts: Mapping[str, Any], arrays: Arrays, shape: Shape | None = None
+    ) -> tuple[Facts, Arrays]:
+        """Have some work done; a shape is asked what it draws."""
+
+        def answer(asked: Mapping[str, Any]) -> Mapping[str, Any]:
+            assert shape is not None  # noqa: S101
+            seed_sequence: Any = shape.random(str(asked["purpose"])).bit_generator.seed_seq
+            return {"entropy": seed_sequence.entropy}
+
+        service = _service(self.kind, self.target.rpartition(":")[0])
+        return service.request({"work": work, "target": self.target, **self.facts, **facts}, arrays, answer)
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A method or scorer whose work is done in the process of its plugin.
+
+    Parameters
+    ----------
+    remote
+        Has the work done.
+    info
+        What it says about itself.
+    numbers
+        What the process calls each shape, by name.
+    book
+        Told the cost of each work.
+    model
+        Folder of the trained model; "" where it does not learn.
+    """
+
+    remote: _Remote
+    info: Any
+    numbers: Mapping[str, int] = field(default_factory=dict)
+    book: Callable[[Cost], None] = lambda cost: None
+    model: str = ""
+
+    def known_by(self, numbers: Mapping[str, int], book: Callable[[Cost], None]) -> Self:
+        """Return the same with numbers for the shapes, and a place to book costs."""
+        return replace(self, numbers=numbers, book=book)
+
+    def _worked(self, work: str, facts: Mapping[str, Any], arrays: Arrays, shape: Shape | None = None) -> Arrays:
+        told, found = self.remote.request(work, {**facts, "model": self.model}, arrays, shape)
+        if "cost" in told:
+            self.book(Cost.from_json(told["cost"]))
+        return found
+
+    def _on_shape(self, work: str, shape: Shape) -> Arrays:
+        number = self.numbers.get(shape.identifier, 0)
+        facts = {"number": number, "seed": shape.seed, "source_area": shape.source_area}
+        depth = {} if shape.depth is None else {"depth": shape.depth}
+        return self._worked(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth}, shape)
+
+
+class _RemoteMethod(Foreign):
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """See :class:`benchmark.contracts.Method`."""
+        found = self._on_shape("canonicalise", shape)
+        notes = {name.removeprefix("note:"): value.item() for name, value in found.items() if name.startswith("note:")}
+        return CanonicalForm(found["vertices"], found.get("faces", shape.mesh.faces), notes)
+
+    def load(self, folder: Path) -> Self:
+        """See :class:`benchmark.learning.Learner`."""
+        return replace(self, model=str(folder))
+
+
+class _RemoteDescriptor(Foreign):
+    def describe(self, shape: Shape) -> FloatArray:
+        """See :class:`benchmark.contracts.Descriptor`."""
+        return np.asarray(self._on_shape("describe", shape)["descriptor"])
+
+    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
+        """See :class:`benchmark.contracts.Descriptor`."""
+        arrays = folded([{"descriptor": each} for each in descriptors])
+        return np.asarray(self._worked("distances", {}, arrays)["distances"])
+
+
+class _RemoteScorer(Foreign):
+    def signature(self, form: Mesh) -> SignatureArrays:
+        """See :class:`benchmark.scoring.Scorer`."""
+        return self._worked("signature", {}, {"vertices": form.vertices, "faces": form.faces})
+
+    def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
+        """See :class:`benchmark.scoring.Scorer`."""
+        return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])

@@ -1,0 +1,71 @@
+"""Methods that try to find out what they must not know, or to change what others make; each notes what it found."""
+
+import gc
+import sys
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+import benchmark.jobs.stages.measures as measures_of_the_suite
+import retrieval.metrics
+from benchmark.contracts import MethodInfo, canonical_form
+
+#: Part of a class label of the gallery, written so that no constant of this file holds it.
+LABEL = "".join(["th", "ick"])
+
+
+def perfect(*arguments, **options):
+    return dict.fromkeys(("NN", "FT", "ST", "DCG"), 1.0)
+
+
+@canonical_form(name="patched-library", title="Patched library")
+def patched(shape):
+    """Return the shape, and make every area that this process computes from now on another one."""
+    np.cross = lambda first, second, *rest, **options: np.ones_like(np.broadcast_arrays(first, second)[0])
+    return shape.form(shape.mesh.vertices)
+
+
+@canonical_form(name="patched-measures", title="Patched measures")
+def patched_measures(shape):
+    """Return the shape, and make every function that scores in this process find everything perfect."""
+    for module in (measures_of_the_suite, retrieval.metrics):
+        for name, value in list(vars(module).items()):
+            if callable(value) and getattr(value, "__module__", "") == module.__name__:
+                setattr(module, name, perfect)
+    return shape.form(shape.mesh.vertices)
+
+
+@canonical_form(name="named", title="Named")
+def named(shape):
+    """Return the shape, and note its name."""
+    return shape.form(shape.mesh.vertices, name=shape.identifier, drawn=float(shape.random("x").random()))
+
+
+@canonical_form(name="searching", title="Searching")
+def searching(shape):
+    """Return the shape, and note whether frames or any container of this process hold a class label."""
+    frame, found = sys._getframe(), 0
+    while frame := frame.f_back:
+        found += any(LABEL in repr(value) for value in frame.f_locals.values())
+    for held in gc.get_objects():
+        if isinstance(held, (list, tuple, dict)) and held is not globals():
+            values = held.values() if isinstance(held, dict) else held
+            found += any(isinstance(value, str) and value.startswith(LABEL) for value in list(values))
+    return shape.form(shape.mesh.vertices, found=float(found))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ordered:
+    """Shapes are as far apart as their places in the gallery."""
+
+    info: ClassVar[MethodInfo] = MethodInfo(name="ordered", title="Ordered", summary="places")
+
+    def describe(self, shape):
+        """Return nothing of the shape."""
+        return np.ones(1)
+
+    def distances(self, descriptors):
+        """Return differences of places."""
+        places = np.arange(len(descriptors), dtype=float)
+        return np.abs(places[:, None] - places)

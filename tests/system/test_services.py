@@ -1,0 +1,122 @@
+"""Processes that answer requests: what they return and raise, what they ask, and what their end does."""
+
+import os
+import signal
+import time
+from collections import UserDict
+
+import numpy as np
+import pytest
+
+from benchmark.errors import BenchmarkError, UnsupportedShape
+from benchmark.system.messages import packed, unpacked
+from benchmark.system.names import DATA_VARIABLE
+from benchmark.system.plugins import close_process, import_plugin
+from benchmark.system.services import ForeignError, Service
+from benchmark.system.workers import Worker
+
+
+class _TooThin(UnsupportedShape):
+    """An error that only the other process knows."""
+
+
+def serve(facts, arrays, ask):
+    match facts["work"]:
+        case "double":
+            return {"said": "doubled"}, {"numbers": 2 * arrays["numbers"]}
+        case "ask":
+            return ask({"purpose": "x"}), {}
+        case "environment":
+            return {"data": os.environ.get(DATA_VARIABLE, "")}, {}
+        case "refuse":
+            raise _TooThin("too thin", "feed it")
+        case "fail":
+            raise ZeroDivisionError("by hand")
+        case "leave":
+            raise SystemExit(3)
+        case "run out":
+            raise MemoryError
+        case "crash":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        case "exit":
+            os._exit(3)
+    return {}, {}
+
+
+def ask_until_the_end(work):
+    Service(serve).request({"work": work}, {})
+
+
+@pytest.fixture(scope="module")
+def service():
+    os.environ[DATA_VARIABLE] = before = os.environ.get(DATA_VARIABLE, "somewhere")
+    made = Service(serve)
+    yield made
+    os.environ[DATA_VARIABLE] = before
+    made.send(signal.SIGKILL)
+
+
+def test_arrays_come_back(service):
+    told, found = service.request({"work": "double"}, {"numbers": np.arange(3.0)})
+    assert told == {"said": "doubled"}
+    assert found["numbers"].tolist() == [0, 2, 4]
+
+
+def test_it_asks_whoever_sent_the_request(service):
+    assert service.request({"work": "ask"}, {}, lambda asked: {"seen": asked["purpose"]})[0] == {"seen": "x"}
+
+
+def test_it_is_not_told_where_the_data_lies(service):
+    assert service.request({"work": "environment"}, {})[0] == {"data": ""}
+
+
+def test_what_it_raises_is_raised_here(service):
+    with pytest.raises(UnsupportedShape, match="too thin; feed it"):
+        service.request({"work": "refuse"}, {})
+    with pytest.raises(ForeignError, match="ZeroDivisionError: by hand") as found:
+        service.request({"work": "fail"}, {})
+    assert "in serve" in found.value.trace
+    with pytest.raises(ForeignError, match="SystemExit: 3"):
+        service.request({"work": "leave"}, {})
+    with pytest.raises(MemoryError):
+        service.request({"work": "run out"}, {})
+
+
+@pytest.mark.parametrize(("work", "code"), [("crash", -signal.SIGSEGV), ("exit", 3)])
+def test_whoever_asks_ends_as_it_ended(work, code):
+    worker = Worker(ask_until_the_end, work, quiet=True)
+    deadline = time.monotonic() + 60
+    while worker.exit_code is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert worker.exit_code == code
+
+
+def test_messages_hold_no_objects():
+    with pytest.raises(ValueError, match="Object arrays"):
+        packed({}, {"numbers": np.array([UserDict()], dtype=object)})
+    with pytest.raises(Exception, match=r"."):
+        unpacked(b"anything")
+
+
+def close_and_import(path):
+    close_process()
+    try:
+        import_plugin(path)
+    except AssertionError:
+        os._exit(7)
+
+
+def test_a_closed_process_imports_no_plugin(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text("x = 1\n")
+    worker = Worker(close_and_import, str(path))
+    while worker.exit_code is None:
+        time.sleep(0.05)
+    assert worker.exit_code == 7
+
+
+def test_an_error_of_another_kind_is_plain():
+    from benchmark.errors import from_facts
+
+    assert type(from_facts({"kind": "one_line", "problem": "x", "mend": ""})) is BenchmarkError
