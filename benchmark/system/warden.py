@@ -42,6 +42,11 @@ def token() -> str:
     return made
 
 
+def mark_of_this() -> str:
+    """Return how the marks of all begin that this process starts: a worker's own mark, which ends with it."""
+    return f"{token()}-" if multiprocessing.parent_process() is None else os.environ.get(MARK, f"{token()}-")
+
+
 def adopt() -> None:
     """Mark this process, so that whatever foreign code starts here ends with it; a worker bears a mark already."""
     if multiprocessing.parent_process() is None:

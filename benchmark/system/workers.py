@@ -63,7 +63,7 @@ class Worker:
     def __init__(
         self, task: Callable[..., object], *arguments: Any, memory: int | None = None, quiet: bool = False
     ) -> None:
-        self._mark = f"{warden.token()}-{next(_numbers)}-"
+        self._mark = f"{warden.mark_of_this()}{next(_numbers)}-"
         resource_tracker.ensure_running()  # it serves all workers, and must not bear the mark of the first
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, arguments, memory, quiet, os.getpid()))

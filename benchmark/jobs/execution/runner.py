@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import statistics
 import time
@@ -10,37 +9,29 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
-from benchmark.jobs.foreign.shuffling import in_shuffled_order
-from benchmark.jobs.foreign.specs import Foreign
+from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
 from benchmark.jobs.orders import Order, Ranking, Share, Task
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.stages import distances, measures
-from benchmark.jobs.treatment import Treated, Treatment, features_of
-from benchmark.scoring import Scorer
+from benchmark.jobs.stages import measures
+from benchmark.jobs.treatment import Treated, Treatment
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
-from benchmark.storage.store import Artefact, StorageError, Store
+from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
-from benchmark.system.arrays import ABOUT
 from benchmark.system.commits import commit
 from benchmark.system.services import ForeignError
-
-T = TypeVar("T")
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
@@ -240,7 +231,7 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     _require_same_code(order, dataset)
     entries = _entries(order, dataset)
     treatment = _treatment(order, Preparation(dataset, order.input, store), store)
-    gallery = _Gallery.of(store, treatment, entries, tell)
+    gallery = RankedGallery.of(store, treatment, entries, tell)
     refused, names = gallery.refused, [entry.identifier for entry in entries]
     if not gallery.found:
         reason = f"none of {len(entries)} shapes could be treated; first: {refused[0][1]}"
@@ -272,169 +263,6 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
     }
 
 
-@dataclass(frozen=True)
-class _Signatures:
-    """Facts about the signatures of a gallery, kept beside its distances for a ranking that needs the latter alone.
-
-    Parameters
-    ----------
-    digest
-        Digest of all of them, in the order of the gallery.
-    seconds
-        Median of a shape.
-    environments
-        Number of signatures by the environment in which they were made.
-    """
-
-    digest: str = ""
-    seconds: float = 0.0
-    environments: Mapping[str, int] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, found: Iterable[Treated]) -> _Signatures:
-        made = [each.features for each in found if each.features is not None]
-        if not made:
-            return cls()
-        seconds = statistics.median(cost.seconds for cost in _settled([each.cost for each in made]))
-        counts = Counter(each.environment for each in made)
-        return cls(_digest(each.digest for each in made), round(seconds, 4), dict(counts))
-
-
-#: Array beside distances that tells of the signatures.
-_SIGNATURES = f"{ABOUT}signatures"
-
-
-@dataclass
-class _Gallery:
-    """The shapes of a job that can be ranked, and their distances, one draw of the scorer at a time.
-
-    Of the distances, which are large, one matrix is held at a time. Where all of them are kept from an earlier ranking,
-    no signature is made or read.
-
-    Parameters
-    ----------
-    store, treatment
-        Where the shapes are, and what makes their forms.
-    scorer
-        What compares the forms; None for descriptors.
-    tell
-        Told which draw is under way.
-    entries, found
-        The shapes that have a form and a signature, and what became of them.
-    refused, unprepared
-        The others, each with the reason; and those of them that no method can get.
-    recipes
-        What determines the distances of each draw.
-    """
-
-    store: Store
-    treatment: Treatment
-    scorer: Scorer | None
-    tell: Callable[[str], object]
-    entries: list[Entry] = field(default_factory=list)
-    found: dict[str, Treated] = field(default_factory=dict)
-    refused: list[tuple[str, str]] = field(default_factory=list)
-    unprepared: list[str] = field(default_factory=list)
-    recipes: dict[int | None, recipes.Recipe] = field(default_factory=dict)
-
-    @classmethod
-    def of(
-        cls, store: Store, treatment: Treatment, entries: Sequence[Entry], tell: Callable[[str], object]
-    ) -> _Gallery:
-        """Look for the forms, and for the signatures unless all distances are kept."""
-        gallery = cls(store, treatment, None if treatment.describes else treatment.scorer, tell)
-        gallery._keep(entries, treatment.found)
-        if not (treatment.describes or all(map(store.digest_under, gallery.keys))):
-            found = dict(gallery.found)
-            gallery._keep(gallery.entries, lambda entry: treatment.with_signature(entry, found[entry.identifier]))
-        order = {entry.identifier: number for number, entry in enumerate(entries)}
-        gallery.refused.sort(key=lambda each: order[each[0]])
-        return gallery
-
-    def _keep(self, entries: Iterable[Entry], find: Callable[[Entry], Treated]) -> None:
-        """Keep the shapes of which something is found, in their order."""
-        self.entries, self.found = [], {}
-        for entry in list(entries):
-            try:
-                self.found[entry.identifier] = find(entry)
-                self.entries.append(entry)
-            except ShapeError as error:
-                self.refused.append((entry.identifier, str(error)))
-                if not self.treatment.preparation.is_prepared(entry):
-                    self.unprepared.append(entry.identifier)
-        forms = [self.treatment.recipe(entry) for entry in self.entries]
-        scorer = self.treatment.scorer_spec
-        draws = recipes.draws_of(self.treatment.spec, scorer)
-        self.recipes = {draw: recipes.distances_recipe(forms, scorer, draw) for draw in draws}
-
-    @property
-    def keys(self) -> list[str]:
-        """Names of the distances in the store."""
-        return [keys.digest(recipe) for recipe in self.recipes.values()]
-
-    def matrices(self) -> Iterator[NDArray[Any]]:
-        """The distances under each draw, shape (N, N) each."""
-        yield from (self._matrix(draw).arrays["distances"] for draw in self.recipes)
-
-    def _matrix(self, draw: int | None) -> Artefact:
-        """Distances of one draw; they are written with what is told of the signatures."""
-
-        def compute() -> Mapping[str, NDArray[Any]]:
-            method = self.treatment.method
-            if len(self.entries) == 1:
-                return {"distances": np.zeros((1, 1))}
-            if draw is None or self.scorer is None:
-                assert not isinstance(method, Method)  # noqa: S101
-                descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
-                return {
-                    "distances": self._compared(
-                        descriptors, lambda items: distances.descriptor_distances(method, items), method
-                    )
-                }
-            self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
-            # Distances that are kept need no signatures, but those whose file is damaged do.
-            signed = [self.treatment.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
-            about = json.dumps(asdict(_Signatures.of(signed)), sort_keys=True)
-            scorer, number = self.scorer, draw
-            matrix = self._compared(
-                list(map(features_of, signed)), lambda items: distances.form_distances(scorer, items, number), scorer
-            )
-            return {"distances": matrix, _SIGNATURES: np.array(about)}
-
-        return self.store.get_or_compute(self.recipes[draw], compute, work="rank")
-
-    def _compared(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:
-        """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
-        if not isinstance(by, Foreign):
-            return compare(items)
-        return in_shuffled_order([entry.identifier for entry in self.entries], items, compare)
-
-    @cached_property
-    def signatures(self) -> _Signatures:
-        """Facts about the signatures, from themselves or from beside the distances."""
-        if self.treatment.describes or any(each.features is not None for each in self.found.values()):
-            return _Signatures.of(self.found.values())
-        first = self.store.find(next(iter(self.recipes.values())), wanted=_SIGNATURES.__eq__)
-        return _Signatures(**json.loads(str(first.arrays[_SIGNATURES]))) if first else _Signatures()
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """Digests of all that the scores come from, stage by stage, in the order of the gallery."""
-        found = {
-            "shapes": _digest(each.prepared.digest for each in self.found.values()),
-            "forms": _digest(each.answer.digest for each in self.found.values()),
-            "signatures": self.signatures.digest,
-            "distances": _digest(map(self.store.digest_under, self.keys)),
-        }
-        return {stage: text for stage, text in found.items() if text}
-
-
-def _digest(digests: Iterable[str]) -> str:
-    """One digest of several, 16 hexadecimal digits; "" where one of them is not known."""
-    found = list(digests)
-    return keys.digest(found)[:16] if all(found) else ""
-
-
 def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
     """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
     if not order.models:
@@ -443,7 +271,7 @@ def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], data
     return {"models": list(models.values()), "seen": treatment.seen(entries, dataset)}
 
 
-def _costs(treated: Sequence[Treated], signatures: _Signatures) -> dict[str, Any]:
+def _costs(treated: Sequence[Treated], signatures: Signatures) -> dict[str, Any]:
     """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
     phases: dict[str, list[Cost]] = {}
     for each in treated:
@@ -451,24 +279,17 @@ def _costs(treated: Sequence[Treated], signatures: _Signatures) -> dict[str, Any
         for stage, cost in each.answer.cost.shared.items():
             phases.setdefault(stage, []).append(cost)
         phases.setdefault("canonicalise", []).append(each.answer.cost)
-    seconds = {
-        phase: round(statistics.median(c.seconds for c in _settled(costs)), 4) for phase, costs in phases.items()
-    }
+    seconds = {phase: round(statistics.median(c.seconds for c in settled(costs)), 4) for phase, costs in phases.items()}
     if signatures.environments:
         seconds["features"] = signatures.seconds
-    peaks = [cost.peak_mib for cost in _settled(phases["canonicalise"]) if cost.peak_mib is not None]
+    peaks = [cost.peak_mib for cost in settled(phases["canonicalise"]) if cost.peak_mib is not None]
     return {
-        "cost": {"seconds_per_shape": seconds, "shapes_timed": len(_settled(phases["canonicalise"]))},
+        "cost": {"seconds_per_shape": seconds, "shapes_timed": len(settled(phases["canonicalise"]))},
         "peak_mib": round(max(peaks), 1) if peaks else None,
     }
 
 
-def _settled(costs: Sequence[Cost]) -> list[Cost]:
-    """Costs without those of first uses, which compile and load; all of them where there are no others."""
-    return [cost for cost in costs if not cost.first_use] or list(costs)
-
-
-def _environments(treated: Sequence[Treated], signatures: _Signatures) -> list[dict[str, Any]]:
+def _environments(treated: Sequence[Treated], signatures: Signatures) -> list[dict[str, Any]]:
     """Where the artefacts were made: each environment with the number of artefacts."""
     counts = Counter(a.environment for t in treated for a in (t.prepared, t.answer)) + Counter(signatures.environments)
     return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
