@@ -120,6 +120,33 @@ def keep(
     write(folder / CHECKPOINT, save(tensors, told))
 
 
+def keep_snapshot(folder: Path, weights: Mapping[str, Tensor], bodies: int, recipe: Mapping[str, Any]) -> None:
+    """Keep weights, rounded to half precision, by the number of bodies that were seen."""
+    told = {"recipe": json.dumps(recipe, sort_keys=True), "bodies": str(bodies)}
+    halves = {name: each.detach().cpu().half().contiguous() for name, each in weights.items()}
+    write(folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, told))
+
+
+def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor]] | None:
+    """Return bodies, recipe and weights of the snapshot that has seen the most bodies; None if there is none.
+
+    Raises
+    ------
+    TrainingError
+        If it is damaged.
+    """
+    kept = sorted((folder / SNAPSHOTS).glob("*.safetensors"))
+    if not kept:
+        return None
+    try:
+        with safe_open(str(kept[-1]), framework="pt") as file:
+            told = file.metadata() or {}
+            tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
+        return int(told["bodies"]), json.loads(told["recipe"]), tensors
+    except (SafetensorError, OSError, KeyError, ValueError) as error:
+        raise TrainingError(f"snapshot {kept[-1]} is damaged: {error}", "delete it") from error
+
+
 def steps_done(folder: Path) -> int:
     """Return the epochs or steps after which the checkpoint was written; 0 if there is none that can be read."""
     try:

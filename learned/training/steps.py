@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections import Counter
@@ -14,7 +13,6 @@ from typing import Annotated, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 import torch
-from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.contracts import Interval
@@ -220,6 +218,7 @@ class Steps(Generic[B]):
         optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
         recipe = self._recipe(checkpoint.steps_done(self.folder))
         found = checkpoint.resume(self.folder, self.network, optimiser, recipe, self.loop, self._average)
+        found = found or self._from_snapshot()
         if found:
             self.say(f"going on after step {found.epoch} of {self.plan.steps}")
         torch.set_flush_denormal(True)
@@ -283,16 +282,29 @@ class Steps(Generic[B]):
         """What determines the weights after so many steps: as long as the step size is constant, not how many come."""
         if self.plan.schedule == "cosine" or done > self.plan.steps - self.plan.falling or "plan" not in self.recipe:
             return self.recipe
-        plan = {name: value for name, value in self.recipe["plan"].items() if name not in ("steps", "falling")}
-        return {**self.recipe, "plan": plan}
+        return _without_length(self.recipe)
 
     def _snapshot(self, step: int) -> None:
         """Keep the weights, rounded to half precision, beside the checkpoint."""
-        bodies = step * self.plan.bodies
-        told = {"recipe": json.dumps(self.recipe, sort_keys=True), "bodies": str(bodies)}
         with self._averaged():
-            halves = {name: each.detach().cpu().half().contiguous() for name, each in self.network.state_dict().items()}
-        checkpoint.write(self.folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, told))
+            checkpoint.keep_snapshot(self.folder, self.network.state_dict(), step * self.plan.bodies, self.recipe)
+
+    def _from_snapshot(self) -> Progress | None:
+        """Begin with the newest weights that were kept, if the checkpoint is lost, and Adam's state with it."""
+        found = checkpoint.newest_snapshot(self.folder)
+        if found is None:
+            return None
+        bodies, before, tensors = found
+        step = bodies // self.plan.bodies
+        if _without_length(before) != _without_length(self.recipe):
+            raise TrainingError(
+                f"the weights that are kept in {self.folder / SNAPSHOTS} are of another training",
+                "train with the same options, or delete the folder to begin anew",
+            )
+        self.network.load_state_dict(tensors)
+        if self._average is not None:
+            self._average = Average(self.network)
+        return Progress(step, self.plan.bodies, 0.0, ())
 
     def _averaged(self) -> AbstractContextManager[None]:
         return nullcontext() if self._average is None else self._average.used()
@@ -337,6 +349,12 @@ class Steps(Generic[B]):
         left = progress.seconds / progress.epoch * (self.plan.steps - progress.epoch)
         done = f"step {progress.epoch}/{self.plan.steps}"
         return f"{done}  {terms}{seen}  {progress.seconds:.0f} s, about {left:.0f} s left"
+
+
+def _without_length(recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """A recipe without what tells how many steps there are."""
+    plan = {name: value for name, value in recipe.get("plan", {}).items() if name not in ("steps", "falling")}
+    return {**recipe, "plan": plan}
 
 
 def doubled(step: int, bodies: int) -> bool:

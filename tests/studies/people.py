@@ -4,6 +4,8 @@ A training of unknown length keeps its weights whenever the bodies that it has s
 snapshots is measured once: its losses, and the retrieval of the forms that it predicts for 60 validation bodies in
 five poses each, with every fault of the camera. They are another stream; no subject of any set that methods are
 tested on is looked at. Rows go to ``FOLDER/validation.jsonl``; with ``--shipped`` there is one of the shipped model.
+With ``--newest`` the weights of the checkpoint are kept and measured too: a training of which nothing else is left goes
+on from them.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ from learned.streamed.losses import NAMES, losses  # noqa: E402
 from learned.streamed.methods import StreamedLearner  # noqa: E402
 from learned.streamed.model import form_of, load_streamed, predicted  # noqa: E402
 from learned.streamed.network import StreamedNetwork, build_streamed  # noqa: E402
-from learned.training.checkpoint import SNAPSHOTS  # noqa: E402
+from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS, keep_snapshot  # noqa: E402
 from learned.training.measures import measures  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
@@ -68,9 +70,12 @@ class Weights:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--shipped", is_flag=True, help="Measure the shipped model too.")
-def main(folder: Path, shipped: bool) -> None:
+@click.option("--newest", is_flag=True, help="Keep the weights of the checkpoint, and measure them too.")
+def main(folder: Path, shipped: bool, newest: bool) -> None:
     """Measure what is not measured yet, draw the curve and print it."""
     torch.set_num_threads(1)
+    if newest:
+        keep_newest(folder)
     measure_missing(folder, Kept(Sampler(RANKED, poses=POSES), GALLERY), shipped)
     found = rows(folder)
     draw(found, PICTURE)
@@ -87,6 +92,17 @@ def measure_missing(folder: Path, held_back: MakesFresh, shipped: bool, bodies: 
     for make in makers:
         with (folder / ROWS).open("a") as file:
             file.write(json.dumps(measured(make(), held_back(0, bodies, SIZE))) + "\n")
+
+
+def keep_newest(folder: Path) -> None:
+    """Keep the weights of the checkpoint of a training, averaged where it averages, as a snapshot."""
+    with safe_open(str(folder / CHECKPOINT), framework="pt") as file:
+        told = file.metadata()
+        names = list(file.keys())
+        mark = "average." if any(name.startswith("average.") for name in names) else "weights."
+        weights = {name.removeprefix(mark): file.get_tensor(name) for name in names if name.startswith(mark)}
+    bodies = int(told["epoch"]) * int(told["batch"])
+    keep_snapshot(folder, weights, bodies, json.loads(told["recipe"]))
 
 
 def rows(folder: Path) -> list[Row]:

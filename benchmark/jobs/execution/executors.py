@@ -278,7 +278,9 @@ class Run:
             said = "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
             self._killed(worker, status, _LIVES, said)
         else:
-            said = f"the process ended with {ending(code)}; run it with --executor serial to see more"
+            is_foreign = status.job in self.pending and self.pending[status.job].is_foreign
+            more = "'check' shows more" if is_foreign else "run it with --executor serial to see more"
+            said = f"the process ended with {ending(code)}; {more}"
             self._blame(worker, status, "crashed", said)
 
     def _killed(self, worker: CrewWorker, status: Status, lives: int, said: str) -> None:

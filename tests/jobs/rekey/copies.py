@@ -11,13 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.system.fingerprints import FIRST_PARTY
-from tests.toy import write_rods
+from tests.toy import RADII, rod, write_off, write_rods
 
 ROOT = Path(__file__).parents[3]
 
+#: Size of a shape that is refused by a tolerance alone.
+TOO_SMALL = 1e-101
+
 
 class Copy:
-    """A repository with the packages of the suite, a data set with a shape that is refused, and results."""
+    """A repository with the packages of the suite, a data set with two shapes that are refused, and results."""
 
     def __init__(self, folder: Path, bends: tuple[float, ...], chosen: tuple[str, ...]) -> None:
         self.root, self.data, self.results = folder / "suite", folder / "rods", folder / "results"
@@ -27,7 +30,9 @@ class Copy:
             shutil.copytree(ROOT / package, self.root / package, ignore=ignored)
         (self.root / ".gitignore").write_text("__pycache__/\n")
         write_rods(self.data, bends)
+        small = rod(RADII["thick"], 0.0)
         (self.data / "thin9.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
+        write_off(self.data / "thick9.off", small.with_vertices(small.vertices * TOO_SMALL))
         self.git("init", "-q")
         self.commit()
         self.git("tag", "first")
