@@ -162,6 +162,8 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
 
     monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
     monkeypatch.setattr(worker.os, "_exit", leave)
+    monkeypatch.setattr(worker.plugins, "close_process", lambda: None)  # this process has further tests to run
+    monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
         worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace", fingerprints.knowledge())

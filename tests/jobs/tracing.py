@@ -31,7 +31,7 @@ from typing import Any
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs import recipes
-from benchmark.jobs.execution import runner
+from benchmark.jobs.execution import gallery, runner
 from benchmark.jobs.orders import Order, Ranking, Share
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.rekey.sampling import decimated, make_small
@@ -47,8 +47,8 @@ ROOT = Path(__file__).parents[2]
 
 #: Machinery that calls stages.
 CALLERS = frozenset(
-    {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.runner",
-     "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays", "benchmark.storage.environment"}
+    {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.gallery",
+     "benchmark.jobs.execution.runner", "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays", "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.
@@ -177,7 +177,7 @@ def watch(tracer: Tracer, *, with_features: bool) -> None:
     measures.over_splits = ranked("measures", measures.over_splits)
     if not with_features:
         distances.form_distances = lambda _, signatures, draw: _ramp(len(signatures))
-        runner.features_of = lambda found: found  # type: ignore[assignment]
+        gallery.features_of = lambda found: found  # type: ignore[assignment]
         from benchmark.jobs.stages import features
 
         features.extract = lambda scorer, form: {}  # type: ignore[assignment]
@@ -252,7 +252,7 @@ class Watching:
         self.tracer, self.with_features = tracer, with_features
         self._changed: list[tuple[Any, str]] = [
             (Store, "get_or_compute"),
-            (runner, "features_of"),
+            (gallery, "features_of"),
             (runner, "open_dataset"),
         ]
         self._changed += [(distances, name) for name in ("descriptor_distances", "form_distances")]

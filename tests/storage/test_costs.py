@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmark.jobs.preparation import _Shared
+from benchmark.jobs.preparation import SharedStages
 from benchmark.storage import costs as costs_module
 from benchmark.storage.costs import _RESET, _STATUS, Cost, Meter
 
@@ -117,7 +117,7 @@ def test_a_cost_survives_as_text():
 
 
 def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter, time):
-    shared = _Shared(meter)
+    shared = SharedStages(meter)
     calls = []
 
     def compute():
@@ -150,7 +150,7 @@ def test_memory_does_not_depend_on_which_method_came_first(meter):
         return {"distances": np.ones(20 * MIB // 8)}
 
     def peaks():
-        shared, found = _Shared(meter), []
+        shared, found = SharedStages(meter), []
         for method in ("first", "second"):
             with meter.measured(method) as cost:
                 shared.get_or_compute("geodesics", {}, compute)
@@ -165,7 +165,7 @@ def test_memory_does_not_depend_on_which_method_came_first(meter):
 
 
 def test_other_parameters_are_shared_apart(meter):
-    shared = _Shared(meter)
+    shared = SharedStages(meter)
     for solver in ("exact", "heat", "exact"):
         found = shared.get_or_compute("geodesics", {"solver": solver}, lambda s=solver: {"x": np.array(s)})
         assert found["x"] == solver
