@@ -1,4 +1,4 @@
-"""What docs/learned.md says of the learned rows is what the committed records and measurements say."""
+"""What the pages of the networks say of their rows is what the committed records and measurements say."""
 
 from __future__ import annotations
 
@@ -16,7 +16,15 @@ from tests.rows import is_form
 from tests.studies import field_detail, learning_curve, strict_training
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "learned.md").read_text(encoding="utf-8")
+PAGES = (
+    "explanation/networks.md",
+    "appendix/paper-network.md",
+    "appendix/sampled-bodies.md",
+    "appendix/streamed-network.md",
+    "appendix/deformation-field.md",
+    "appendix/implicit-template.md",
+)
+PAGE = "\n".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in PAGES)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

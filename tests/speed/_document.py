@@ -1,4 +1,4 @@
-"""``docs/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure in a table is typed."""
+"""``docs/appendix/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure is typed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ import psutil
 SPEED = Path("results/speed.json")
 GROWTH = Path("results/growth.json")
 FIGURE = Path("results/figures/growth.png")
-DOCUMENT = Path("docs/speed.md")
+DOCUMENT = Path("docs/appendix/speed.md")
 UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
 
 INTRODUCTION = """\
 # Speed
 
+After this page you can say how fast each part is beside other programs, and how time grows with the number of vertices.
 Written by `python -m tests.speed` and `python -m tests.speed.growth`; do not edit.
 """
 
@@ -67,7 +68,7 @@ for a few rows of geodesics instead, which are counted. The last column is the e
 sizes. A method that needs more than {limit:g} s stops there; forms are not made of the largest size, where a matrix of
 all pairs is more than 1 GB. The command is `python -m tests.speed.growth`.
 
-![Time against the number of vertices](../{figure})
+![Time against the number of vertices](../../{figure})
 """
 
 
