@@ -6,11 +6,16 @@ import ast
 import os
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from benchmark.cli.main import cli
+from benchmark.contracts import CanonicalForm, Descriptor, Method, MethodInfo, Shape
+from benchmark.datasets.contract import DatasetInfo, Entry, ListsShapes
+from benchmark.learning import ChecksOptions, Learner, TrainingData, TrainingPair
+from benchmark.scoring import Scorer, ScorerInfo
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -96,6 +101,34 @@ def test_the_command_line_lists_every_verb() -> None:
     cells = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("|")]
     listed = set(re.findall(r"`(\w+)[^`]*`", "\n".join(cells)))
     assert {verb for verb, command in cli.commands.items() if not command.hidden} <= listed
+
+
+# The page of the contracts -------------------------------------------------------------------------------------------
+
+CONTRACTS = TEXTS[ROOT / "docs" / "reference" / "plugins.md"]
+
+
+@pytest.mark.parametrize(
+    "contract", [MethodInfo, CanonicalForm, ScorerInfo, DatasetInfo, Entry, TrainingData, TrainingPair]
+)
+def test_every_field_of_a_contract_is_told(contract: type) -> None:
+    assert contract.__name__ in CONTRACTS
+    told = " ".join(re.findall(r"`([^`]+)`", prose(CONTRACTS)))
+    assert [field.name for field in fields(contract) if not re.search(rf"\b{field.name}\b", told)] == []
+
+
+@pytest.mark.parametrize("contract", [Shape, Method, Descriptor, Learner, ChecksOptions, Scorer, ListsShapes])
+def test_every_method_of_a_contract_is_told(contract: type) -> None:
+    offered = {name for name in vars(contract) if not name.startswith("_")} | set(contract.__annotations__)
+    assert offered
+    assert [name for name in offered if not re.search(rf"`(shape\.)?{name}\b", CONTRACTS)] == []
+
+
+def test_what_the_contracts_import_is_there() -> None:
+    lines = re.findall(r"^    (from benchmark\.[\w.]+ import .*)$", CONTRACTS, re.MULTILINE)
+    assert len(lines) >= 5
+    for line in lines:
+        exec(line, {})  # noqa: S102
 
 
 # The page of the architecture ----------------------------------------------------------------------------------------
