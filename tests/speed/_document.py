@@ -36,10 +36,10 @@ the comparison fair. The command is `make speed`.
 PROFILES = """\
 ## Where the time goes
 
-- **Signature.** Blurs, the search for extrema and rows of samples are written in vectors; sums into histograms are half of
-  a descriptor's time.
-- **Least-squares and non-metric MDS.** 256 spread vertices are scaled first, then all take quasi-Newton steps: five or six
-  passes over all pairs instead of up to a hundred, to a lower stress.
+- **Signature.** Blurs, the search for extrema and rows of samples are written in vectors; sums into histograms are half
+  of a descriptor's time.
+- **Least-squares and non-metric MDS.** 256 spread vertices are scaled first, then all take quasi-Newton steps: five or
+  six passes over all pairs instead of up to a hundred, to a lower stress.
 - **Clock matching.** View by view, the table of a block of forms fits the first-level cache.
 - **All geodesics.** Shortest paths take 70 %; 512 sources advance together.
 - **Preparation.** Four fifths are the quadric edge collapse of pymeshlab.
