@@ -178,7 +178,7 @@ def test_the_picture_of_packages_shows_all_of_them_and_the_direction_of_imports(
 
 
 def test_every_file_and_function_on_the_way_of_a_shape_is_there() -> None:
-    table = ARCHITECTURE.partition("| station |")[2].partition("\n\n")[0]
+    table = ARCHITECTURE.partition("| step |")[2].partition("\n\n")[0]
     rows = [line.strip("| ").split(" | ") for line in table.splitlines()[2:]]
     assert len(rows) > 15
     for _, functions, files in rows:
