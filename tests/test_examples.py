@@ -58,7 +58,8 @@ def test_an_example_is_what_new_writes(kind, tmp_path):
 
 
 def test_the_documentation_shows_the_examples():
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8"), re.DOTALL)
+    page = (ROOT / "docs" / "appendix" / "examples.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert sorted(blocks) == sorted(file_of(kind).read_text() for kind in NAMES)
 
 

@@ -28,7 +28,7 @@ BUILT_IN: dict[str, str] = {
     "spherical-harmonics": "retrieval.spherical_harmonics:SphericalHarmonics",
 }
 
-_MEND = "see 'A scorer' in docs/plugins.md"
+_MEND = "see 'A scorer' in docs/reference/plugins.md"
 
 
 @dataclass(frozen=True)

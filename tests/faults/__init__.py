@@ -1,1 +1,1 @@
-"""Faults made on purpose, and what the suite makes of them: ``python -m tests.faults``; see ``docs/faults.md``."""
+"""Faults made on purpose, and what the suite makes of them: ``python -m tests.faults``; docs/appendix/faults.md."""

@@ -13,7 +13,7 @@ from benchmark.system.fingerprints import fingerprint
 from tests.faults.cases import Border, Outcome
 
 #: Where the latest report of each case is kept, and the document that is made of it.
-REPORT, DOCUMENT = Path("results/faults.json"), Path("docs/faults.md")
+REPORT, DOCUMENT = Path("results/faults.json"), Path("docs/appendix/faults.md")
 
 #: Borders that have a column of their own.
 _COLUMNS = (Border.LOST, Border.HALF, Border.ORPHAN, Border.STALL)
@@ -26,6 +26,7 @@ _HEADER = (
 _TEXT = """\
 # Faults made on purpose
 
+After this page you can try the suite with kills, bad plugins, full disks and damaged files, and read what was found.
 Written by `python -m tests.faults --publish`; do not edit.
 
     python -m tests.faults [--seed N] [--seconds S] [--kills N] [--only NAME] [--workers 1|2] [--output FILE]
@@ -60,7 +61,7 @@ most of them; workers start as always.
 
 The latest try of each case. `--publish` keeps each as soon as it has ended, and with `--rest` a program that was
 stopped goes on where it was; the report says whether it was the same code all the time. The seed, the seconds and the
-code of each case are in [results/faults.json](../results/faults.json).
+code of each case are in [results/faults.json](../../results/faults.json).
 
 """
 

@@ -173,8 +173,8 @@ def test_the_report_counts_by_section_and_says_how_to_do_it_again():
 
 
 def test_a_case_is_published_in_place_of_its_former_figures(tmp_path):
-    for folder in ("docs", "results"):
-        (tmp_path / folder).mkdir()
+    for folder in (DOCUMENT.parent, REPORT.parent):
+        (tmp_path / folder).mkdir(parents=True)
     publish(as_json(OUTCOMES, seed=3, seconds=21.4, code="ab"), tmp_path)
     publish(as_json([Outcome("kills/001", tried=7)], seed=4, seconds=9.0, code="cd"), tmp_path)
     text = (tmp_path / DOCUMENT).read_text()
@@ -185,8 +185,8 @@ def test_a_case_is_published_in_place_of_its_former_figures(tmp_path):
 
 
 def test_what_was_published_without_a_crossing_need_not_be_tried_again(tmp_path):
-    for folder in ("docs", "results"):
-        (tmp_path / folder).mkdir()
+    for folder in (DOCUMENT.parent, REPORT.parent):
+        (tmp_path / folder).mkdir(parents=True)
     assert published(3, "ab", tmp_path) == set()
     publish(as_json(OUTCOMES, seed=3, seconds=21.4, code="ab"), tmp_path)
     assert published(3, "ab", tmp_path) == {"kills/000", "disks/two-runs"}

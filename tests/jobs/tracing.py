@@ -48,7 +48,8 @@ ROOT = Path(__file__).parents[2]
 #: Machinery that calls stages.
 CALLERS = frozenset(
     {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.gallery",
-     "benchmark.jobs.execution.runner", "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays", "benchmark.storage.environment"}
+     "benchmark.jobs.execution.runner", "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays",
+     "benchmark.storage.environment"}
 )  # fmt: skip
 
 #: Machinery that names things; whatever it calls makes nothing.

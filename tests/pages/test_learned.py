@@ -1,14 +1,16 @@
-"""What docs/learned.md says of the learned rows is what the committed records and measurements say."""
+"""What the pages of the networks say of their rows is what the committed records and measurements say."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from benchmark.methods.registry import BUILT_IN
 from benchmark.reference.paper import PRINTED
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
@@ -16,7 +18,15 @@ from tests.rows import is_form
 from tests.studies import field_detail, learning_curve, strict_training
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "learned.md").read_text(encoding="utf-8")
+PAGES = (
+    "explanation/networks.md",
+    "appendix/paper-network.md",
+    "appendix/sampled-bodies.md",
+    "appendix/streamed-network.md",
+    "appendix/deformation-field.md",
+    "appendix/implicit-template.md",
+)
+PAGE = "\n".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in PAGES)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -110,6 +120,20 @@ def test_figures_of_other_networks_are_those_of_the_records(
     assert len(rows) == len(galleries)
     figures = told(rows[list(PRINTED)].mean())
     assert figures in " ".join(PAGE.split())
+
+
+def test_the_table_of_networks_has_all_their_published_scores(records: pd.DataFrame) -> None:
+    page = (ROOT / "docs" / "explanation" / "networks.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w-]+)` \| (view|mesh) \| (.*) \|$", page, re.MULTILINE)
+    learned = {name for name, target in BUILT_IN.items() if target.startswith("learned.")}
+    assert {name for name, *_ in rows} == learned - {"learned-strict", "learned-without-srf", "learned-without-lrf"}
+    for name, input_, cells in rows:
+        for galleries, cell in zip([FOLDS, ["humans"], ["humans-scanlike"], ["tosca"]], cells.split("|"), strict=True):
+            training = "[training=animals-sampled]" if name == "learned-wide-extra" and galleries == ["tosca"] else ""
+            found = records[records["gallery"].isin(galleries) & (records["method"] == name + training)]
+            found = found[found["input"] == input_]
+            expected = told(found[list(PRINTED)].mean()) if len(found) == len(galleries) else ""
+            assert cell.strip() == expected, (name, galleries)
 
 
 SAMPLED_ANIMALS = "learned-wide-extra[training=animals-sampled]"

@@ -1,4 +1,4 @@
-"""What docs/reproduction.md says of the paper's own figures follows from them."""
+"""What docs/explanation/reproduction.md says of the paper's own figures follows from them; scores of the ablation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
+NETWORK = (ROOT / "docs" / "appendix" / "paper-network.md").read_text(encoding="utf-8")
 HUNDREDTH = Decimal("0.01")
 
 
@@ -70,7 +70,7 @@ WORDS = {
 
 
 def test_the_scores_of_each_seed_are_those_of_the_records(ablation: pd.DataFrame) -> None:
-    printed = dict(re.findall(r"^\| (with[a-z -]+ \| \d|whole \| \d) \| (.*) \|$", PAGE, re.MULTILINE))
+    printed = dict(re.findall(r"^\| (with[a-z -]+ \| \d|whole \| \d) \| (.*) \|$", NETWORK, re.MULTILINE))
     for (network, training), scores in ablation.iterrows():
         cells = [f"{value:.2f}".lstrip("0") for value in scores]
         assert printed.pop(f"{WORDS[network]} | {training}").split(" | ") == cells

@@ -1,4 +1,4 @@
-"""What docs/robustness.md reads from the curves is what the committed figures say."""
+"""What docs/explanation/robustness.md reads from the curves is what the committed figures say."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from tests.rows import is_form
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "robustness.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "explanation" / "robustness.md").read_text(encoding="utf-8")
 CURVES = json.loads((ROOT / "results" / "tables" / "robustness.json").read_text(encoding="utf-8"))
 
 Point = Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""What docs/scorer.md says of the two scorers is what the committed records say."""
+"""What docs/appendix/scorer-measurements.md says of the two scorers is what the committed records say."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchmark.reference.paper import PRINTED
 from tests.rows import is_form
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "scorer.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "appendix" / "scorer-measurements.md").read_text(encoding="utf-8")
 
 
 def told(*arguments: str) -> str:

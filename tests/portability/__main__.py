@@ -1,4 +1,4 @@
-"""``python -m tests.portability DATA_ROOT``: how far scores move between processors; writes ``docs/portability.md``.
+"""``python -m tests.portability DATA_ROOT``: how far scores move between processors; writes the page of it.
 
 Every method treats every shape of TOSCA under each variant, one process after the other. A run that was stopped goes on
 where it was: each shape is kept in ``build/portability``, which ``rm -r`` empties after an edit of the code. Without an

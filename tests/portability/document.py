@@ -1,4 +1,4 @@
-"""``docs/portability.md`` out of ``results/portability.json``: no figure is typed by hand."""
+"""``docs/appendix/portability.md`` out of ``results/portability.json``: no figure is typed by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from benchmark.methods.registry import BUILT_IN
 
 SCORES = Path("results/portability.json")
-DOCUMENT = Path("docs/portability.md")
+DOCUMENT = Path("docs/appendix/portability.md")
 MEASURES = ("nn", "ft", "st", "dcg")
 GOAL = 0.01
 #: Shapes of TOSCA.
@@ -21,6 +21,7 @@ SHAPES = 80
 TEXT = """\
 # The same figures on another machine
 
+After this page you can say how far scores move from one processor to another, and how they are kept from moving.
 Written by `python -m tests.portability`; do not edit.
 
 The last bits of a floating-point result belong to the processor: BLAS and numpy choose their kernels by its

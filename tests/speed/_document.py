@@ -1,4 +1,4 @@
-"""``docs/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure in a table is typed."""
+"""``docs/appendix/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure is typed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ import psutil
 SPEED = Path("results/speed.json")
 GROWTH = Path("results/growth.json")
 FIGURE = Path("results/figures/growth.png")
-DOCUMENT = Path("docs/speed.md")
+DOCUMENT = Path("docs/appendix/speed.md")
 UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
 
 INTRODUCTION = """\
 # Speed
 
+After this page you can say how fast each part is beside other programs, and how time grows with the number of vertices.
 Written by `python -m tests.speed` and `python -m tests.speed.growth`; do not edit.
 """
 
@@ -35,25 +36,12 @@ the comparison fair. The command is `make speed`.
 PROFILES = """\
 ## Where the time goes
 
-Compiled loops are slow where they branch on data, load and store what could stay in a register, or look at one number
-at a time. What profiles showed, and what was done:
-
-- **Signature.** Of SIFT, a third went into blurs, a quarter into the search for extrema, a third into descriptors.
-  Blurs and search are written in vectors: a block of pixels stays in registers while the weights pass over it, and
-  sixteen pixels are rejected by one comparison. A row of samples is weighed at once before it is dealt out to the
-  histogram, which half of a descriptor's time goes into; a cell as one vector was no faster, because sums wait for the
-  sums before them. The same bytes all along.
-- **Least-squares and non-metric MDS.** The time was the number of passes over all pairs. 256 spread vertices are scaled
-  first, the others settle among them, and all of them take quasi-Newton steps: five or six passes instead of up to a
-  hundred, to a lower stress. Pairs are ranked by the bits of their distances instead of by comparing them.
-- **Clock matching.** Sums of minima were scattered over a table of 1332 numbers per form. View by view, the table of a
-  block of forms fits the first-level cache, and the 24 turns are sums of rows.
-- **One transform over all pairs.** Roots and quotients in double precision bound it where the processor makes no more
-  of them with wider vectors. Single precision with a step of Newton's method, the same digits, won nothing as loops
-  that the compiler vectorises, and an eighth as vectors written by hand; it was not kept.
-- **All geodesics.** Shortest paths take 70 %: four arcs are relaxed per pass over a row. Asking which neighbours have
-  changed took as long as the arithmetic for 128 sources, so 512 advance together. From 4000 vertices on, copies and
-  transposes of the whole matrix took the rest; results are stored and symmetrised tile by tile.
+- **Signature.** Blurs, the search for extrema and rows of samples are written in vectors; sums into histograms are half
+  of a descriptor's time.
+- **Least-squares and non-metric MDS.** 256 spread vertices are scaled first, then all take quasi-Newton steps: five or
+  six passes over all pairs instead of up to a hundred, to a lower stress.
+- **Clock matching.** View by view, the table of a block of forms fits the first-level cache.
+- **All geodesics.** Shortest paths take 70 %; 512 sources advance together.
 - **Preparation.** Four fifths are the quadric edge collapse of pymeshlab.
 """
 
@@ -67,7 +55,7 @@ for a few rows of geodesics instead, which are counted. The last column is the e
 sizes. A method that needs more than {limit:g} s stops there; forms are not made of the largest size, where a matrix of
 all pairs is more than 1 GB. The command is `python -m tests.speed.growth`.
 
-![Time against the number of vertices](../{figure})
+![Time against the number of vertices](../../{figure})
 """
 
 

@@ -1,7 +1,7 @@
 """How runs grow with the gallery: ``python -m tests.speed.scale --sizes 100,1000 --ranking 4000 --records 10000``.
 
-Writes docs/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be measured one
-at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
+Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
+measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import psutil
 
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / "results" / "scale.json"
-PAGE, FIGURE = ROOT / "docs" / "scale.md", ROOT / "results" / "figures" / "scale.png"
+PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
 
 #: Sizes of the page; those that were not run are extrapolated.
 SIZES = (100, 1000, 4000, 10_000)
@@ -193,6 +193,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
     lines = [
         "# Scale",
         "",
+        "After this page you can say what a gallery of some size costs in seconds, memory and disk.",
         "Written by `python -m tests.speed.scale`; do not edit. A gallery of generated bodies in 20 poses each",
         f"(`-d humans[subjects=N,poses=20]`) through {', '.join(METHODS)}, mesh and view, and below it the ranking",
         "alone on made-up signatures. A figure behind ≈ was not measured: it follows from the slope between the",
@@ -200,7 +201,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "and its square); what was measured at one size is extrapolated to no other. Plan and tables of 1000 and",
         "of 10 000 shapes are of made-up records as large as real ones.",
         "",
-        "![Seconds against the number of shapes](../results/figures/scale.png)",
+        "![Seconds against the number of shapes](../../results/figures/scale.png)",
         "",
         "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
         "| --- |" + " ---: |" * len(sizes),

@@ -230,7 +230,7 @@ def measure(network: StreamedNetwork, configuration: Streamed, images, names: Se
 
 
 def table(found: Iterable[Mapping[str, float | str]]) -> str:
-    """The comparison as Markdown, for ``docs/learned.md``."""
+    """The comparison as Markdown, for ``docs/appendix/streamed-network.md``."""
     head = ("configuration", "minutes", "steps", "ms a step", "parameters", *PRINTED, "refused")
     lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
     rows = list(found)

@@ -102,7 +102,7 @@ def _prepared(bodies: Surfaces) -> tuple[list[Shape], list[str]]:
 
 
 def table(found: Sequence[Mapping[str, float | str]]) -> str:
-    """The comparison as Markdown, for ``docs/learned.md``."""
+    """The comparison as Markdown, for ``docs/appendix/deformation-field.md``."""
     lines = [f"| form | {' | '.join(PRINTED)} | change of lengths |", "|---|" + "---:|" * (len(PRINTED) + 1)]
     lines += [f"| {row['form']} | {_cells(row, PRINTED)} | {row['edge strain']:.3f} |" for row in found]
     if found:

@@ -1,4 +1,4 @@
-"""``python -m tests.studies.learning_curve``: how much training the network needs; writes ``docs/learning-curve.png``.
+"""``python -m tests.studies.learning_curve``: how much training the network needs; draws :data:`PICTURE`.
 
 Three of the ten training subjects of one fold are held back, by a rule that sees no score; the network trains on the
 other seven, and the forms of the three are ranked against each other at each mark. The step size never changes, so what
@@ -46,7 +46,7 @@ PLAN = Schedule(resolution=128, early_epochs=12)
 
 FOLDER = Path("build/learning-curve")
 FIGURES = Path("results/learning-curve.json")
-PICTURE = Path("docs/learning-curve.png")
+PICTURE = Path("docs/images/learning-curve.png")
 
 Row = dict[str, float]
 say = partial(print, flush=True)

@@ -1,4 +1,4 @@
-"""``python -m tests.studies.people FOLDER``: what doubling the bodies of a training buys; draws ``docs/people.png``.
+"""``python -m tests.studies.people FOLDER``: what doubling the bodies of a training buys; draws :data:`PICTURE`.
 
 A training of unknown length keeps its weights whenever the bodies that it has seen have doubled. Each of these
 snapshots is measured once: its losses, and the retrieval of the forms that it predicts for 60 validation bodies in
@@ -51,7 +51,7 @@ DRAWS = 2000
 """Samples of bodies for an interval of 95 per cent."""
 
 GALLERY = Path("build/people")
-PICTURE = Path("docs/people.png")
+PICTURE = Path("docs/images/people.png")
 ROWS = "validation.jsonl"
 
 Row = dict[str, Any]

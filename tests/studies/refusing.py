@@ -2,8 +2,8 @@
 
     python -m tests.studies.refusing RESULTS [--data-root DIR]
 
-reads the distances of the jobs in a results folder and prints a table for docs/scorer.md. A shape that is refused is a
-query with 0 in every measure, and stands behind all others as a target.
+reads the distances of the jobs in a results folder and prints a table. A shape that is refused is a query with 0 in
+every measure, and stands behind all others as a target.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``python -m tests.studies.report_pictures REPORT -o docs/report``: the pictures of a report that its page shows.
+"""``python -m tests.studies.report_pictures REPORT -o docs/images/report``: pictures of a report for its page.
 
 The report is one of a run with Tables I and III, ``tosca`` for the latter; it needs Debian's chromium.
 """

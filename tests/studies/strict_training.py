@@ -105,7 +105,7 @@ def _means(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def table(found: Iterable[Mapping[str, float | str]]) -> str:
-    """The comparison as Markdown, for ``docs/learned.md``."""
+    """The comparison as Markdown, for ``docs/appendix/paper-network.md``."""
     lines = [f"| gallery and models | {' | '.join(PRINTED)} | chance NN |", "|---|" + "---:|" * (len(PRINTED) + 1)]
     for row in found:
         cells = [f"{row[name]:.2f}" for name in (*PRINTED, "chance NN")]

@@ -68,7 +68,7 @@ def trained(spec: MethodSpec, folder: Path, options: Mapping[str, Any] | None = 
     """
     learner = spec.create()
     if not isinstance(learner, Learner):
-        raise Failed("has 'train' but is no learner; see 'A learner' in docs/plugins.md")
+        raise Failed("has 'train' but is no learner; see 'A learner' in docs/reference/plugins.md")
     place, data = folder / NAME / learner.model_name, trial_data()
     learner.train(data, place, dict(options or {}), lambda _: None)
     card = _card(place)

@@ -1,4 +1,4 @@
-"""Pictures of the families of forms in ``docs/methods.md``: ``python -m benchmark.report.pictures.families FOLDER``."""
+"""Pictures for ``docs/reference/methods.md``: ``python -m benchmark.report.pictures.families FOLDER``."""
 
 from __future__ import annotations
 

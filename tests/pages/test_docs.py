@@ -1,0 +1,195 @@
+"""The pages of the documentation hang together, and name what is there."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from benchmark.cli.main import cli
+from benchmark.contracts import CanonicalForm, Descriptor, Method, MethodInfo, Shape
+from benchmark.datasets.contract import DatasetInfo, Entry, ListsShapes
+from benchmark.learning import ChecksOptions, Learner, TrainingData, TrainingPair
+from benchmark.scoring import Scorer, ScorerInfo
+
+ROOT = Path(__file__).parents[2]
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = [*sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned" / "models" / "README.md"]
+TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def prose(text: str) -> str:
+    """A page without its blocks of code."""
+    return re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Names of the headings of a page, as they stand in links."""
+    found = re.findall(r"^#+ (.*)$", prose(TEXTS[page]), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in found}
+
+
+def links(page: Path) -> Iterator[tuple[Path, str]]:
+    """Targets in this repository that a page links to, each with its anchor."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(TEXTS[page])):
+        if "://" not in target:
+            path, _, anchor = target.partition("#")
+            yield Path(os.path.normpath(page.parent / path)) if path else page, anchor
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_link_leads_somewhere_from_its_own_page(page: Path) -> None:
+    assert [str(target) for target, _ in links(page) if not target.exists()] == []
+    wrong = [(name(target), anchor) for target, anchor in links(page) if anchor and anchor not in anchors(target)]
+    assert wrong == []
+
+
+def test_every_page_is_linked_from_the_first() -> None:
+    first = ROOT / "docs" / "README.md"
+    assert first in {target for target, _ in links(ROOT / "README.md")}
+    assert [name(page) for page in DOCS if page not in {first, *(target for target, _ in links(first))}] == []
+
+
+@pytest.mark.parametrize("page", DOCS, ids=name)
+def test_every_page_opens_with_what_one_can_do_after_it(page: Path) -> None:
+    heading, _, opening, *_ = TEXTS[page].split("\n")
+    assert heading.startswith("# ")
+    assert opening.startswith("After this page you ")
+
+
+def sources() -> Iterator[Path]:
+    for folder in ("baselines", "benchmark", "examples", "learned", "retrieval", "tests"):
+        yield from sorted((ROOT / folder).rglob("*.py"))
+    yield from (ROOT / "Makefile", ROOT / ".ci" / "run")
+
+
+def test_every_page_that_the_code_names_exists() -> None:
+    named = {(page, path) for path in sources() for page in re.findall(r"docs/[\w/-]+\.md", path.read_text("utf-8"))}
+    assert len(named) > 10
+    assert [(page, name(path)) for page, path in named if not (ROOT / page).is_file()] == []
+
+
+def test_every_section_that_a_message_names_exists() -> None:
+    pattern = r"'([A-Z][\w ]+)' in (?:the )?(docs/[\w/-]+\.md|README)"
+    named = {found for path in sources() for found in re.findall(pattern, path.read_text("utf-8"))}
+    assert len(named) > 2
+    for section, page in named:
+        target = ROOT / (page if page.endswith(".md") else f"{page}.md")
+        assert f"# {section}\n" in TEXTS[target], (section, page)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_make_target_and_verb_exists(page: Path) -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"(?:^    |`)make ([\w-]+)", TEXTS[page], re.MULTILINE)
+    assert [target for target in targets if not re.search(rf"^{target}:", makefile, re.MULTILINE)] == []
+    verbs = set(re.findall(r"python -m benchmark ([a-z]+)", TEXTS[page]))
+    assert verbs <= set(cli.commands)
+
+
+def test_the_command_line_lists_every_verb() -> None:
+    table = TEXTS[ROOT / "docs" / "reference" / "command-line.md"].partition("| option of")[0]
+    cells = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("|")]
+    listed = set(re.findall(r"`(\w+)[^`]*`", "\n".join(cells)))
+    assert {verb for verb, command in cli.commands.items() if not command.hidden} <= listed
+
+
+# The page of the contracts -------------------------------------------------------------------------------------------
+
+CONTRACTS = TEXTS[ROOT / "docs" / "reference" / "plugins.md"]
+
+
+@pytest.mark.parametrize(
+    "contract", [MethodInfo, CanonicalForm, ScorerInfo, DatasetInfo, Entry, TrainingData, TrainingPair]
+)
+def test_every_field_of_a_contract_is_told(contract: type) -> None:
+    assert contract.__name__ in CONTRACTS
+    told = " ".join(re.findall(r"`([^`]+)`", prose(CONTRACTS)))
+    assert [field.name for field in fields(contract) if not re.search(rf"\b{field.name}\b", told)] == []
+
+
+@pytest.mark.parametrize("contract", [Shape, Method, Descriptor, Learner, ChecksOptions, Scorer, ListsShapes])
+def test_every_method_of_a_contract_is_told(contract: type) -> None:
+    offered = {name for name in vars(contract) if not name.startswith("_")} | set(contract.__annotations__)
+    assert offered
+    assert [name for name in offered if not re.search(rf"`(shape\.)?{name}\b", CONTRACTS)] == []
+
+
+def test_what_the_contracts_import_is_there() -> None:
+    lines = re.findall(r"^    (from benchmark\.[\w.]+ import .*)$", CONTRACTS, re.MULTILINE)
+    assert len(lines) >= 5
+    for line in lines:
+        exec(line, {})  # noqa: S102
+
+
+# The page of the architecture ----------------------------------------------------------------------------------------
+
+ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
+
+
+def layers() -> dict[str, int]:
+    """Height of each package in the picture."""
+    (picture,) = re.findall(r"```layers\n(.*?)```", ARCHITECTURE, re.DOTALL)
+    lines = reversed(picture.splitlines())
+    return {
+        package: height
+        for height, line in enumerate(lines)
+        for package in re.match(r"((?:[\w.]+ {1,2})+)", line).group().split()  # type: ignore[union-attr]
+    }
+
+
+def package(module: str, known: dict[str, int]) -> str:
+    parts = module.split(".")
+    while parts and ".".join(parts) not in known:
+        parts.pop()
+    return ".".join(parts)
+
+
+def imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_the_picture_of_packages_shows_all_of_them_and_the_direction_of_imports() -> None:
+    known = layers()
+    for folder in ("baselines", "benchmark", "learned", "retrieval"):
+        for path in (ROOT / folder).rglob("*.py"):
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+            here = package(module, known)
+            if module in {"benchmark", "benchmark.__main__"}:
+                continue
+            assert here, f"{module} has no place in the picture"
+            for target in imports(path):
+                there = package(target, known)
+                assert not there or there == here or known[there] < known[here], (module, target)
+
+
+def test_every_file_and_function_on_the_way_of_a_shape_is_there() -> None:
+    table = ARCHITECTURE.partition("| step |")[2].partition("\n\n")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines()[2:]]
+    assert len(rows) > 15
+    for _, functions, files in rows:
+        for wanted, file in zip(functions.split("; "), files.split("; "), strict=True):
+            text = (ROOT / file.strip("`")).read_text(encoding="utf-8")
+            for function in re.findall(r"`([\w.]+)`", wanted):
+                for part in function.split("."):
+                    assert re.search(rf"^ *(def|class) {part}\b", text, re.MULTILINE), (function, file)
+
+
+def test_every_file_that_the_architecture_names_exists() -> None:
+    named = re.findall(r"`((?:baselines|benchmark|examples|learned|retrieval|tests)/[\w/.]+)`", ARCHITECTURE)
+    assert len(named) > 30
+    assert [path for path in named if "NAME" not in path and not (ROOT / path).exists()] == []
