@@ -16,6 +16,7 @@ from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
 from benchmark.methods.conformance import checks, processes, shapes
 from benchmark.methods.registry import MethodSpec
+from benchmark.system.names import DATA_VARIABLE
 
 METHOD = """
 import os
@@ -44,6 +45,10 @@ DISTANCES = (
     "\n\n    def distances(self, descriptors):\n        d = np.stack(descriptors)\n"
     "        return np.abs(d[:, None] - d[None]).sum(axis=2)"
 )
+PLACES = (
+    "\n\n    def distances(self, descriptors):\n        k = np.arange(len(descriptors), dtype=float)\n"
+    "        return np.abs(k[:, None] - k)"
+)
 
 
 def call_here(function, *arguments, **_):
@@ -54,6 +59,7 @@ def call_here(function, *arguments, **_):
 @pytest.fixture
 def in_this_process(monkeypatch):
     monkeypatch.setattr(processes, "call_apart", call_here)
+    monkeypatch.setattr(processes, "hide_data", lambda: None)  # it would be hidden from all further tests
 
 
 @pytest.fixture
@@ -178,6 +184,11 @@ def test_a_right_method_passes_every_check(findings):
             {"body": DESCRIBE + SPREAD + DISTANCES + " * (1 + d[0, 0])"},
             "depends on the order of the descriptors",
         ),
+        (
+            "dissimilarities",
+            {"body": DESCRIBE + SPREAD + PLACES},
+            "depends on the order of the descriptors",
+        ),
         # Shapes that are hard to treat.
         ("awkward shapes", {"body": FORM + "return shape.form(x + 0 * x[10])"}, "a triangle: raises IndexError"),
         (
@@ -211,6 +222,17 @@ def test_a_parameter_without_default_cannot_be_made(findings, in_this_process):
 def test_a_check_that_raises_costs_itself_alone(findings, in_this_process):
     found = findings(body=FORM + "if shape.seed: raise KeyError('seed')\n        return shape.form(x)")
     assert failed(found) == ["seed"]
+
+
+def test_a_method_that_reads_the_data_folder_is_found(findings, monkeypatch, tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "cat0.txt").write_text("2.0")
+    monkeypatch.setenv(DATA_VARIABLE, str(tmp_path / "data"))
+    monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"fresh process": checks.OF_THE_ANSWER["fresh process"]})
+    factor = f"float(open({str(tmp_path / 'data' / 'cat0.txt')!r}).read())"
+    found = findings(body=FORM + f"return shape.form(x * {factor})")
+    assert failed(found) == ["fresh process"]
+    assert "the data folder is hidden" in found["fresh process"].explanation
 
 
 @pytest.mark.parametrize(

@@ -85,14 +85,14 @@ def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
 
 def _answer(spec: MethodSpec, model: Path | None) -> dict[str, Any]:
     """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
-    _hide_data()
+    hide_data()
     try:
         return {"numbers": Trial(spec, model).reference.tolist()}
     except BaseException as error:  # also what ends a program
         return {"fault": explain(error)}
 
 
-def _hide_data() -> None:
+def hide_data() -> None:
     """Let no file of the data folder be found in this process: what a method needs of a shape, the shape offers."""
     folder = os.environ.pop(DATA_VARIABLE, "")
     if not folder:
