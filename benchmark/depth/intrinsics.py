@@ -245,7 +245,9 @@ def _of_yaml(text: str) -> Intrinsics:
 def _lists(text: str) -> Iterator[tuple[str, list[float]]]:
     """Yield the lists of numbers of a YAML text with the key that they stand under, of two levels the upper one."""
     key = ""
-    for match in re.finditer(r"(?m)^([ \t]*)([A-Za-z_]\w*)\s*:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t]*[-+.\deE]+)+)?", text):
+    for match in re.finditer(
+        r"(?m)^([ \t]*)([A-Za-z_]\w*)\s*:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t]*[-+.\deE]+)+)?", text
+    ):
         if match[2] not in ("rows", "cols", "data"):
             key = match[2]
         if match[3]:

@@ -13,6 +13,9 @@ from benchmark.depth.reading import LARGEST_SIDE
 
 Mask = NDArray[np.bool_]
 
+MASK_FOLDERS = ("mask", "masks")
+"""Names of folders of masks."""
+
 #: What ends the name of an image, in place of which a mask's name may say "mask".
 _DEPTH = ("depth", "Depth", "DEPTH")
 
@@ -88,7 +91,7 @@ def _candidates(image: Path) -> Iterator[Path]:
         for mark in (".", "_", "-"):
             yield image.with_name(f"{stem}{mark}mask.png")
     for folder in (image.parent, image.parent.parent):
-        for name in ("mask", "masks"):
+        for name in MASK_FOLDERS:
             for stem in stems:
                 yield folder / name / f"{stem}.png"
                 yield folder / name / f"{stem}_mask.png"

@@ -81,7 +81,9 @@ def perspective_depth(points: Points, faces: Faces, camera: Intrinsics, size: tu
         return np.where(image < 0, -1 / image.astype(np.float64), 0.0)
 
 
-def plane_depth(normal: Sequence[float], point: Sequence[float], pose: Pose, camera: Intrinsics, size: tuple[int, int]) -> Depths:
+def plane_depth(
+    normal: Sequence[float], point: Sequence[float], pose: Pose, camera: Intrinsics, size: tuple[int, int]
+) -> Depths:
     """Return the depths of an endless plane of the world, shape (h, w), metres; 0 where it is not seen.
 
     Parameters

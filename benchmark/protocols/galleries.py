@@ -80,8 +80,20 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance."""
-        return inputs_of(self.dataset.name, self.table.inputs)
+        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance.
+
+        Depth images are no complete surfaces.
+        """
+        offered = getattr(self.dataset, "inputs", self.table.inputs)
+        return inputs_of(self.dataset.name, tuple(each for each in self.table.inputs if each in offered))
+
+    def check_input(self, input_: str) -> None:
+        """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
+        if input_ == "mesh" and "mesh" not in getattr(self.dataset, "inputs", ("mesh",)):
+            raise ConfigurationError(
+                f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
+                "drop --input mesh: there are no complete surfaces",
+            )
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, some in several variants.
