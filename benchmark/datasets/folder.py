@@ -1,4 +1,4 @@
-"""Any folder of meshes, or of depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or the file names."""
+"""Any folder of meshes or depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or file names."""
 
 from __future__ import annotations
 

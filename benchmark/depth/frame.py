@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, read_intrinsics
 from benchmark.depth.mask import Mask, checked_mask, find_mask, read_mask
-from benchmark.depth.planes import Plane
+from benchmark.depth.planes import Plane, background_planes
 from benchmark.depth.projection import FRAME, HALF_WIDTH, object_surface, unprojected, upright, without_flying_pixels
 from benchmark.depth.reading import Depths, in_metres, read_depth
-from benchmark.depth.segmentation import find_object, scene_planes
+from benchmark.depth.segmentation import find_object
 from benchmark.geometry.mesh import Mesh
+
+_PLANE_STEP = 2
+"""Pixels between those that planes are looked for among."""
 
 Up = Sequence[float]
 
@@ -53,7 +57,7 @@ class ObservedObject:
 def observe(
     depths: Depths,
     intrinsics: Intrinsics,
-    mask: NDArray[np.generic] | None = None,
+    mask: NDArray[Any] | None = None,
     up: Up | None = None,
     half_width: float = HALF_WIDTH,
 ) -> ObservedObject:
@@ -81,12 +85,20 @@ def observe(
     intrinsics.check_size(width, height)
     seen = depths > 0
     given = None if mask is None else checked_mask(mask, seen)
-    points = unprojected(depths, intrinsics.rays(width, height))
-    planes = scene_planes(points, seen)
-    chosen = find_object(points, seen, planes) if given is None else given
-    kept = without_flying_pixels(depths, chosen)
+    rays = intrinsics.rays(width, height)
+    coarse = (slice(None, None, _PLANE_STEP),) * 2
+    if given is None:
+        points = unprojected(depths, rays)
+        planes = background_planes(points[coarse], seen[coarse])
+        chosen, part = find_object(points, seen, planes), (slice(None),) * 2
+    else:  # of the scene, the floor alone is wanted, and of the points those of the object
+        planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~given)[coarse])
+        chosen, part = given, _window(given)
+        points = unprojected(depths[part], rays[part])
+    kept = np.zeros_like(chosen)
+    kept[part] = without_flying_pixels(depths[part], chosen[part])
     direction, told_by = _up(planes, up)
-    surface = object_surface(points, kept, upright(direction), half_width)
+    surface = object_surface(points, kept[part], upright(direction), half_width)
     notes: dict[str, float | str] = {
         "mask": "found" if given is None else "given",
         "up": told_by,
@@ -97,6 +109,12 @@ def observe(
         "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
     }
     return ObservedObject(depths, kept, surface, notes)
+
+
+def _window(mask: Mask) -> tuple[slice, slice]:
+    """The rows and columns that hold a mask, and one more on each side."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
 
 
 def _up(planes: Sequence[Plane], said: Up | None) -> tuple[NDArray[np.float64], str]:

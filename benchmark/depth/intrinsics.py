@@ -164,8 +164,10 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def find_intrinsics(image: Path) -> Path | None:
-    """Return the file with the intrinsics of an image, by its usual names: its own, those of its folder, or of the two
-    folders above; None where there is none."""
+    """Return the file with the intrinsics of an image by its usual names; None where there is none.
+
+    Its own come first, then those of its folder, then those of the two folders above.
+    """
     stems = dict.fromkeys((image.stem, image.stem.partition(".")[0]))
     for stem in stems:
         for ending in ENDINGS:
@@ -199,8 +201,8 @@ def _of_matrix(
     return Intrinsics(fx, fy, cx, cy, size, tuple(map(float, distortion)) if any(distortion) else ())
 
 
-def _of_json(found: Mapping[str, Any]) -> Intrinsics:
-    found = found.get("intrinsic", found)
+def _of_json(content: Mapping[str, Any]) -> Intrinsics:
+    found: Any = content.get("intrinsic", content)
     if isinstance(found, list):
         return _of_numbers([float(value) for value in np.ravel(found)], str(found))
     size = _size(found)
@@ -238,7 +240,7 @@ def _of_yaml(text: str) -> Intrinsics:
         raise InvalidIntrinsics(
             f"the distortion model is '{model[1]}'", "rectify the image, and pass plumb_bob or rational_polynomial"
         )
-    numbers = {key: match for key, match in re.findall(r"(?m)^\s*((?:image_)?(?:width|height))\s*:\s*(\d+)", text)}
+    numbers = dict(re.findall(r"(?m)^\s*((?:image_)?(?:width|height))\s*:\s*(\d+)", text))
     return _of_matrix(np.array(matrix).reshape(3, 3), _size(numbers), distortion)
 
 

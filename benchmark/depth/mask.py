@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +46,13 @@ def read_mask(path: Path) -> Mask:
     except Exception as error:
         what = f"{path} is no readable mask: {' '.join(str(error).split())}"
         raise InvalidMask(f"{what:.300}", "pass a PNG that is white on the object and black elsewhere") from error
-    seen = values
-    if values.ndim == 3:
-        seen = values[..., :3].any(axis=-1) & (values[..., 3] > 0 if values.shape[-1] == 4 else True)
-    return np.asarray(seen > 0)
+    if values.ndim == 2:
+        return np.asarray(values > 0)
+    bright = values[..., :3].any(axis=-1)
+    return np.asarray(bright & (values[..., 3] > 0) if values.shape[-1] == 4 else bright)
 
 
-def checked_mask(mask: NDArray[np.generic], seen: Mask) -> Mask:
+def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
     """Return a mask of the seen pixels.
 
     Parameters
@@ -66,7 +67,7 @@ def checked_mask(mask: NDArray[np.generic], seen: Mask) -> Mask:
     InvalidMask
         If it has another size, or no pixel of it has a depth.
     """
-    mask = np.asarray(mask) != 0
+    mask = np.asarray(mask != 0)
     if mask.shape != seen.shape:
         sizes = [" x ".join(map(str, each.shape[::-1])) for each in (mask, seen)]
         raise InvalidMask(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
@@ -74,7 +75,7 @@ def checked_mask(mask: NDArray[np.generic], seen: Mask) -> Mask:
         raise InvalidMask("the mask is empty", "let it be white on the object")
     if not (mask & seen).any():
         raise InvalidMask("no pixel of the mask has a depth", "check that mask and image belong to one frame")
-    return mask & seen
+    return np.asarray(mask & seen)
 
 
 def find_mask(image: Path) -> Path | None:
@@ -83,10 +84,8 @@ def find_mask(image: Path) -> Path | None:
 
 
 def _candidates(image: Path) -> Iterator[Path]:
-    stems = [image.stem]
-    for word in _DEPTH:
-        if image.stem.endswith(word) and (short := image.stem.removesuffix(word).rstrip("._-")):
-            stems.append(short)
+    shorter = (image.stem.removesuffix(word).rstrip("._-") for word in _DEPTH if image.stem.endswith(word))
+    stems = [image.stem, *filter(None, shorter)]
     for stem in stems:
         for mark in (".", "_", "-"):
             yield image.with_name(f"{stem}{mark}mask.png")

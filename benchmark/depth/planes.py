@@ -16,7 +16,7 @@ BEHIND = 0.03
 """Share of the seen points that may lie behind such a plane: walls and floors bound what a camera sees."""
 
 EDGE = 0.1
-"""Share of the image along its edges that counts as its edge: planes of the background reach it, the object's do not."""
+"""Share of the image along its edges that counts as its edge, which planes of the background reach."""
 
 MOST_PLANES = 5
 """Planes that are looked for at the most: a floor, two or three walls, a table."""
@@ -27,7 +27,12 @@ UNEVEN = 0.01
 FLOOR = np.cos(np.radians(50))
 """Least cosine between the normal of a floor and what is up in the image."""
 
-_TRIALS, _SAMPLE, _REFINEMENTS = 256, 4000, 3
+_POINTS, _SCORED = 5000, 1000
+"""Points that planes are fitted to, and of these the ones that samples are compared by."""
+
+_TRIALS, _REFINEMENTS, _REACH = 150, 4, 3
+"""Samples; fits to the points that the best one holds; and into how many the image is cut to get the largest distance
+of a sample's points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +81,7 @@ def error_at(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.1))
 
 
-def background_planes(points: Points, on_edge: NDArray[np.bool_]) -> list[Plane]:
+def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
     """Find the planes that bound a scene, by random samples of three points [Fischler and Bolles 1981].
 
     A plane is one of the background if it holds at least ``SHARE`` of the points, next to nothing lies behind it but
@@ -85,9 +90,9 @@ def background_planes(points: Points, on_edge: NDArray[np.bool_]) -> list[Plane]
     Parameters
     ----------
     points
-        Shape (n, 3), metres in the camera's frame: right, down, forward.
-    on_edge
-        Whether each lies near the edge of the image, shape (n,).
+        Shape (h, w, 3), metres in the camera's frame: right, down, forward.
+    seen
+        Which of them count, shape (h, w).
 
     Returns
     -------
@@ -95,50 +100,62 @@ def background_planes(points: Points, on_edge: NDArray[np.bool_]) -> list[Plane]
         In the order in which they were found, the largest first.
     """
     random = np.random.default_rng(0)
-    chosen = random.permutation(len(points))[:_SAMPLE]
-    sample, edge = points[chosen], on_edge[chosen]
-    left, spoiled = np.ones(len(sample), dtype=bool), np.zeros(len(sample), dtype=bool)
+    step = max(1, round((seen.size / _POINTS) ** 0.5))
+    points, seen = points[::step, ::step], seen[::step, ::step]
+    margins = [max(1, round(EDGE / 2 * length)) for length in seen.shape]
+    edge = np.ones(seen.shape, dtype=bool)
+    edge[margins[0] : -margins[0], margins[1] : -margins[1]] = False
+    fewest = max(SHARE * np.count_nonzero(seen), 3)
+    left, spoiled = seen.copy(), np.zeros(seen.shape, dtype=bool)
     found: list[Plane] = []
     for _ in range(3 * MOST_PLANES):
         candidates = left & ~spoiled
-        if candidates.sum() < SHARE * len(sample) or len(found) == MOST_PLANES:
+        plane = _best_plane(points, candidates, random) if np.count_nonzero(candidates) >= fewest else None
+        if plane is None or len(found) == MOST_PLANES:
             break
-        plane = _best_plane(sample[candidates], random)
-        if plane is None:
+        held = candidates & plane.holds(points)
+        if np.count_nonzero(held) < fewest:
             break
-        holds = plane.holds(sample)
-        held = candidates & holds
-        behind = (left & (plane.heights(sample) < -2 * plane.slack(sample))).sum()
-        if held.sum() < SHARE * len(sample):
-            break
-        if behind <= BEHIND * len(sample) and (held & edge).sum() >= EDGE * held.sum():
+        behind = left & (plane.heights(points) < -2 * plane.slack(points))
+        bounds = np.count_nonzero(behind) <= BEHIND * np.count_nonzero(seen)
+        if bounds and np.count_nonzero(held & edge) >= EDGE * np.count_nonzero(held):
             found.append(plane)
-            left &= ~holds
+            left &= ~plane.holds(points)
             spoiled[:] = False
         else:
             spoiled |= held  # of the object, or of something that stands about
     return found
 
 
-def _best_plane(points: Points, random: np.random.Generator) -> Plane | None:
-    """The plane that holds most points among those through random triples, refined by least squares."""
-    corners = points[random.integers(len(points), size=(_TRIALS, 3))]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random.Generator) -> Plane | None:
+    """The plane that holds most points among those through random neighbours, refined by least squares."""
+    rows, columns = np.nonzero(candidates)
+    first = random.integers(len(rows), size=_TRIALS)
+    corners = [(rows[first], columns[first])]
+    for _ in range(2):  # neighbours lie on one plane more often than any three points
+        places = [
+            np.clip(place[first] + random.integers(-length // _REACH, length // _REACH + 1, _TRIALS), 0, length - 1)
+            for place, length in zip((rows, columns), candidates.shape, strict=True)
+        ]
+        corners.append((places[0], places[1]))
+    a, b, c = (points[place] for place in corners)
+    normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    proper = lengths > 1e-6
+    proper = (lengths > 1e-6) & candidates[corners[1]] & candidates[corners[2]]
     if not proper.any():
         return None
-    normals, starts = normals[proper] / lengths[proper, None], corners[proper, 0]
-    offsets = np.einsum("ij,ij->i", normals, starts)
-    slack = UNEVEN + np.abs(offsets[:, None]) * (error_at(points[:, 2]) / points[:, 2])
-    held = np.abs(normals @ points.T - offsets[:, None]) <= slack
-    best = int(held.sum(axis=1).argmax())
-    inside = held[best]
+    normals = normals[proper] / lengths[proper, None]
+    offsets = (normals * a[proper]).sum(axis=1)
+    inside = points[candidates]
+    some = inside[:: max(1, len(inside) // _SCORED)]
+    slack = UNEVEN + np.abs(offsets[:, None]) * (error_at(some[:, 2]) / some[:, 2])
+    held = np.abs(normals @ some.T - offsets[:, None]) <= slack
+    plane = _facing(normals[best := int(held.sum(axis=1).argmax())], float(offsets[best]))
     for _ in range(_REFINEMENTS):
-        plane = _fitted(points[inside])
-        inside = plane.holds(points)
-        if inside.sum() < 3:
+        held_points = inside[plane.holds(inside)]
+        if len(held_points) < 3:
             return None
+        plane = _fitted(held_points)
     return plane
 
 
@@ -147,5 +164,8 @@ def _fitted(points: Points) -> Plane:
     centre = points.mean(axis=0)
     moved = points - centre
     normal = np.linalg.eigh(moved.T @ moved)[1][:, 0]
-    offset = float(normal @ centre)
+    return _facing(normal, float(normal @ centre))
+
+
+def _facing(normal: NDArray[np.float64], offset: float) -> Plane:
     return Plane(normal, offset) if offset < 0 else Plane(-normal, -offset)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.mask import Mask

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from benchmark.depth.errors import NoObject
 from benchmark.depth.mask import Mask
-from benchmark.depth.planes import EDGE, Plane, background_planes, error_at
+from benchmark.depth.planes import Plane, error_at
 from benchmark.depth.reading import Depths
 from benchmark.geometry.mesh import Points
 
@@ -24,31 +24,11 @@ FEWEST = 0.004
 JOINED = 0.3
 """Metres between pieces of one object that hides part of itself, such as an arm before a chest, at the most."""
 
-_PLANE_POINTS = 60_000
-
 _LEFT, _RIGHT = (slice(None), slice(None, -1)), (slice(None), slice(1, None))
 _UPPER, _LOWER = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
 
 #: What is told where no object is found.
 _MEND = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
-
-
-def scene_planes(points: Points, seen: Mask) -> list[Plane]:
-    """Return the planes that bound a scene; see :func:`~benchmark.depth.planes.background_planes`.
-
-    Parameters
-    ----------
-    points
-        Shape (h, w, 3), metres in the camera's frame.
-    seen
-        Pixels with a depth, shape (h, w).
-    """
-    step = max(1, round((seen.size / _PLANE_POINTS) ** 0.5))
-    kept = seen[::step, ::step]
-    margin_down, margin_right = (max(1, round(EDGE / 2 * length)) for length in kept.shape)
-    edge = np.ones(kept.shape, dtype=bool)
-    edge[margin_down:-margin_down, margin_right:-margin_right] = False
-    return background_planes(points[::step, ::step][kept], edge[kept])
 
 
 def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
@@ -116,7 +96,7 @@ def pieces(depths: NDArray[np.float64], free: Mask) -> tuple[NDArray[np.int64], 
     """
     labels = np.full(free.shape, -1, dtype=np.int64)
     labels[free] = np.arange(np.count_nonzero(free))
-    count, of_pixel = _groups(np.count_nonzero(free), _touching(labels, depths, jump))
+    count, of_pixel = _groups(int(np.count_nonzero(free)), _touching(labels, depths, jump))
     labels[free] = of_pixel
     return labels, count
 
