@@ -76,9 +76,9 @@ def error_at(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how far from its true depth a point may be measured, in metres, at depths in metres.
 
     Three standard deviations of a structured-light camera, whose error grows with the square of the depth: 1.4 mm at a
-    metre [Khoshelham and Elberink 2012]; 0.1 m at the most.
+    metre [Khoshelham and Elberink 2012]; 0.3 m at the most.
     """
-    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.1))
+    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
 
 
 def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:

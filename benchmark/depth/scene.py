@@ -122,6 +122,8 @@ class DepthFaults:
         Share of the pixels at depth jumps without a depth.
     flying
         Share of the pixels at depth jumps with a depth between the two.
+    farthest
+        Depth in metres beyond which nothing is measured.
 
     References
     ----------
@@ -134,10 +136,11 @@ class DepthFaults:
     missing: float = 0.01
     edge: float = 0.4
     flying: float = 0.1
+    farthest: float = 8.0
 
     def disturbed(self, depths: Depths, random: np.random.Generator) -> Depths:
         """Return depths with noise, steps, lost pixels, lost edges and flying pixels."""
-        seen = depths > 0
+        seen = (depths > 0) & (depths <= self.farthest)
         padded = np.pad(depths, 1, mode="edge")
         around = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
         farthest = np.maximum.reduce(around)

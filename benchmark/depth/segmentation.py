@@ -21,6 +21,9 @@ LARGE = 0.25
 FEWEST = 0.004
 """Share of the pixels of the image that the object shows at the least."""
 
+LARGEST_ERROR = 0.1
+"""Metres that two neighbours on one surface may be measured apart, at the most."""
+
 JOINED = 0.3
 """Metres between pieces of one object that hides part of itself, such as an arm before a chest, at the most."""
 
@@ -103,7 +106,7 @@ def pieces(depths: NDArray[np.float64], free: Mask) -> tuple[NDArray[np.int64], 
 
 def jump(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the difference of neighbouring depths above which two surfaces are seen, in metres."""
-    return np.asarray(0.03 + error_at(depths))
+    return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
 
 
 def _touching(

@@ -12,8 +12,9 @@ from benchmark.geometry.mesh import Mesh
 def capsule(start, end, radius):
     start, end = np.array(start, dtype=float), np.array(end, dtype=float)
     made = trimesh.creation.capsule(height=np.linalg.norm(end - start), radius=radius, count=[24, 24])
+    made.apply_translation(-made.bounds.mean(axis=0))
     made.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], end - start))
-    made.apply_translation(start)
+    made.apply_translation((start + end) / 2)
     return made
 
 
