@@ -161,7 +161,9 @@ def test_each_fault_of_a_scene_is_named():
         rows, columns = np.argwhere(mask).mean(axis=0).astype(int)
         few[rows : rows + 5, columns : columns + 5] = True
         observe(np.where(mask, depths, depths), KINECT, few)
-    with pytest.raises(NoObject, match=r"the object is .* m \(width, height, depth\), more than the 2.57 m of the frame"):
+    with pytest.raises(
+        NoObject, match=r"the object is .* m \(width, height, depth\), more than the 2.57 m of the frame"
+    ):
         observe(5 * depths, KINECT, mask)
     bare, _ = Scene(figure(), Pose((0, -3, 1), (0, 0, 1)), wall=1.0).drawn(KINECT)
     wall = DepthFaults().disturbed(np.where(bare > 0, 0, bare) + 3.0, np.random.default_rng(0))
@@ -171,5 +173,5 @@ def test_each_fault_of_a_scene_is_named():
 
 def test_the_size_of_the_object_decides_not_its_place():
     depths, mask = frame()
-    surface = object_surface(unprojected(depths, KINECT.rays(640, 480)) + [5, 5, 5], mask, np.eye(3))
+    surface = object_surface(unprojected(depths, KINECT.rays(640, 480)) + np.array([5, 5, 5]), mask, np.eye(3))
     assert np.ptp(surface.vertices, axis=0).max() < 2

@@ -17,9 +17,10 @@ MILLIMETRES = np.round(1000 * DEPTHS).astype(np.uint16)
 
 
 def pfm(values, order="<"):
-    return b"Pf\n%d %d\n%s\n" % (*values.shape[::-1], b"-1.0" if order == "<" else b"1.0") + values[::-1].astype(
-        f"{order}f4"
-    ).tobytes()
+    return (
+        b"Pf\n%d %d\n%s\n" % (*values.shape[::-1], b"-1.0" if order == "<" else b"1.0")
+        + values[::-1].astype(f"{order}f4").tobytes()
+    )
 
 
 def write(path, kind):
