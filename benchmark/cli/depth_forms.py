@@ -12,7 +12,7 @@ from typing import Any
 from benchmark.cli.canonicalise import write_form
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.depth.reading import READERS
+from benchmark.depth.reading import READERS, is_depth_file
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.system.calls import call_apart
 
@@ -71,7 +71,7 @@ def frames_under(source: Path) -> list[Path]:
         return [entry.path for entry in dataset.entries if entry.path]
     if _is_pattern(source):
         found = [Path(name) for name in sorted(glob.glob(str(source), recursive=True))]  # noqa: PTH207
-        chosen = [path for path in found if path.suffix.lower() in READERS and "mask" not in path.name.lower()]
+        chosen = [path for path in found if is_depth_file(path)]
         if not chosen:
             raise ConfigurationError(f"no depth image matches {source}", f"name files in {', '.join(READERS)}")
         return chosen

@@ -113,9 +113,14 @@ def _canonicalise_frames(
 ) -> None:
     """Write the forms of depth images; exit 1 if one of several has none."""
     from benchmark.cli.depth_forms import FrameJob, frames_under, make_forms
+    from benchmark.depth.reading import is_depth_file
     from benchmark.geometry.io import WRITABLE
 
+    if len(sources) > 1:  # a pattern that the shell has replaced matches masks and colours, too
+        sources = tuple(path for path in sources if not path.is_file() or is_depth_file(path))
     frames = [frame for source in sources for frame in frames_under(source)]
+    if not frames:
+        raise ConfigurationError("none of these files is a depth image", "name images of 16 bits")
     if frames == list(sources[:1]):
         target = output or _beside(sources[0], method)
         if target.suffix.lower() not in WRITABLE:
