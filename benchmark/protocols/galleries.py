@@ -229,9 +229,9 @@ def galleries(
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
     """Whether a selection includes a table; naming its set is as good as its numeral, but for what goes with others."""
-    if table.identifier in tables:
+    if table.identifier in tables or (table.only_named and not tables and set(table.datasets) & set(sets)):
         return True
-    if table.robustness:
+    if table.robustness or table.only_named:
         return False
     named = bool(sets) and not table.part_of and not table.ablation
     return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)
