@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -94,3 +95,5 @@ def _candidates(image: Path) -> Iterator[Path]:
             for stem in stems:
                 yield folder / name / f"{stem}.png"
                 yield folder / name / f"{stem}_mask.png"
+                named = sorted((folder / name).glob(f"{glob.escape(stem)}_*.png"))
+                yield from named if len(named) == 1 else []  # of several objects nobody says which is meant

@@ -34,6 +34,7 @@ def test_what_is_transparent_is_not(tmp_path):
         ("a/3_depth.png", "a/3_mask.png"),
         ("a/depth/0.png", "a/mask/0.png"),
         ("a/0.npy", "a/masks/0.png"),
+        ("a/depth/000.png", "a/mask/000_shirt.png"),
     ],
 )
 def test_masks_are_found_by_their_usual_names(tmp_path, image, mask):
@@ -42,6 +43,13 @@ def test_masks_are_found_by_their_usual_names(tmp_path, image, mask):
         (tmp_path / name).write_text("")
     assert find_mask(tmp_path / image) == tmp_path / mask
     assert find_mask(tmp_path / "a" / "1.png") is None
+
+
+def test_of_several_masks_none_is_taken(tmp_path):
+    (tmp_path / "mask").mkdir()
+    for name in ("0.png", "mask/0_shirt.png", "mask/0_man.png"):
+        (tmp_path / name).write_text("")
+    assert find_mask(tmp_path / "0.png") is None
 
 
 def test_what_is_no_image_is_named(tmp_path):
