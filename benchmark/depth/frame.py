@@ -91,14 +91,13 @@ def observe(
         points = unprojected(depths, rays)
         planes = background_planes(points[coarse], seen[coarse])
         chosen, part = find_object(points, seen, planes), (slice(None),) * 2
-    else:  # of the scene, the floor alone is wanted, and of the points those of the object
+    else:  # of the scene, the floor alone is wanted
         planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~given)[coarse])
         chosen, part = given, _window(given)
-        points = unprojected(depths[part], rays[part])
     kept = np.zeros_like(chosen)
     kept[part] = without_flying_pixels(depths[part], chosen[part])
     direction, told_by = _up(planes, up)
-    surface = object_surface(points, kept[part], upright(direction), half_width)
+    surface = object_surface(depths[part], rays[part], kept[part], upright(direction), half_width)
     notes: dict[str, float | str] = {
         "mask": "found" if given is None else "given",
         "up": told_by,

@@ -11,7 +11,6 @@ from benchmark.depth.mask import Mask
 from benchmark.depth.reading import FEWEST_SEEN
 from benchmark.depth.segmentation import jump
 from benchmark.geometry.camera import Camera
-from benchmark.geometry.cleaning import compact
 from benchmark.geometry.mesh import Mesh, Points
 
 HALF_WIDTH = 1.285
@@ -87,16 +86,20 @@ def upright(up: NDArray[np.float64]) -> Points:
     return np.stack([np.cross(y, back), y, back])
 
 
-def object_surface(points: Points, mask: Mask, rotation: Points, half_width: float = HALF_WIDTH) -> Mesh:
+def object_surface(
+    depths: NDArray[np.float64], rays: Rays, mask: Mask, rotation: Points, half_width: float = HALF_WIDTH
+) -> Mesh:
     """Return the surface behind the pixels of an object.
 
-    Each 2 x 2 block gives two triangles, or one where a pixel is missing; those across a depth jump are left out, and
-    so is what no triangle holds.
+    Each pixel gives two triangles between its corners, whose depth is the mean of the pixels around that are of the
+    object; where these are torn by a depth jump, a corner of each pixel has the mean of those on its side.
 
     Parameters
     ----------
-    points
-        Shape (h, w, 3), metres in the camera's frame.
+    depths
+        Shape (h, w), metres.
+    rays
+        Of the pixels, shape (h, w, 2); see :meth:`benchmark.depth.intrinsics.Intrinsics.rays`.
     mask
         Pixels of the object, shape (h, w).
     rotation
@@ -116,12 +119,8 @@ def object_surface(points: Points, mask: Mask, rotation: Points, half_width: flo
         )
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
-    mask, points = mask[part], points[part]
-    faces = _triangles(points[..., 2], mask)
-    if len(faces) < FEWEST_SEEN:
-        raise NoObject("the pixels of the object hold no surface in one piece", "check the mask and the depth scale")
-    mesh = compact(points.reshape(-1, 3), faces)
-    mesh = mesh.with_vertices(mesh.vertices @ rotation.T)
+    points, faces = _squares(depths[part], rays[part], mask[part])
+    mesh = Mesh(points @ rotation.T, faces)
     extents = np.ptp(mesh.vertices, axis=0)
     if extents.max() >= 2 * half_width:
         size = " x ".join(f"{extent:.2f}" for extent in extents)
@@ -132,21 +131,31 @@ def object_surface(points: Points, mask: Mask, rotation: Points, half_width: flo
     return mesh
 
 
-def _triangles(depths: NDArray[np.float64], mask: Mask) -> NDArray[np.int32]:
-    """Triangles over pixels, counter-clockwise as the camera sees them, without those across a jump."""
-    index = np.arange(depths.size, dtype=np.int32).reshape(depths.shape)
-    a, b, c, d = (block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
-    some = mask.ravel()[np.stack([a, b, c, d])].sum(axis=0) >= 3
-    a, b, c, d = (corner[some] for corner in (a, b, c, d))
-    inside, z = mask.ravel(), depths.ravel()
-    # The diagonal is that of the smaller depth difference; through a missing pixel it is no choice.
-    along_ac = np.where(inside[a] & inside[c], np.abs(z[a] - z[c]), np.inf)
-    along_bd = np.where(inside[b] & inside[d], np.abs(z[b] - z[d]), np.inf)
-    split = (along_ac <= along_bd)[:, None]
-    first = np.where(split, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
-    second = np.where(split, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
-    faces = np.concatenate([first, second])
-    corners = z[faces]
-    nearest = corners.min(axis=1)
-    kept = inside[faces].all(axis=1) & (corners.max(axis=1) - nearest <= jump(nearest))
-    return np.asarray(faces[kept], dtype=np.int32)
+def _squares(depths: NDArray[np.float64], rays: Rays, mask: Mask) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Corners of pixels in the camera's frame, shape (n, 3), and two triangles for each pixel that face the camera."""
+    padded, inside = np.pad(depths, 1), np.pad(mask, 1)
+    # Of each corner the pixels around it: above left, above right, below left, below right.
+    windows = [(slice(a, a + depths.shape[0] + 1), slice(b, b + depths.shape[1] + 1)) for a in (0, 1) for b in (0, 1)]
+    around, held = np.stack([padded[each] for each in windows]), np.stack([inside[each] for each in windows])
+    nearest = np.where(held, around, np.inf).min(axis=0)
+    farthest = np.where(held, around, 0).max(axis=0)
+    used = held.any(axis=0)
+    whole = used & (farthest - nearest <= jump(np.where(used, nearest, 0)))
+    numbers = np.zeros(around.shape, dtype=np.int32)
+    numbers[:, whole] = np.arange(np.count_nonzero(whole))
+    torn = held & (used & ~whole)
+    numbers[torn] = np.count_nonzero(whole) + np.arange(np.count_nonzero(torn))
+    means = (around * held).sum(axis=0)[whole] / held.sum(axis=0)[whole]
+    places = np.nonzero(torn)
+    members, own = around[:, places[1], places[2]], around[torn]
+    side = held[:, places[1], places[2]] & (np.abs(members - own) <= jump(own))
+    z = np.concatenate([means, (members * side).sum(axis=0) / side.sum(axis=0)])
+    outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    of_corners = (outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]) / 4
+    xy = np.concatenate([of_corners[whole], of_corners[places[1], places[2]]]) * z[:, None]
+    a, b, c, d = (
+        numbers[member, down : down + mask.shape[0], right : right + mask.shape[1]][mask]
+        for member, down, right in ((3, 0, 0), (1, 1, 0), (0, 1, 1), (2, 0, 1))
+    )
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return np.column_stack([xy, z]), faces
