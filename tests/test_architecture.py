@@ -13,7 +13,7 @@ FLOORS = (
     ("benchmark.errors", "benchmark.threads"),
     ("benchmark.system", "benchmark.parameters"),
     ("benchmark.geometry",),
-    ("benchmark.contracts",),
+    ("benchmark.contracts", "benchmark.depth"),
     ("benchmark.learning", "benchmark.scoring"),
     ("benchmark.streaming",),
     ("baselines", "learned", "retrieval"),
@@ -22,7 +22,7 @@ FLOORS = (
     ("benchmark.protocols",),
     ("benchmark.jobs",),
     ("benchmark.report",),
-    ("benchmark.results",),
+    ("benchmark.api", "benchmark.results"),
     ("benchmark.cli",),
     ("benchmark.__main__",),
 )

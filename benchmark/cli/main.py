@@ -21,6 +21,7 @@ from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
 from benchmark.cli.verbs.rekey import rekey, sample
 from benchmark.cli.verbs.results import compare, merge, prune, why
+from benchmark.cli.verbs.retrieve import retrieve
 from benchmark.cli.verbs.run import plan, run
 from benchmark.cli.verbs.tables import report, tables
 from benchmark.cli.verbs.train import train
@@ -54,7 +55,7 @@ def completion_(shell: str) -> None:
 
 
 for verb in (
-    run, plan, list_, describe, tables, report, canonicalise, check, new,
+    run, plan, list_, describe, tables, report, canonicalise, retrieve, check, new,
     data, train, merge, compare, prune, why, rekey, sample, compile_,
 ):  # fmt: skip
     cli.add_command(verb)

@@ -271,6 +271,9 @@ class Selection:
             name_unusable()
         named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
         chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick)
+        for gallery in chosen:
+            for asked in self.inputs:
+                gallery.check_input(asked)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
         planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry, self.scorer_spec())
         name_skipped(store)

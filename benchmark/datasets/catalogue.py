@@ -99,6 +99,12 @@ def _animals_few(root: Path) -> Dataset:
     return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
 
 
+def _camera(_: Path) -> Dataset:
+    from benchmark.datasets.camera_frames import CameraFrames
+
+    return CameraFrames()
+
+
 CATALOGUE: dict[str, DatasetSource] = {
     "shrec14-synthetic": _official("shrec14-synthetic"),
     "shrec14-real": _official("shrec14-real"),
@@ -126,6 +132,9 @@ CATALOGUE: dict[str, DatasetSource] = {
         _animals_few,
         18,
         6,
+    ),
+    "camera": DatasetSource(
+        "generated humans, 15 subjects x 20 poses before a perspective depth camera with faults", _camera, 300, 15
     ),
     **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }

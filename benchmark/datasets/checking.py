@@ -12,6 +12,7 @@ from typing import Literal
 
 from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
+from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import all_mesh_files, sub_folders
 from benchmark.datasets.inspection import Inspection, flaws, inspect
@@ -247,7 +248,8 @@ def _inspect_all(
         inspections[entry.identifier] = found
         if not found.faces_left:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
-        anomalies += [Anomaly("warning", file, what, mend) for what, mend in flaws(found)]
+        if not isinstance(dataset, DepthFolder):  # what one camera sees is open, and may lie in pieces
+            anomalies += [Anomaly("warning", file, what, mend) for what, mend in flaws(found)]
         twin = first_with.setdefault(found.digest, file)
         if twin != file:
             anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))

@@ -1,4 +1,4 @@
-"""Any folder of meshes: classes from a manifest, a PSB ``.cla`` file, sub-folders, or the file names."""
+"""Any folder of meshes or depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or file names."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmark.datasets.base import Entry, natural_key, printable
+from benchmark.datasets.depth_folder import DepthFolder, with_depth_settings
 from benchmark.datasets.files import FolderDataset, text_of
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, inside, read_manifest
-from benchmark.datasets.settings import with_settings
+from benchmark.datasets.settings import SETTINGS_FILE, with_settings
+from benchmark.depth.mask import MASK_FOLDERS
+from benchmark.depth.reading import is_depth_file
 from benchmark.errors import DatasetError
 
 #: Extensions in order of preference when one shape is there in several formats.
@@ -22,7 +25,8 @@ def folder_dataset(folder: Path) -> FolderDataset:
 
     The class of a shape is, in this order: what the column ``class`` of ``MANIFEST.tsv`` says; what a ``.cla`` file
     says; the sub-folder that it lies in; the file name without its trailing number (``cat10.off`` is of class ``cat``).
-    A ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`.
+    A ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`. Where
+    there is no mesh, depth images are the shapes, by sub-folder or file name, see :func:`depth_files`.
 
     Parameters
     ----------
@@ -55,15 +59,48 @@ def folder_dataset(folder: Path) -> FolderDataset:
             for sub in sub_folders(folder)
             for path in mesh_files(sub)
         ]
-    if not entries:
+    depth_entries = [] if entries else _of_depth_images(folder)
+    if not entries and not depth_entries:
         raise DatasetError(
-            f"no meshes in {folder}", f"expected files ending in {', '.join(EXTENSIONS)}, or sub-folders of such files"
+            f"no meshes in {folder}",
+            f"expected files ending in {', '.join(EXTENSIONS)}, depth images of 16 bits, or sub-folders of such files",
         )
+    entries = entries or depth_entries
     twice = [name for name, count in Counter(entry.identifier for entry in entries).items() if count > 1]
     if twice:
-        raise DatasetError(f"{folder} holds two meshes that are both written '{twice[0]}'", "rename one of them")
+        raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
     name = printable(folder.resolve().name)
+    if depth_entries:
+        images = DepthFolder(name=name, title=name, entries=tuple(entries), folder=folder)
+        return with_depth_settings(images, folder / SETTINGS_FILE)
     return with_settings(FolderDataset(name=name, title=name, entries=tuple(entries), folder=folder))
+
+
+def depth_files(folder: Path) -> list[Path]:
+    """Depth images of one folder in natural order: of 16 bits or more, in floats or in arrays; no colours, no masks.
+
+    Raises
+    ------
+    DatasetError
+        If the folder does not exist or cannot be listed.
+    """
+    try:
+        found = [path for path in folder.iterdir() if path.is_file() and is_depth_file(path)]
+    except OSError as error:
+        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+    return sorted(found, key=lambda path: natural_key(path.name))
+
+
+def _of_depth_images(folder: Path) -> list[Entry]:
+    flat = [(printable(path.stem), path) for path in depth_files(folder)]
+    if flat:
+        return [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in flat]
+    return [
+        Entry(printable(f"{sub.name}/{path.stem}"), printable(sub.name), printable(path.stem), path)
+        for sub in sub_folders(folder)
+        if sub.name not in MASK_FOLDERS
+        for path in depth_files(sub) or (depth_files(sub / "depth") if (sub / "depth").is_dir() else [])
+    ]
 
 
 def sub_folders(folder: Path) -> list[Path]:

@@ -80,8 +80,20 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance."""
-        return inputs_of(self.dataset.name, self.table.inputs)
+        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance.
+
+        Depth images are no complete surfaces.
+        """
+        offered = getattr(self.dataset, "inputs", self.table.inputs)
+        return inputs_of(self.dataset.name, tuple(each for each in self.table.inputs if each in offered))
+
+    def check_input(self, input_: str) -> None:
+        """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
+        if input_ == "mesh" and "mesh" not in getattr(self.dataset, "inputs", ("mesh",)):
+            raise ConfigurationError(
+                f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
+                "drop --input mesh: there are no complete surfaces",
+            )
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, some in several variants.
@@ -217,9 +229,9 @@ def galleries(
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
     """Whether a selection includes a table; naming its set is as good as its numeral, but for what goes with others."""
-    if table.identifier in tables:
+    if table.identifier in tables or (table.only_named and not tables and set(table.datasets) & set(sets)):
         return True
-    if table.robustness:
+    if table.robustness or table.only_named:
         return False
     named = bool(sets) and not table.part_of and not table.ablation
     return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)

@@ -48,6 +48,8 @@ class Table:
     robustness
         Whether it is made of a clean set and of that set under each nuisance, of :data:`ROBUSTNESS_ROWS` unless others
         are asked for, and by its name alone.
+    only_named
+        Whether it is made where it, or its set, is asked for by name alone.
     """
 
     identifier: str
@@ -64,6 +66,7 @@ class Table:
     split_size: int = 0
     any_of: tuple[str, ...] = ()
     robustness: bool = False
+    only_named: bool = False
 
     @property
     def datasets(self) -> tuple[str, ...]:
@@ -148,6 +151,15 @@ TABLES: tuple[Table, ...] = (
         any_of=EXTENDED,
         in_quick_runs=False,
         all_unseen=False,
+    ),
+    Table(
+        "camera",
+        "Retrieval of synthetic humans before a perspective depth camera (without figures of the paper)",
+        "camera",
+        folds=SUBJECT_FOLDS,
+        in_quick_runs=False,
+        extended_learners=True,
+        only_named=True,
     ),
     Table(
         "robustness",

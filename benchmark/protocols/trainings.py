@@ -103,6 +103,9 @@ PEOPLE = ("david", "michael", "victoria")
 #: Which of the two trainings on animals a table-bound learner uses by default: "III" or "III-people".
 TABLE_III = "III"
 
+#: Sets of the subjects and poses of another one, whose trainings leave out the same.
+SAME_SUBJECTS = {"camera": "humans"}
+
 #: Name of the training on sampled bodies, and how many bodies in how many poses it takes by default.
 SAMPLED = "humans-sampled"
 SAMPLED_BODIES, SAMPLED_POSES = 1500, 6
@@ -301,7 +304,8 @@ def trainings_by_shape(
     entries = list(entries)
     if always := _for_every_table(learner):
         return dict.fromkeys((entry.identifier for entry in entries), always)
-    names = _strict_names(dataset.name) if learner.split == "strict" else _fold_names(dataset.name)
+    trained_on = SAME_SUBJECTS.get(dataset.name, dataset.name)
+    names = _strict_names(trained_on) if learner.split == "strict" else _fold_names(trained_on)
     folds = [TRAININGS[name] for name in names if name in TRAININGS]
     if folds:
         of_shape = {entry.identifier: training for training in folds for entry in training.tested.of(dataset)}

@@ -11,6 +11,7 @@ import click
 
 from benchmark.cli import completion
 from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option, told_what_it_is
+from benchmark.errors import ConfigurationError
 from benchmark.system.text import clean, say
 
 if TYPE_CHECKING:
@@ -76,17 +77,19 @@ def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
 )
 @click.option(
     "--layout",
-    required=True,
-    type=click.Choice(["shrec14", "tosca"]),
-    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off.",
+    type=click.Choice(["shrec14", "tosca", "frames"]),
+    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of 'camera'.",
 )
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
 @plugin_option
 @data_root_option
 def export(
-    name: str, output: Path, layout: str, force: bool, plugins: tuple[Path, ...], data_root: Path | None
+    name: str, output: Path, layout: str | None, force: bool, plugins: tuple[Path, ...], data_root: Path | None
 ) -> None:
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
+    layout = layout or ("frames" if name == "camera" else None)
+    if layout is None:
+        raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
     count = _on_data(_exported, name, plugins, data_root, name, str(output), layout, force)
     say(f"wrote {count} files to {output}; use them with -d {output}")
 
@@ -153,11 +156,17 @@ def _checked(source: str, root: str | None, name: str) -> tuple[list[str], bool]
 def _exported(source: str, root: str | None, name: str, output: str, layout: str, force: bool) -> int:
     """Number of files that were written."""
     from benchmark.cli.counting import counting
+    from benchmark.datasets.camera_frames import CameraFrames
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.export import export as write
+    from benchmark.datasets.export_frames import export_frames
 
     with counting(f"writing {name}") as watched:
         dataset = open_dataset(source, Path(root) if root else None)
+        if layout == "frames":
+            if not isinstance(dataset, CameraFrames):
+                raise ConfigurationError(f"data set '{name}' has no frames", "choose another --layout")
+            return len(export_frames(dataset, Path(output), force=force, watched=watched))
         return len(write(dataset, Path(output), layout, force=force, watched=watched))
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +14,9 @@ from benchmark.cli import completion
 from benchmark.cli.options import NOT_OK, OK, PathOption, VertexCount, plugin_option, timeout_option
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
+
+if TYPE_CHECKING:
+    from benchmark.cli.depth_forms import FrameOptions
 
 #: Characters of a method with its parameters that do not belong into the name of a file.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
@@ -22,13 +27,13 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
     "-m", "--method", "method", required=True, metavar="METHOD", help="Method; see 'list methods'.",
     shell_complete=completion.methods,
 )  # fmt: skip
-@click.argument("source", type=PathOption(), metavar="IN")
+@click.argument("sources", type=PathOption(), metavar="IN...", nargs=-1, required=True)
 @click.option(
     "-o",
     "--output",
     type=PathOption(),
     metavar="OUT",
-    help="Mesh file to write; by default IN-METHOD.off in the current folder.",
+    help="Mesh file to write; by default IN-METHOD.off in the current folder. Of several images, a folder. [forms]",
 )
 @plugin_option
 @timeout_option("making the form")
@@ -36,30 +41,102 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 @click.option(
     "--vertices", type=VertexCount(), metavar="N|all", help="Vertices of the form; all: those of the file. [2000]"
 )
+@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Of a depth image; else the file beside it.")
+@click.option("--mask", type=PathOption(), metavar="FILE", help="Of the object in a depth image; else found.")
+@click.option(
+    "--depth-scale", type=float, metavar="N", help="Units per metre of a depth image. [1000 for integers, 1 for floats]"
+)
+@click.option(
+    "--picture", type=PathOption(), metavar="OUT.png", help="Picture from depth to form; of several, a folder."
+)
 def canonicalise(
     method: str,
-    source: Path,
+    sources: tuple[Path, ...],
     output: Path | None,
     plugins: tuple[Path, ...],
     timeout: float,
     seed: int,
     vertices: int | str | None,
+    intrinsics: str,
+    mask: Path | None,
+    depth_scale: float | None,
+    picture: Path | None,
 ) -> None:
-    """Write the canonical form of one mesh."""
+    """Write the canonical form of one mesh, or of what depth images show.
+
+    A depth image is a PNG or TIFF of 16 bits, NPY, NPZ or PFM; a folder or a pattern stands for all of its images.
+    """
+    from benchmark.cli.depth_forms import FrameOptions, is_of_depth
+
+    for source in sources:
+        if not source.name:
+            raise ConfigurationError(f"{source} is no file", "name a mesh or a depth image")
+    options = FrameOptions(intrinsics, str(mask or ""), depth_scale)
+    if is_of_depth(sources):
+        if vertices is not None:
+            raise ConfigurationError("a depth image has no vertices", "leave --vertices out")
+        _canonicalise_frames(method, sources, output, plugins, timeout, seed, options, picture)
+        return
+    if options or picture:
+        raise ConfigurationError(
+            f"{sources[0]} is no depth image", "leave --intrinsics, --mask, --depth-scale and --picture out"
+        )
     from benchmark.cli.canonicalise import canonicalise_file
 
-    if not source.name:
-        raise ConfigurationError(f"{source} is no file", "name a mesh")
-    target = output or Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
-    if output is None and source.resolve().parent == Path.cwd():
-        raise ConfigurationError(
-            f"{target} beside {source} would become part of the data", f"name a file with -o, such as -o forms/{target}"
-        )
-    form = canonicalise_file(source, target, method, plugins, seed, timeout, vertices)
+    target = output or _beside(sources[0], method)
+    form = canonicalise_file(sources[0], target, method, plugins, seed, timeout, vertices)
     facts = ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()
     )
     say(f"{target}: {len(form.vertices)} vertices{', ' + facts if facts else ''}")
+
+
+def _beside(source: Path, method: str) -> Path:
+    """The file of a form that has no name; raises ``ConfigurationError`` where it would lie among the data."""
+    target = Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
+    if source.resolve().parent == Path.cwd():
+        raise ConfigurationError(
+            f"{target} beside {source} would become part of the data", f"name a file with -o, such as -o forms/{target}"
+        )
+    return target
+
+
+def _canonicalise_frames(
+    method: str,
+    sources: tuple[Path, ...],
+    output: Path | None,
+    plugins: tuple[Path, ...],
+    timeout: float,
+    seed: int,
+    options: FrameOptions,
+    picture: Path | None,
+) -> None:
+    """Write the forms of depth images; exit 1 if one of several has none."""
+    from benchmark.cli.depth_forms import FrameJob, frames_under, make_forms
+    from benchmark.depth.reading import is_depth_file
+    from benchmark.geometry.io import WRITABLE
+
+    if len(sources) > 1:  # a pattern that the shell has replaced matches masks and colours, too
+        sources = tuple(path for path in sources if not path.is_file() or is_depth_file(path))
+    frames = [frame for source in sources for frame in frames_under(source)]
+    if not frames:
+        raise ConfigurationError("none of these files is a depth image", "name images of 16 bits")
+    if frames == list(sources[:1]):
+        target = output or _beside(sources[0], method)
+        if target.suffix.lower() not in WRITABLE:
+            raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
+        jobs = [FrameJob(str(sources[0]), str(target), str(picture or ""))]
+    else:
+        folder = output or Path("forms")
+        above = os.path.commonpath([path.absolute().parent for path in frames])
+        inner = [path.absolute().relative_to(above) for path in frames]
+        targets = [str(folder / path.with_suffix(".off")) for path in inner]
+        pictures = [str(picture / path.with_suffix(".png")) if picture else "" for path in inner]
+        jobs = list(map(FrameJob, map(str, frames), targets, pictures))
+    failures = make_forms(jobs, options, method, plugins, seed, timeout, say)
+    if failures:
+        say(f"{failures} of {len(jobs)} images have no form", err=True)
+        sys.exit(NOT_OK)
 
 
 @click.command()

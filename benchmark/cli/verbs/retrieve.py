@@ -1,0 +1,76 @@
+"""``retrieve``: the shapes of a gallery that are nearest to a new one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from benchmark.cli import completion
+from benchmark.cli.options import (
+    NameOrFolder,
+    PathOption,
+    data_root_option,
+    plugin_option,
+    results_option,
+    scorer_option,
+    timeout_option,
+    told_what_it_is,
+)
+from benchmark.system.text import clean, say
+
+
+@click.command()
+@click.option(
+    "-m", "--method", "method", required=True, metavar="METHOD", help="Method; see 'list methods'.",
+    shell_complete=completion.methods,
+)  # fmt: skip
+@click.option(
+    "-d", "--dataset", "gallery", required=True, type=NameOrFolder(), metavar="DATASET|FOLDER",
+    shell_complete=completion.datasets, help="Set or folder that was run.",
+)  # fmt: skip
+@click.argument("query", type=PathOption(), metavar="QUERY")
+@click.option("-k", type=click.IntRange(min=1), default=5, show_default=True, help="Shapes that are shown.")
+@click.option("--picture", type=PathOption(), metavar="OUT.png", help="Picture of the forms that were found.")
+@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Of a depth image.")
+@click.option("--mask", type=PathOption(), metavar="FILE", help="Of the object in a depth image; else found.")
+@click.option("--depth-scale", type=float, metavar="N", help="Units per metre of a depth image.")
+@scorer_option
+@plugin_option
+@results_option
+@data_root_option
+@timeout_option("the search")
+@click.option("--seed", type=int, default=0, show_default=True)
+def retrieve(
+    method: str,
+    gallery: str,
+    query: Path,
+    k: int,
+    picture: Path | None,
+    intrinsics: str,
+    mask: Path | None,
+    depth_scale: float | None,
+    scorer: str,
+    plugins: tuple[Path, ...],
+    results: Path,
+    data_root: Path | None,
+    timeout: float,
+    seed: int,
+) -> None:
+    """Show the shapes of a gallery that are nearest to a depth image or a mesh."""
+    from benchmark.cli.retrieval import Search, retrieved
+    from benchmark.datasets.catalogue import sources
+    from benchmark.system.calls import call_apart
+
+    with told_what_it_is(gallery, "data set"):
+        (source,) = sources([gallery], plugins)
+    asked = Search(
+        method, source, str(query), k, str(picture or ""), intrinsics, str(mask or ""), depth_scale, scorer,
+        [str(path) for path in plugins], str(results), str(data_root or ""), seed,
+    )  # fmt: skip
+    lines: list[str] = call_apart(
+        retrieved, asked.plain(), what=f"method '{method}' on {query}", mend="try another shape, or mend the method",
+        limit=timeout,
+    )  # fmt: skip
+    for line in lines:
+        say(clean(line))

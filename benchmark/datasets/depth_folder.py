@@ -1,0 +1,133 @@
+"""Any folder of depth images: classes from sub-folders or file names, intrinsics and masks beside the images."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmark.contracts import Input
+from benchmark.datasets.base import Entry
+from benchmark.datasets.files import FolderDataset, file_digest, is_there, text_of
+from benchmark.depth.frame import FrameFiles, Up, checked_up
+from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
+from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
+from benchmark.errors import BenchmarkError, DatasetError, ShapeError, UnreadableMesh, did_you_mean
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.mesh import Mesh
+
+__all__ = ["DepthFolder", "with_depth_settings"]
+
+_KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
+
+
+@dataclass(frozen=True)
+class DepthFolder(FolderDataset):
+    """Depth images on disk, each of one object; see :class:`~benchmark.datasets.files.FolderDataset`.
+
+    A mesh of it is the surface that the camera sees, in metres: to the right, up, towards the camera.
+
+    Parameters
+    ----------
+    half_width
+        Half the width of the frame that the objects are seen in, in metres.
+    intrinsics
+        Of all images; None takes the file beside each.
+    scale
+        Units of the images per metre; None takes 1000 for integers and 1 for floats.
+    up
+        What is up in the camera's frame (right, down, forward), where no floor is seen.
+    """
+
+    half_width: float | None = HALF_WIDTH
+    intrinsics: Intrinsics | None = None
+    scale: float | None = None
+    up: Up | None = None
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs that it can be ranked under: a depth image shows one side of a shape."""
+        return ("view",)
+
+    def files(self, entry: Entry) -> FrameFiles:
+        """Return the files of a frame."""
+        if entry.path is None:
+            raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give the entry a path")
+        return FrameFiles(entry.path, self.intrinsics, None, self.scale, self.up, self.half_width or HALF_WIDTH)
+
+    def load(self, entry: Entry) -> Mesh:
+        """Return the surface behind the object; raises ``DepthError`` if the frame cannot be read or shows none."""
+        return self.files(entry).observe().surface
+
+    def recipe(self, entry: Entry) -> str:
+        """Digests of image, mask and intrinsics, and what is said of them."""
+        files = self.files(entry)
+        beside = {"mask": files.mask_file, "intrinsics": files.intrinsics_file}
+        digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
+        said = (self.intrinsics, self.scale, self.up, files.half_width)
+        return " ".join(["sha256:" + file_digest(files.image), *digests, repr(said)])
+
+    def camera(self, entry: Entry) -> Camera:
+        """Look at the surface as the camera did, but level."""
+        return UPRIGHT
+
+
+def with_depth_settings(dataset: DepthFolder, settings: Path) -> DepthFolder:
+    """Apply the ``dataset.toml`` of a folder of depth images, where there is one.
+
+    All keys are optional. ``intrinsics`` is a file, or fx, fy, cx, cy; ``depth_scale`` the units per metre; ``up`` what
+    is up in the camera's frame, [right, down, forward], where no floor is seen; ``half_width`` half the width of the
+    frame that the objects are seen in, in metres; ``canonical_pose`` a table from class to pose.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown.
+    DatasetError
+        If the file cannot be read, or a value does not fit.
+    """
+    if not is_there(settings):
+        return dataset
+    try:
+        values = tomllib.loads(text_of(settings))
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(f"cannot read {settings}: {error}", "correct the file or remove it") from error
+    for key in values:
+        if key not in _KEYS:
+            raise did_you_mean(f"key of {settings}, in a folder of depth images", key, _KEYS)
+    try:
+        return dataclasses.replace(dataset, **dict(_changes(values, settings.parent)))
+    except (BenchmarkError, TypeError, ValueError) as error:
+        problem = error.problem if isinstance(error, BenchmarkError) else str(error)
+        mend = error.mend if isinstance(error, BenchmarkError) else "correct the value"
+        raise DatasetError(f"{settings}: {problem}", mend) from error
+
+
+def _changes(values: dict[str, Any], folder: Path) -> Iterator[tuple[str, Any]]:
+    if "intrinsics" in values:
+        said = values["intrinsics"]
+        if isinstance(said, list):
+            yield "intrinsics", parse_intrinsics(" ".join(map(str, said)))
+        else:
+            path = folder / str(said)
+            yield "intrinsics", intrinsics_of(str(path if path.exists() or "," not in str(said) else said))
+    for key, name in (("depth_scale", "scale"), ("half_width", "half_width")):
+        if key in values:
+            yield name, _positive(values[key], key)
+    if "up" in values:
+        if not isinstance(values["up"], list):
+            raise TypeError(f"up is {values['up']!r}: write [right, down, forward], such as [0, -1, 0]")
+        yield "up", tuple(checked_up([float(value) for value in values["up"]]).tolist())
+    if "canonical_pose" in values:
+        if not isinstance(values["canonical_pose"], dict):
+            raise TypeError("canonical_pose is no table from class to pose")
+        yield "canonical_poses", {subject: str(pose) for subject, pose in values["canonical_pose"].items()}
+
+
+def _positive(value: Any, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
+        raise ShapeError(f"{key} is {value!r}", "write a positive number")
+    return float(value)

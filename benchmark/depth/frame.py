@@ -1,0 +1,196 @@
+"""One frame of a depth camera: the object that it shows, as a surface and as the depth image that methods get."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics
+from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, read_intrinsics
+from benchmark.depth.mask import Mask, checked_mask, find_mask, read_mask
+from benchmark.depth.planes import Plane, background_planes
+from benchmark.depth.projection import FRAME, HALF_WIDTH, object_surface, unprojected, upright, without_flying_pixels
+from benchmark.depth.reading import Depths, in_metres, read_depth
+from benchmark.depth.segmentation import find_object
+from benchmark.geometry.mesh import Mesh
+
+_PLANE_STEP = 2
+"""Pixels between those that planes are looked for among."""
+
+Up = Sequence[float]
+
+IMAGE_UP = np.array([0.0, -1.0, 0.0])
+"""What is up in the camera's frame (right, down, forward) where nothing says more."""
+
+MOST_TILTED = np.cos(np.radians(75))
+"""Least cosine between what is said to be up and the plane of the image."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedObject:
+    """The object of one frame.
+
+    Parameters
+    ----------
+    depths
+        Of the image, shape (h, w), metres; 0 where nothing was seen.
+    mask
+        Pixels of the object, shape (h, w).
+    surface
+        The surface behind them in metres: right, up, towards the camera, which looks level.
+    notes
+        How it was found: ``mask`` ("given" or "found"), ``up`` ("floor", "sidecar" or "image"), ``planes``,
+        ``object_pixels``, ``flying_pixels``, ``distance`` (median depth) and ``size`` (longest side), in metres.
+    """
+
+    depths: Depths
+    mask: Mask
+    surface: Mesh
+    notes: dict[str, float | str] = field(default_factory=dict)
+
+
+def observe(
+    depths: Depths,
+    intrinsics: Intrinsics,
+    mask: NDArray[Any] | None = None,
+    up: Up | None = None,
+    half_width: float = HALF_WIDTH,
+) -> ObservedObject:
+    """Return the object of a depth image.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 where nothing was seen.
+    intrinsics
+        Of the camera.
+    mask
+        Shape (h, w), not zero on the object; None finds it, see :mod:`benchmark.depth.segmentation`.
+    up
+        What is up in the camera's frame (right, down, forward), where no floor is seen; None takes the image's.
+    half_width
+        Half the side of the frame that it has to fit, in metres.
+
+    Raises
+    ------
+    DepthError
+        If intrinsics or mask do not fit, no object is found, or it is larger than the frame.
+    """
+    height, width = depths.shape
+    intrinsics.check_size(width, height)
+    seen = depths > 0
+    given = None if mask is None else checked_mask(mask, seen)
+    rays = intrinsics.rays(width, height)
+    coarse = (slice(None, None, _PLANE_STEP),) * 2
+    if given is None:
+        points = unprojected(depths, rays)
+        planes = background_planes(points[coarse], seen[coarse])
+        chosen, part = find_object(points, seen, planes), (slice(None),) * 2
+    else:  # of the scene, the floor alone is wanted
+        planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~given)[coarse])
+        chosen, part = given, _window(given)
+    kept = np.zeros_like(chosen)
+    kept[part] = without_flying_pixels(depths[part], chosen[part])
+    direction, told_by = _up(planes, up)
+    surface = object_surface(depths[part], rays[part], kept[part], upright(direction), half_width)
+    notes: dict[str, float | str] = {
+        "mask": "found" if given is None else "given",
+        "up": told_by,
+        "planes": float(len(planes)),
+        "object_pixels": float(np.count_nonzero(kept)),
+        "flying_pixels": float(np.count_nonzero(chosen) - np.count_nonzero(kept)),
+        "distance": round(float(np.median(depths[kept])), 4),
+        "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
+    }
+    return ObservedObject(depths, kept, surface, notes)
+
+
+def _window(mask: Mask) -> tuple[slice, slice]:
+    """The rows and columns that hold a mask, and one more on each side."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
+
+
+def _up(planes: Sequence[Plane], said: Up | None) -> tuple[NDArray[np.float64], str]:
+    """What is up in the camera's frame, and what tells."""
+    floors = [plane for plane in planes if plane.is_floor]
+    if floors:
+        return max(floors, key=lambda plane: -plane.offset).normal, "floor"
+    if said is None:
+        return IMAGE_UP, "image"
+    return checked_up(said), "sidecar"
+
+
+def checked_up(said: Up) -> NDArray[np.float64]:
+    """Return what is said to be up as a unit vector; raises ``InvalidDepth`` if it is none, or the camera's axis."""
+    up = np.asarray(said, dtype=np.float64)
+    length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
+    if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
+        raise InvalidDepth(
+            f"{list(said)} is up in no image",
+            "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
+        )
+    return up / length
+
+
+@dataclass(frozen=True)
+class FrameFiles:
+    """The files of one frame, and what is said of them.
+
+    Parameters
+    ----------
+    image
+        The depth image.
+    intrinsics
+        Of the camera; None looks for a file by its usual names.
+    mask
+        Of the object; None looks for a file by its usual names, and finds the object itself where there is none.
+    scale
+        Units of the image per metre; None takes 1000 for integers and 1 for floats.
+    up
+        What is up in the camera's frame (right, down, forward), where no floor is seen.
+    half_width
+        Half the side of the frame, in metres.
+    """
+
+    image: Path
+    intrinsics: Intrinsics | None = None
+    mask: Path | None = None
+    scale: float | None = None
+    up: Up | None = None
+    half_width: float = HALF_WIDTH
+
+    @property
+    def mask_file(self) -> Path | None:
+        """The mask that is read; None if there is none."""
+        return self.mask or find_mask(self.image)
+
+    @property
+    def intrinsics_file(self) -> Path | None:
+        """The intrinsics that are read; None if they are given, or missing."""
+        return None if self.intrinsics else find_intrinsics(self.image)
+
+    def observe(self) -> ObservedObject:
+        """Read the frame and return its object; raises ``DepthError`` with the file that is wrong."""
+        depths = read_depth(self.image, self.scale)
+        mask = self.mask_file
+        return observe(depths, self._camera(), read_mask(mask) if mask else None, self.up, self.half_width)
+
+    def _camera(self) -> Intrinsics:
+        if self.intrinsics is not None:
+            return self.intrinsics
+        path = self.intrinsics_file
+        if path is None:
+            raise InvalidIntrinsics(
+                f"there are no intrinsics for {self.image}",
+                "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy",
+            )
+        return read_intrinsics(path)
+
+
+__all__ = ["FRAME", "FrameFiles", "ObservedObject", "Up", "checked_up", "in_metres", "observe"]

@@ -1,0 +1,264 @@
+"""Intrinsics of a pinhole camera: from text, Open3D, ROS, or four numbers; and the rays that they give the pixels."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.depth.errors import InvalidIntrinsics
+
+Rays = NDArray[np.float64]
+
+#: Names of files with intrinsics, in the folder of the image or in one of the two above it.
+NAMES = (
+    "camera.json", "camera_info.yaml", "camera_info.yml", "camera_info.json", "depth_camera_info.yaml",
+    "intrinsics.txt", "intrinsics.json", "intrinsics.yaml", "intrinsic.txt", "intrinsic.json",
+    "depthIntrinsics.txt", "depth_intrinsics.txt", "depth_intrinsics.json", "intrinsics_depth.txt",
+    "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
+)  # fmt: skip
+
+#: The same for one image, behind its name without extension.
+ENDINGS = tuple(f"{mark}{what}{end}" for mark in (".", "_", "-") for what in ("intrinsics", "camera", "camera_info")
+                for end in (".txt", ".json", ".yaml"))  # fmt: skip
+
+CENTRAL = (0.25, 0.75)
+"""Shares of the width and height between which a principal point lies, where nothing says how large the image is."""
+
+_LARGEST_FILE = 1_000_000
+_MEND = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
+
+#: Steps that find the ray of a distorted pixel; lenses of depth cameras need five.
+_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera.
+
+    Parameters
+    ----------
+    fx, fy
+        Focal lengths in pixels.
+    cx, cy
+        Principal point in pixels, where the centre of the first pixel lies at 0.
+    size
+        Width and height of the image that they belong to; None if that is not known.
+    distortion
+        Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, as OpenCV orders them;
+        empty for none.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    size: tuple[int, int] | None = None
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
+            raise InvalidIntrinsics(
+                f"focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g} are those of no camera",
+                "pass positive focal lengths in pixels",
+            )
+
+    def check_size(self, width: int, height: int) -> None:
+        """Raise ``InvalidIntrinsics`` if they belong to an image of another size."""
+        if self.size is not None and self.size != (width, height):
+            raise InvalidIntrinsics(
+                f"the intrinsics are those of {self.size[0]} x {self.size[1]} pixels, the image has {width} x {height}",
+                "pass those of the depth image, not of the colour image or of another resolution",
+            )
+        low, high = (0.0, 1.0) if self.size else CENTRAL
+        if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
+            raise InvalidIntrinsics(
+                f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height} pixels",
+                "pass the intrinsics of this image; those of a part of an image need its width and height beside them",
+            )
+
+    def rays(self, width: int, height: int) -> Rays:
+        """Return where the ray of each pixel meets the plane at depth 1, shape (height, width, 2): right, down."""
+        return _rays(self, width, height)
+
+
+@functools.lru_cache(maxsize=4)
+def _rays(camera: Intrinsics, width: int, height: int) -> Rays:
+    x = (np.arange(width) - camera.cx) / camera.fx
+    y = (np.arange(height) - camera.cy) / camera.fy
+    seen = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+    if any(camera.distortion):
+        seen = _undistorted(seen, camera.distortion)
+    seen.flags.writeable = False
+    return seen
+
+
+def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
+    """Invert the distortion by fixed-point iteration, as its authors' and OpenCV's tools do [Brown 1971]."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * (8 - len(coefficients)))
+    found = seen
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            x, y = found[..., 0], found[..., 1]
+            r = x * x + y * y
+            radial = (1 + r * (k4 + r * (k5 + r * k6))) / (1 + r * (k1 + r * (k2 + r * k3)))
+            shift = np.stack([2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y], axis=-1)
+            found = (seen - shift) * radial[..., None]
+    if not (np.isfinite(found).all() and np.abs(found).max() < 100):
+        raise InvalidIntrinsics(f"distortion {coefficients} cannot be inverted on this image", "check its coefficients")
+    return found
+
+
+def parse_intrinsics(text: str) -> Intrinsics:
+    """Return the camera that four numbers ``fx,fy,cx,cy`` describe; raises ``InvalidIntrinsics`` for anything else."""
+    return _of_numbers(_numbers(text), text)
+
+
+def intrinsics_of(value: str) -> Intrinsics:
+    """Return the camera that an option names: ``fx,fy,cx,cy``, or a file; see :func:`read_intrinsics`."""
+    if re.fullmatch(r"[\s\d.,eE+-]+", value) and "," in value and not Path(value).exists():
+        return parse_intrinsics(value)
+    return read_intrinsics(Path(value))
+
+
+def read_intrinsics(path: Path) -> Intrinsics:
+    """Read intrinsics.
+
+    Parameters
+    ----------
+    path
+        Text with a 3 x 3 or 4 x 4 matrix, or with fx fy cx cy; ``camera.json`` of Open3D; ``camera_info.yaml`` of ROS;
+        or JSON with ``fx``, ``fy``, ``cx`` (``ppx``) and ``cy`` (``ppy``).
+
+    Raises
+    ------
+    InvalidIntrinsics
+        If it cannot be read, or describes no camera.
+    """
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise InvalidIntrinsics(f"{path} is too large for intrinsics", _MEND)
+        text = path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise InvalidIntrinsics(f"{path}: {error.strerror}", f"check the path; {_MEND}") from error
+    except UnicodeDecodeError as error:
+        raise InvalidIntrinsics(f"{path} is no text, as an image is none", _MEND) from error
+    try:
+        if text.lstrip().startswith("{"):
+            return _of_json(json.loads(text))
+        return _of_yaml(text) if re.search(r"(?m)^\s*(camera_matrix|[Kk])\s*:", text) else parse_intrinsics(text)
+    except InvalidIntrinsics as error:
+        raise InvalidIntrinsics(f"{path}: {error.problem}", error.mend) from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        what = f"{path} holds no intrinsics: {type(error).__name__} {' '.join(str(error).split())}"
+        raise InvalidIntrinsics(f"{what:.300}", _MEND) from error
+
+
+def find_intrinsics(image: Path) -> Path | None:
+    """Return the file with the intrinsics of an image by its usual names; None where there is none.
+
+    Its own come first, then those of its folder, then those of the two folders above.
+    """
+    stems = dict.fromkeys((image.stem, image.stem.partition(".")[0]))
+    for stem in stems:
+        for ending in ENDINGS:
+            if (path := image.with_name(stem + ending)).is_file():
+                return path
+    for folder in (image.parent, *image.absolute().parent.parents[:2]):
+        for name in NAMES:
+            if (path := folder / name).is_file():
+                return path
+    return None
+
+
+def _of_numbers(numbers: Sequence[float], text: str) -> Intrinsics:
+    if len(numbers) == 4:
+        fx, fy, cx, cy = numbers
+        return Intrinsics(fx, fy, cx, cy)
+    if len(numbers) in (9, 16):
+        return _of_matrix(np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3])
+    raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _MEND)
+
+
+def _of_matrix(
+    matrix: NDArray[np.float64], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
+) -> Intrinsics:
+    if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
+        said = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
+        raise InvalidIntrinsics(f"the matrix {said} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
+    if len(distortion) not in (0, 4, 5, 8) and any(distortion):
+        raise InvalidIntrinsics(f"{len(distortion)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
+    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return Intrinsics(fx, fy, cx, cy, size, tuple(map(float, distortion)) if any(distortion) else ())
+
+
+def _of_json(content: Mapping[str, Any]) -> Intrinsics:
+    found: Any = content.get("intrinsic", content)
+    if isinstance(found, list):
+        return _of_numbers([float(value) for value in np.ravel(found)], str(found))
+    size = _size(found)
+    distortion = [float(value) for value in found.get("coeffs", found.get("D", found.get("d", ())))]
+    if "intrinsic_matrix" in found:  # of Open3D, column by column
+        return _of_matrix(np.array(found["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T, size, distortion)
+    for key in ("K", "k", "camera_matrix"):
+        if key in found:
+            values = found[key]["data"] if isinstance(found[key], dict) else found[key]
+            return _of_matrix(np.array(values, dtype=np.float64).reshape(3, 3), size, distortion)
+    cx, cy = (found.get(f"c{axis}", found.get(f"pp{axis}")) for axis in "xy")
+    if cx is None or cy is None:
+        raise InvalidIntrinsics(f"keys {', '.join(map(str, found))} name no principal point", _MEND)
+    matrix = np.array([[found["fx"], 0, cx], [0, found["fy"], cy], [0, 0, 1]], dtype=np.float64)
+    return _of_matrix(matrix, size, distortion)
+
+
+def _size(found: Mapping[str, Any]) -> tuple[int, int] | None:
+    for prefix in ("", "image_"):
+        if f"{prefix}width" in found and f"{prefix}height" in found:
+            width, height = int(found[f"{prefix}width"]), int(found[f"{prefix}height"])
+            return (width, height) if width > 0 and height > 0 else None
+    return None
+
+
+def _of_yaml(text: str) -> Intrinsics:
+    """Read ``camera_info`` as ROS writes it, of which a few keys with lists of numbers are wanted."""
+    values = dict(_lists(text))
+    matrix = values.get("camera_matrix") or values.get("K") or values.get("k") or []
+    if len(matrix) != 9:
+        raise InvalidIntrinsics(f"camera_matrix holds {len(matrix)} numbers, not 9", "write camera_info.yaml of ROS")
+    model = re.search(r"(?m)^\s*distortion_model\s*:\s*[\"']?(\w+)", text)
+    distortion = values.get("distortion_coefficients") or values.get("D") or values.get("d") or []
+    if model and model[1] not in ("plumb_bob", "rational_polynomial") and any(distortion):
+        raise InvalidIntrinsics(
+            f"the distortion model is '{model[1]}'", "rectify the image, and pass plumb_bob or rational_polynomial"
+        )
+    numbers = dict(re.findall(r"(?m)^\s*((?:image_)?(?:width|height))\s*:\s*(\d+)", text))
+    return _of_matrix(np.array(matrix).reshape(3, 3), _size(numbers), distortion)
+
+
+def _lists(text: str) -> Iterator[tuple[str, list[float]]]:
+    """Yield the lists of numbers of a YAML text with the key that they stand under, of two levels the upper one."""
+    key = ""
+    for match in re.finditer(
+        r"(?m)^([ \t]*)([A-Za-z_]\w*)\s*:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t]*[-+.\deE]+)+)?", text
+    ):
+        if match[2] not in ("rows", "cols", "data"):
+            key = match[2]
+        if match[3]:
+            yield key, _numbers(match[3].replace("\n", " ").replace("- ", " ").strip("[] "))
+
+
+def _numbers(text: str) -> list[float]:
+    words = [word for word in re.split(r"[\s,;]+", text.strip().strip("[]")) if word]
+    try:
+        return [float(word.strip("[]")) for word in words]
+    except ValueError as error:
+        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _MEND) from error

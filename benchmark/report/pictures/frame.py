@@ -1,0 +1,82 @@
+"""One frame of a depth camera from its depths to the canonical form of its object, in four pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from benchmark.depth.mask import Mask
+from benchmark.depth.projection import UPRIGHT
+from benchmark.depth.reading import Depths
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.depth import fit_half_width, render_depth
+from benchmark.geometry.mesh import Mesh
+from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
+from benchmark.system.files import write_atomically
+
+HEIGHT = 300
+"""Pixels of the height of each picture."""
+
+TITLES = ("depth", "object", "canonical depth", "canonical form")
+
+_GAP, _LINE, _FONT_SIZE = 12, 24, 14
+_OBJECT = np.array([0.95, 0.55, 0.2])
+
+
+def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
+    """Draw depths, the object among them, and its canonical form, as a depth image and as a surface.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 where nothing was seen.
+    mask
+        Pixels of the object, shape (h, w).
+    form
+        Right, up, towards the viewer.
+    """
+    grey = _grey(depths)
+    marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
+    fine = HEIGHT * SUPERSAMPLING
+    canonical = depth_picture(render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), fine), fine)
+    canonical = canonical.reshape(HEIGHT, SUPERSAMPLING, HEIGHT, SUPERSAMPLING, 3).mean(axis=(1, 3))
+    panels = [_scaled(grey), _scaled(marked), _image(canonical), _image(shaded(form, UPRIGHT, HEIGHT))]
+    width = sum(panel.width for panel in panels) + _GAP * (len(panels) + 1)
+    sheet = Image.new("RGB", (width, HEIGHT + _LINE + _GAP), "white")
+    pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(_FONT_SIZE), _GAP
+    for title, panel in zip(TITLES, panels, strict=True):
+        sheet.paste(panel, (left, _LINE))
+        pen.text((left, _LINE // 2), title, fill="black", font=font, anchor="lm")
+        left += panel.width + _GAP
+    return sheet
+
+
+def save_picture(image: Image.Image, path: Path) -> None:
+    """Write a PNG; raises ``ConfigurationError`` if it has another name or cannot be written."""
+    if path.suffix.lower() != ".png":
+        raise ConfigurationError(f"{path} is not the name of a PNG file", "let it end in .png")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error.strerror}", "choose another file") from error
+
+
+def _grey(depths: Depths) -> NDArray[np.float64]:
+    """Near is bright, what was not seen is white; shape (h, w, 3), in [0, 1]."""
+    seen = depths > 0
+    near, far = np.percentile(depths[seen], (1, 99)) if seen.any() else (0.0, 1.0)
+    shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
+    return np.asarray(np.repeat(np.where(seen, shade, 1.0)[..., None], 3, axis=2))
+
+
+def _scaled(picture: NDArray[np.float64]) -> Image.Image:
+    height, width = picture.shape[:2]
+    return _image(picture).resize((max(1, round(width * HEIGHT / height)), HEIGHT), Image.Resampling.LANCZOS)
+
+
+def _image(picture: NDArray[np.float64]) -> Image.Image:
+    return Image.fromarray(np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8))

@@ -1,0 +1,147 @@
+"""``canonicalise`` of depth images, and ``retrieve``."""
+
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from benchmark.cli.depth_forms import FrameJob, FrameOptions, _forms, frames_under, make_forms
+from benchmark.cli.main import cli
+from benchmark.depth.errors import DepthError
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.geometry.io import read_mesh
+from tests.datasets.test_depth_folder import write_frames
+from tests.depth.scenes import frame, in_millimetres
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    return write_frames(tmp_path_factory.mktemp("data") / "frames")
+
+
+def run(*arguments):
+    done = CliRunner().invoke(cli, [*map(str, arguments)])
+    if done.exception and not isinstance(done.exception, (BenchmarkError, SystemExit)):
+        raise done.exception
+    return done.output + (str(done.exception) if isinstance(done.exception, BenchmarkError) else "")
+
+
+def test_one_image_gives_one_form_and_a_picture(frames, tmp_path):
+    image, form, picture = frames / "one" / "0.png", tmp_path / "form.ply", tmp_path / "picture.png"
+    told = run("canonicalise", "-m", "identity", image, "-o", form, "--picture", picture)
+    assert re.match(rf"{form}: \d+ vertices, .*mask given, up floor, planes 2", told)
+    assert read_mesh(form).n_vertices > 1000
+    with Image.open(picture) as drawn:
+        assert drawn.width > 4 * drawn.height
+
+
+def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_costs_one(tmp_path):
+    folder = write_frames(tmp_path / "frames")
+    (folder / "one" / "1.png").write_bytes(b"")
+    told = run("canonicalise", "-m", "identity", folder, "-o", tmp_path / "forms", "--picture", tmp_path / "pictures")
+    assert [line.split("  ")[0] for line in told.splitlines()[:4]] == [f"{n} of 4" for n in range(1, 5)]
+    assert "one/1.png: not a readable png file" in told
+    assert "1 of 4 images have no form" in told
+    made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.off")}
+    assert made == {"forms/one/0.off", "forms/two/0.off", "forms/two/1.off"}
+    assert len(list((tmp_path / "pictures").rglob("*.png"))) == 3
+    names = [path.relative_to(folder).as_posix() for path in frames_under(folder / "*" / "0*.png")]
+    assert names == ["one/0.png", "two/0.png"], "masks are no images, however a pattern is written"
+
+
+def test_what_does_not_fit_is_refused(frames, tmp_path):
+    image = frames / "one" / "0.png"
+    for arguments, said in (
+        ([image, "--vertices", "all"], "a depth image has no vertices"),
+        ([image, "-o", tmp_path / "form.xyz"], "is no name of a mesh"),
+        ([tmp_path / "absent.off", "--mask", image], "is no depth image; leave --intrinsics, --mask"),
+        ([tmp_path / "*.png"], "no depth image matches"),
+        ([tmp_path], "no meshes in"),
+    ):
+        assert said in run("canonicalise", "-m", "identity", *arguments)
+
+
+def bad_files(folder):
+    depths, mask = frame()
+    good = in_millimetres(depths)
+    Image.fromarray(good).save(folder / "good.png")
+    Image.fromarray(mask).save(folder / "white.png")
+    Image.fromarray(mask[:50, :50]).save(folder / "small.png")
+    Image.new("L", (640, 480)).save(folder / "black.png")
+    (folder / "cut.png").write_bytes((folder / "good.png").read_bytes()[:9000])
+    Image.fromarray((good / 20).astype(np.uint8)).save(folder / "grey.png")
+    Image.new("RGB", (640, 480)).save(folder / "colour.png")
+    Image.fromarray(np.full((480, 640), 1500, np.uint16)).save(folder / "flat.png")
+    Image.fromarray(good[:2, :2]).save(folder / "tiny.png")
+    Image.fromarray(np.zeros((6000, 8000), np.uint16)).save(folder / "large.png")
+    np.save(folder / "nan.npy", np.full((480, 640), np.nan))
+    (folder / "singular.txt").write_text("0 0 0\n0 0 0\n0 0 0")
+
+
+CAMERA = "525,525,319.5,239.5"
+BAD = {
+    "truncated": ("cut.png", {}, "cut.png: not a readable png file: .*export the image again"),
+    "8 bits": ("grey.png", {}, "holds 8 bits, no depth; export depth with 16 bits"),
+    "colour": ("colour.png", {}, "holds colours .RGB., no depth"),
+    "mask of another size": ("good.png", {"mask": "small.png"}, "the mask has 50 x 50 pixels, the image 640 x 480"),
+    "intrinsics of another size": ("good.png", {"intrinsics": "1050,1050,640,480"}, "far from the middle of 640 x 480"),
+    "singular intrinsics": ("good.png", {"intrinsics": "singular.txt"}, "is that of no camera"),
+    "image as intrinsics": ("good.png", {"intrinsics": "white.png"}, "white.png is no text, as an image is none"),
+    "no intrinsics": ("good.png", {"intrinsics": ""}, "there are no intrinsics for .*; put camera.json"),
+    "scale": ("good.png", {"scale": 1.0}, "the median depth is .* m with 1 units per metre; pass .*--depth-scale"),
+    "scale the other way": ("good.png", {"scale": 1e6}, "the median depth is 0.00.* m with 1e"),
+    "empty mask": ("good.png", {"mask": "black.png"}, "the mask is empty"),
+    "one depth": ("flat.png", {}, "all 307200 pixels lie at 1.5 m"),
+    "4 pixels": ("tiny.png", {}, "4 of 4 pixels have a depth, fewer than 200"),
+    "48 million pixels": ("large.png", {}, "8000 x 6000 pixels are more than 4096 per side; reduce it"),
+    "nan": ("nan.npy", {}, "0 of 307200 pixels have a depth"),
+    "absent": ("absent.png", {}, "absent.png: No such file"),
+}
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bad")
+    bad_files(folder)
+    return folder
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
+    monkeypatch.chdir(bad)
+    image, options, said = BAD[fault]
+    values = {"intrinsics": CAMERA, "mask": "", "scale": None} | options
+    with pytest.raises(DepthError, match=said) as caught:
+        _forms([(image, str(tmp_path / "form.off"), "")], list(values.values()), "identity", [], 0, print)
+    assert caught.value.mend
+    assert not list(tmp_path.iterdir())
+
+
+def test_in_a_process_of_its_own_it_is_the_same_error(bad, tmp_path):
+    job = FrameJob(str(bad / "grey.png"), str(tmp_path / "form.off"))
+    with pytest.raises(BenchmarkError, match="holds 8 bits, no depth; export depth"):
+        make_forms([job], FrameOptions(CAMERA), "identity")
+    with pytest.raises(ConfigurationError, match="unknown method"):
+        make_forms([job], FrameOptions(CAMERA), "no-such")
+
+
+def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, tmp_path):
+    results, picture = tmp_path / "results", tmp_path / "found.png"
+    asked = ("retrieve", "-m", "identity", "-d", frames, "--results", results, frames / "two" / "1.png")
+    assert "run -m identity -d" in run(*asked)
+    run("run", "-d", frames, "-m", "identity", "-m", "surface-area", "--results", results, "--executor", "serial")
+    first = run(*asked, "--picture", picture)
+    assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
+    assert "two/1" not in first, "the query is no result"
+    assert "0 signatures read, 3 made from their forms and kept" in first
+    second = run(*asked, "-k", 2)
+    assert "3 signatures read, " in second
+    assert second.splitlines()[:3] == first.splitlines()[:3]
+    distances = [float(line.split()[-1]) for line in first.splitlines()[1:4]]
+    assert distances == sorted(distances)
+    with Image.open(picture) as drawn:
+        assert drawn.width > drawn.height
+    described = run(*(word if word != "identity" else "surface-area" for word in asked))
+    assert re.search(r"class (one|two), by a margin of", described)

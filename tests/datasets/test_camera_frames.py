@@ -1,0 +1,83 @@
+"""The stand-in camera: scenes as they are promised, and files that read as the data set."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmark.datasets.camera_frames import DISTANCES, HEIGHTS, WALLS, CameraFrames
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.export_frames import export_frames
+from benchmark.depth.frame import observe
+from benchmark.errors import ConfigurationError
+from benchmark.protocols.galleries import galleries
+from benchmark.protocols.tables import TABLES
+from tests.depth.scenes import overlap
+
+
+class Few(CameraFrames):
+    """Four frames of two subjects."""
+
+    @property
+    def entries(self):
+        return tuple(entry for entry in super().entries[::5] if entry.subject in ("man-1", "child-2"))[:8:2]
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "frames"
+    return folder, export_frames(Few(), folder)
+
+
+def test_files_read_as_the_data_set(exported):
+    folder, names = exported
+    dataset, entries = open_dataset(str(folder), None), Few().entries
+    assert len(names) == 2 * len(entries) + 1
+    assert {(entry.subject, entry.pose) for entry in dataset.entries} == {(e.subject, e.pose) for e in entries}
+    by_pose = {(entry.subject, entry.pose): entry for entry in dataset.entries}
+    for entry in entries[:2]:
+        read, made = dataset.load(by_pose[entry.subject, entry.pose]), Few().load(entry)
+        np.testing.assert_array_equal(read.vertices, made.vertices)
+        np.testing.assert_array_equal(read.faces, made.faces)
+        assert dataset.half_width == Few.half_width
+    with Image.open(folder / names[0]) as image:
+        assert (image.size, image.mode) == ((640, 480), "I;16")
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(exported):
+    with pytest.raises(ConfigurationError, match="is not empty; choose another folder, or pass --force"):
+        export_frames(Few(), exported[0])
+
+
+def test_scenes_are_as_promised_and_the_rule_finds_the_body():
+    dataset = Few()
+    for entry in dataset.entries[:3]:
+        scene = dataset.scene(entry)
+        assert DISTANCES[0] <= -scene.pose.position[1] <= DISTANCES[1]
+        assert HEIGHTS[0] <= scene.pose.position[2] <= HEIGHTS[1]
+        assert WALLS[0] <= scene.wall <= WALLS[1]
+        depths, mask = dataset.frame(entry)
+        assert overlap(observe(depths, dataset.intrinsics).mask, mask & (depths > 0)) > 0.9
+        again, _ = dataset.frame(entry)
+        np.testing.assert_array_equal(depths, again)
+        np.testing.assert_array_equal(depths, np.round(depths, 3))
+
+
+def test_another_seed_is_another_data_set():
+    entry = Few().entries[0]
+    other = dataclasses.replace(Few(), seed=1)
+    assert Few().recipe(entry) != other.recipe(entry)
+    assert Few().scene(entry).pose != other.scene(entry).pose
+
+
+def test_its_table_has_the_folds_of_table_one_and_is_made_by_name_alone():
+    chosen = galleries(["camera"])
+    first = galleries(["I"])
+    assert [[e.identifier for e in gallery.entries] for gallery in chosen] == [
+        [e.identifier for e in gallery.entries] for gallery in first[:3]
+    ]
+    assert all(gallery.inputs == ("view",) for gallery in chosen)
+    assert "camera" not in {gallery.table.identifier for gallery in galleries()}
+    assert [gallery.table.identifier for gallery in galleries(dataset_names=["camera"])] == ["camera"] * 3
+    assert "camera" in {table.identifier for table in TABLES}

@@ -1,0 +1,151 @@
+"""Folders of depth images as data sets."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from benchmark.cli.main import cli
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.checking import check
+from benchmark.datasets.depth_folder import DepthFolder
+from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.jobs.preparation import Preparation
+from tests.depth.scenes import frame, in_millimetres, overlap
+from tests.toy import rod, write_off
+
+INTRINSICS = "525 0 319.5\n0 525 239.5\n0 0 1\n"
+
+
+def write_frames(folder, classes=("one", "two"), count=2):
+    for number, subject in enumerate(classes):
+        (folder / subject).mkdir(parents=True)
+        for pose in range(count):
+            depths, mask = frame(seed=10 * number + pose)
+            Image.fromarray(in_millimetres(depths)).save(folder / subject / f"{pose}.png")
+            Image.fromarray(mask).save(folder / subject / f"{pose}_mask.png")
+            Image.new("RGB", (640, 480)).save(folder / subject / f"{pose}-colour.png")
+    (folder / "intrinsics.txt").write_text(INTRINSICS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    return write_frames(tmp_path_factory.mktemp("data") / "frames")
+
+
+def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
+    dataset = open_dataset(str(frames), None)
+    assert isinstance(dataset, DepthFolder)
+    assert [(entry.identifier, entry.subject) for entry in dataset.entries] == [
+        ("one/0", "one"), ("one/1", "one"), ("two/0", "two"), ("two/1", "two"),
+    ]  # fmt: skip
+    report = check(dataset)
+    assert report.usable
+    assert not report.anomalies
+
+
+def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames):
+    dataset = open_dataset(str(frames), None)
+    assert dataset.half_width == 1.285
+    shape = Preparation(dataset, "view").shape(dataset.entries[0])
+    assert shape.depth.shape == (500, 500)
+    rows = np.flatnonzero(shape.depth.any(axis=1))
+    assert len(rows) * 2.57 / 500 == pytest.approx(1.65, abs=0.1)
+    assert shape.mesh.area == pytest.approx(1)
+    assert 0.5 < shape.source_area < 1.2  # square metres of the front of a body
+
+
+def test_what_determines_a_shape_are_all_its_files_and_settings(tmp_path):
+    dataset = open_dataset(str(write_frames(tmp_path / "frames", count=1)), None)
+    entry, other = dataset.entries
+    before = dataset.recipe(entry)
+    assert before != dataset.recipe(other)
+    for file in ("one/0_mask.png", "intrinsics.txt"):
+        path = tmp_path / "frames" / file
+        old = path.read_bytes()
+        path.write_bytes(old + b"\n")
+        assert dataset.recipe(entry) != before, file
+        path.write_bytes(old)
+    (tmp_path / "frames" / "dataset.toml").write_text("depth_scale = 999")
+    assert open_dataset(str(tmp_path / "frames"), None).recipe(entry) != before
+
+
+def test_images_beside_meshes_are_textures(frames, tmp_path):
+    folder = tmp_path / "meshes"
+    write_off(folder / "cat0.off", rod(0.1, 0.5))
+    (folder / "cat0.png").write_bytes((frames / "one" / "0.png").read_bytes())
+    assert [entry.identifier for entry in open_dataset(str(folder), None).entries] == ["cat0"]
+
+
+def test_settings_are_applied(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=1)
+    (folder / "intrinsics.txt").unlink()
+    toml = folder / "dataset.toml"
+    toml.write_text(
+        'intrinsics = "525,525,319.5,239.5"\ndepth_scale = 1000\nup = [0.1, -1, 0]\nhalf_width = 1.5\n'
+        "[canonical_pose]\none = 0\n"
+    )
+    dataset = open_dataset(str(folder), None)
+    assert (dataset.intrinsics.fx, dataset.scale, dataset.half_width) == (525, 1000, 1.5)
+    assert dataset.canonical_poses == {"one": "0"}
+    assert np.linalg.norm(dataset.up) == pytest.approx(1)
+    assert dataset.load(dataset.entries[0]).n_vertices > 1000
+    for text, said in (
+        ("scale = 5", "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale"),
+        ("up = [0, 0, 1]", "is up in no image"),
+        ('up = "y"', "write .right, down, forward."),
+        ("depth_scale = -1", "depth_scale is -1; write a positive number"),
+        ('intrinsics = "absent.json"', "No such file"),
+    ):
+        toml.write_text(text)
+        with pytest.raises((DatasetError, ConfigurationError), match=said):
+            open_dataset(str(folder), None)
+
+
+def test_each_bad_image_costs_one_shape(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=4)
+    good = (folder / "one" / "0.png").read_bytes()
+    depths = np.asarray(Image.open(folder / "one" / "0.png"))
+    (folder / "one" / "1.png").write_bytes(good[:20000])
+    np.save(folder / "one" / "2.npy", np.full((480, 640), np.nan))
+    (folder / "one" / "2.png").unlink()
+    Image.new("L", (640, 480)).save(folder / "one" / "3_mask.png")
+    Image.fromarray(depths[:100, :100]).save(folder / "two" / "1.png")
+    np.save(folder / "two" / "2.npy", depths.astype(float))
+    (folder / "two" / "2.png").unlink()
+    (folder / "two" / "3.intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
+    preparation = Preparation(open_dataset(str(folder), None), "view")
+    said = {}
+    for entry in preparation.dataset.entries:
+        try:
+            preparation.shape(entry)
+        except UnsupportedShape as error:
+            said[entry.identifier] = str(error)
+    expected = {
+        "one/1": "1.png: not a readable png file",
+        "one/2": "0 of 307200 pixels have a depth",
+        "one/3": "the mask is empty",
+        "two/1": "far from the middle of 100 x 100 pixels",
+        "two/2": "the median depth is",
+        "two/3": "is that of no camera|are those of no camera",
+    }
+    assert said.keys() == expected.keys()
+    for name, text in expected.items():
+        assert any(part in said[name] for part in text.split("|")), said[name]
+
+
+def test_the_mesh_input_is_refused_with_the_reason(frames, tmp_path):
+    asked = ["plan", "-d", str(frames), "-m", "pca", "--results", str(tmp_path / "results")]
+    refused = CliRunner().invoke(cli, [*asked, "--input", "mesh"])
+    assert "holds depth images, which show one side of each shape; drop --input mesh" in str(refused.exception)
+    assert "1 of 1 jobs to run" in CliRunner().invoke(cli, asked).output
+
+
+def test_the_object_of_a_folder_without_masks_is_found(frames, tmp_path):
+    folder = write_frames(tmp_path / "frames", classes=("one",), count=1)
+    (folder / "one" / "0_mask.png").unlink()
+    dataset = open_dataset(str(folder), None)
+    observed = dataset.files(dataset.entries[0]).observe()
+    assert observed.notes["mask"] == "found"
+    assert overlap(observed.mask, frame(seed=0)[1]) > 0.93

@@ -1,0 +1,171 @@
+"""From depths to the object, upright, in metres."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
+from benchmark.depth.frame import observe
+from benchmark.depth.intrinsics import Intrinsics
+from benchmark.depth.planes import background_planes
+from benchmark.depth.projection import UPRIGHT, unprojected, upright, without_flying_pixels
+from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
+from benchmark.geometry.depth import render_depth
+from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.stages.view import seen
+from tests.depth.scenes import figure, frame, overlap, scene
+
+TALL = np.ptp(figure().vertices[:, 2])
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}, {"wall": 0.5, "distance": 1.8}],
+    ids=str,
+)
+def test_the_rule_finds_the_figure(given):
+    depths, mask = frame(**given)
+    found = observe(depths, KINECT)
+    assert overlap(found.mask, mask) > 0.93
+    assert found.notes["mask"] == "found"
+    assert found.notes["planes"] == (2 if given.get("wall", 1) else 1)
+    assert found.notes["up"] == "floor"
+
+
+def test_the_nearest_of_the_large_pieces_is_the_object():
+    def box(x, y, width):
+        corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], dtype=float)
+        faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+                          [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], dtype=np.int32)  # fmt: skip
+        return Mesh(corners * [width, 0.4, width] + [x, y, 0.0], faces)
+
+    for others in ((box(-1.3, 0.5, 0.7),), (box(0.9, -0.8, 0.1),)):  # a chest behind, and a small thing in front
+        depths, mask = scene(others=others).drawn(KINECT)
+        assert overlap(observe(depths, KINECT).mask, mask & (depths > 0)) > 0.93
+
+
+def test_an_arm_before_the_chest_is_part_of_the_object():
+    from tests.depth.scenes import capsule
+
+    arm = capsule((-0.3, -0.25, 1.2), (0.25, -0.28, 1.15), 0.05)
+    body = figure()
+    both = Mesh(
+        np.concatenate([body.vertices, arm.vertices]),
+        np.concatenate([body.faces, arm.faces.astype(np.int32) + body.n_vertices]),
+    )
+    depths, mask = dataclasses.replace(scene(), body=both).drawn(KINECT)
+    assert overlap(observe(depths, KINECT).mask, mask) > 0.93
+
+
+def test_walls_and_floors_are_planes_and_a_board_is_none():
+    depths, mask = frame()
+    points = unprojected(depths, KINECT.rays(640, 480))
+    planes = background_planes(points, depths > 0)
+    assert [plane.is_floor for plane in planes].count(True) == 1
+    floor = next(plane for plane in planes if plane.is_floor)
+    assert -floor.offset == pytest.approx(1.2, abs=0.02)  # the height of the camera
+    board = np.where(mask, 0.0, depths)
+    board[150:330, 240:400] = 1.5
+    planes = background_planes(unprojected(board, KINECT.rays(640, 480)), board > 0)
+    assert not any(abs(plane.offset + 1.5) < 0.05 for plane in planes), "what something lies behind bounds no scene"
+
+
+@pytest.mark.parametrize("roll", [0.0, 10.0])
+@pytest.mark.parametrize("height", [0.8, 1.8])
+def test_up_is_that_of_the_floor(roll, height):
+    depths, mask = frame(roll=roll, height=height)
+    surface = observe(depths, KINECT, mask).surface
+    extents = np.ptp(surface.vertices, axis=0)
+    assert extents[1] == pytest.approx(TALL, abs=0.08)  # feet vanish in the floor
+    top, low = (surface.vertices[surface.vertices[:, 1].argsort()[place], 0].mean() for place in
+                (slice(-50, None), slice(50)))  # fmt: skip
+    assert abs(top - low) < 0.3
+
+
+def test_without_a_floor_what_is_said_is_up_else_that_of_the_image():
+    tilted = scene(roll=10.0, wall=None, floor=False)
+    depths, mask = tilted.drawn(KINECT)
+    up = tilted.pose.rotation @ [0, 0, 1.0]
+    told = observe(depths, KINECT, mask, tuple(up))
+    untold = observe(depths, KINECT, mask)
+    assert (told.notes["up"], untold.notes["up"]) == ("sidecar", "image")
+    assert np.ptp(told.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
+    with pytest.raises(InvalidDepth, match="is up in no image; write .right, down, forward."):
+        observe(depths, KINECT, mask, (0, 0, 1))
+
+
+def test_a_rotation_is_one_and_looks_ahead():
+    for up in ((0, -1, 0), (0.2, -0.9, -0.3), (0.1, -0.5, 0.6)):
+        rotation = upright(np.array(up))
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+        np.testing.assert_allclose(rotation @ up / np.linalg.norm(up), [0, 1, 0], atol=1e-12)
+        assert (rotation @ [0, 0, 1])[2] < 0
+
+
+def test_the_surface_of_a_frame_without_faults_lies_on_the_body():
+    """From afar through a long lens, the frame is the orthographic view of the body itself."""
+    far = Intrinsics(7000, 7000, 319.5, 239.5)
+    pose = Pose((0, -50, 0.85), (0, 0, 0.85))
+    depths, mask = Scene(figure(), pose, wall=None, floor=False).drawn(far)
+    observed = observe(depths, far, mask)
+    standing = Mesh(figure().vertices[:, [0, 2, 1]] * [1, 1, -1], figure().faces)
+    true = render_depth(standing, UPRIGHT, 1.285)
+    made = render_depth(observed.surface, UPRIGHT, 1.285)
+    assert overlap(true > 0, made > 0) > 0.97  # pixels of 7 mm
+    both = (true > 0) & (made > 0)
+    apart = 2.57 * (true - made)[both]  # metres
+    shift = np.median(apart)  # for the middle of what is seen lies before that of the body
+    assert 0 < shift < 0.1
+    assert np.median(np.abs(apart - shift)) < 0.005
+
+
+def test_a_data_set_and_the_fast_path_give_a_method_the_same():
+    depths, mask = frame()
+    surface = observe(depths, KINECT, mask).surface
+    np.testing.assert_array_equal(seen(surface, UPRIGHT, 1.285)["depth"], render_depth(surface, UPRIGHT, 1.285))
+
+
+def test_pixels_between_two_surfaces_go():
+    depths = np.full((20, 20), 2.0)
+    depths[:, 10:] = 1.0
+    flying = depths.copy()
+    flying[3:17:3, 10] = 1.5
+    kept = without_flying_pixels(flying, np.ones_like(depths, dtype=bool))
+    np.testing.assert_array_equal(kept, flying != 1.5)
+
+
+def test_triangles_face_the_camera_and_span_no_jump():
+    depths, mask = Scene(figure(), Pose((0, -2.5, 0.85), (0, 0, 0.85))).drawn()
+    surface = observe(depths, KINECT, mask).surface
+    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+    towards = np.cross(b - a, c - a)[:, 2]
+    assert np.mean(towards > 0) > 0.999
+    assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() < 0.06
+
+
+def test_each_fault_of_a_scene_is_named():
+    depths, mask = frame()
+    empty = np.zeros_like(mask)
+    with pytest.raises(InvalidMask, match="the mask is empty"):
+        observe(depths, KINECT, empty)
+    with pytest.raises(InvalidMask, match="the mask has 320 x 240 pixels, the image 640 x 480"):
+        observe(depths, KINECT, mask[::2, ::2])
+    with pytest.raises(InvalidMask, match="no pixel of the mask has a depth"):
+        observe(np.where(mask, 0, depths), KINECT, mask)
+    with pytest.raises(InvalidIntrinsics, match="those of 640 x 480 pixels, the image has 320 x 240"):
+        observe(depths[::2, ::2], KINECT)
+    with pytest.raises(NoObject, match="the object shows 25 pixels, fewer than 200"):
+        few = empty.copy()
+        rows, columns = np.argwhere(mask).mean(axis=0).astype(int)
+        few[rows : rows + 5, columns : columns + 5] = True
+        observe(np.where(mask, depths, depths), KINECT, few)
+    with pytest.raises(
+        NoObject, match=r"the object is .* m \(width, height, depth\), more than the 2.57 m of the frame"
+    ):
+        observe(5 * depths, KINECT, mask)
+    bare, _ = Scene(figure(), Pose((0, -3, 1), (0, 0, 1)), wall=1.0).drawn(KINECT)
+    wall = DepthFaults().disturbed(np.where(bare > 0, 0, bare) + 3.0, np.random.default_rng(0))
+    with pytest.raises(NoObject, match=r"left of the scene.*; pass a mask of it with --mask"):
+        observe(wall, KINECT)
