@@ -210,6 +210,7 @@ class Selection:
     retry: frozenset[str] = frozenset()
     everything: bool = False
     published: bool = False
+    repeat: int = 0
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
@@ -272,7 +273,7 @@ class Selection:
         if not self.methods or EVERY in self.methods:
             name_unusable()
         named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
-        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick)
+        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick, self.repeat)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
         planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry, self.scorer_spec())
         name_skipped(store)
@@ -403,6 +404,15 @@ class ShardOption(click.ParamType["Shard"]):
 
 shard_option = click.option(
     "--shard", type=ShardOption(), metavar="I/N", help="Part I of N of the jobs; 'merge' joins what all of them leave."
+)
+
+
+repeat_option = click.option(
+    "--repeat",
+    type=click.IntRange(min=2),
+    default=0,
+    metavar="N",
+    help="Prepare each gallery N more times, its vertices jittered, and tell the spread.",
 )
 
 
