@@ -210,7 +210,7 @@ class Selection:
     retry: frozenset[str] = frozenset()
     everything: bool = False
     published: bool = False
-    repeat: int = 0
+    repeat: int | None = None
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
@@ -273,7 +273,7 @@ class Selection:
         if not self.methods or EVERY in self.methods:
             name_unusable()
         named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
-        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick, self.repeat)
+        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick, self.repeat or 0)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
         planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry, self.scorer_spec())
         name_skipped(store)
@@ -410,7 +410,6 @@ shard_option = click.option(
 repeat_option = click.option(
     "--repeat",
     type=click.IntRange(min=2),
-    default=0,
     metavar="N",
     help="Prepare each gallery N more times, its vertices jittered, and tell the spread.",
 )

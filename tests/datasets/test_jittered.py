@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import is_present, open_dataset
 from benchmark.datasets.jittered import AMOUNT, Jittered, clean_dataset, clean_name, jittered_name, parsed_jitter
 from benchmark.errors import ConfigurationError
@@ -66,3 +69,13 @@ def test_a_selection_repeats_its_galleries_but_not_those_under_a_nuisance(folder
     assert not [
         g for g in galleries(["robustness"], ["animals-few"], repeat=2) if "noise" in g.name and "jitter" in g.name
     ]
+
+
+def test_a_plan_has_repeats_where_they_are_asked_for(folder, tmp_path):
+    def planned(*options):
+        words = ["plan", "-d", folder, "-m", "pca", "--input", "mesh", "--results", str(tmp_path), *options]
+        return CliRunner().invoke(cli, words)
+
+    assert "1 of 1 jobs to run" in planned().output
+    assert "rods[jitter=2] mesh pca" in planned("--repeat", "2").output
+    assert planned("--repeat", "1").exit_code == 2  # one is no spread
