@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
