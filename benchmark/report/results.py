@@ -24,7 +24,7 @@ from benchmark.storage.records import Record, by_place, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.plugins import is_imported
 
-__all__ = ["Result", "Results"]
+__all__ = ["Result", "Results", "with_repeats"]
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Results:
                 result = self._best(rivals)
                 if not (fresh and result.outdated):
                     chosen.append(result)
-        return _with_repeats(chosen)
+        return with_repeats(chosen)
 
     def records(self) -> list[Record]:
         """All records; of one job the one that was made here."""
@@ -171,7 +171,7 @@ class Results:
         return self._galleries[name, quick].get(record["gallery"])
 
 
-def _with_repeats(results: Iterable[Result]) -> list[Result]:
+def with_repeats(results: Iterable[Result]) -> list[Result]:
     """Return the clean results, each with its jittered preparations that the same code made with the same settings."""
     clean: list[Result] = []
     found: dict[tuple[str, str, str, str], dict[int, Record]] = {}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmark.report.cell import cell_of
+from benchmark.report.comparison import compare_folders, compare_methods
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.results import Result, Results
@@ -121,3 +122,17 @@ def test_repeats_go_with_the_row_that_they_repeat_and_stand_nowhere_else(folder)
     assert len(frame) == 1
     assert frame["NN_preparation_mean"].iloc[0] == pytest.approx(0.6)
     assert frame["NN_preparation_sd"].iloc[0] == pytest.approx(0.02**0.5)
+
+
+def test_a_comparison_knows_of_the_noise_and_takes_repeats_for_no_pairs():
+    def pairs(*results):
+        return [each for result in results for each in (result.record, *result.repeats.values())]
+
+    steady = compare_methods(pairs(Result(row("gps", 1.0)), Result(row("pca", 0.65))), "gps", "pca")
+    noisy = pairs(with_repeats("gps", 1.0, 0.7, 1.0), with_repeats("pca", 0.65, 0.5, 0.8))
+    found = compare_methods(noisy, "gps", "pca")
+    assert [each.where for each in found.differences] == ["rods mesh"]
+    assert steady.differences[0].probabilities["NN"] < 0.05 < found.differences[0].probabilities["NN"]
+    assert found.differences[0].intervals["NN"][0] < steady.differences[0].intervals["NN"][0] < 0
+    assert found.differences[0].probabilities["FT"] == steady.differences[0].probabilities["FT"] == 1
+    assert len(compare_folders(noisy, noisy).differences) == 2

@@ -61,7 +61,7 @@ def intervals(values: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArra
     return ends
 
 
-def widened(low: float, high: float, mean: float, deviation: float) -> tuple[float, float]:
+def widened(low: float, high: float, mean: float, deviation: float, least: float = 0.0) -> tuple[float, float]:
     """Return an interval with the noise of preparation added to that of classes, as independent ones are.
 
     Parameters
@@ -72,11 +72,13 @@ def widened(low: float, high: float, mean: float, deviation: float) -> tuple[flo
         The mean.
     deviation
         Standard deviation of the mean from one preparation to the next; 0 leaves the ends as they are.
+    least
+        Smallest value that the mean can have; the largest is 1.
     """
     if not deviation:
         return low, high
     reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * deviation
-    return max(0.0, mean - math.hypot(mean - low, reach)), min(1.0, mean + math.hypot(high - mean, reach))
+    return max(least, mean - math.hypot(mean - low, reach)), min(1.0, mean + math.hypot(high - mean, reach))
 
 
 def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
