@@ -152,7 +152,8 @@ def _difference(where: str, before: Result, after: Result) -> Difference:
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
     noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
     means = gains.mean(axis=0) * UNIT
-    ends = [widened(*map(float, each), -1.0) for each in np.column_stack([intervals(gains, here.labels), means, noise])]
+    reach = zip(intervals(gains, here.labels).tolist(), means.tolist(), noise.tolist(), strict=True)
+    ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
     probabilities = permutation_test(gains, noise / UNIT * len(gains) if noise.any() else None)
     return Difference(
         where,
