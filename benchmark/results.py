@@ -26,6 +26,7 @@ from benchmark.jobs.preparation import treated
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
+from benchmark.report.cell import cell_of
 from benchmark.report.kept import Kept
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
@@ -72,8 +73,9 @@ class ResultsFolder:
             ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, mean over the queries in [0, 1], and
             what chance gives as ``chance_NN`` and so on, NaN where there are no scores; ``n_shapes``, ``n_classes``,
             ``unsupported`` (shapes without a result), ``coverage`` (the share of those with one), measures over these
-            alone as ``NN_supported`` and so on where there are others, ``seconds`` a shape, ``peak_mib``, ``finished``,
-            and ``outdated``: what has changed since it was made, "" if nothing has.
+            alone as ``NN_supported`` and so on where there are others, mean and standard deviation of the jittered
+            preparations as ``NN_preparation_mean`` and ``NN_preparation_sd`` where there are some, ``seconds`` a
+            shape, ``peak_mib``, ``finished``, and ``outdated``: what has changed since it was made, "" if nothing has.
         """
         from pandas import DataFrame
 
@@ -258,8 +260,18 @@ def _row(result: Result) -> dict[str, Any]:
         "unsupported": len(record.get("unsupported", ())),
         "coverage": coverage_of(record),
         **{f"{name}_supported": value for name, value in record.get("supported", {}).items()},
+        **_preparations(result),
         "seconds": sum(cost.values()) if cost else np.nan,
         "peak_mib": record.get("peak_mib"),
         "finished": record.get("finished", ""),
         "outdated": result.outdated,
+    }
+
+
+def _preparations(result: Result) -> dict[str, float]:
+    """Mean and spread of the jittered preparations of a record by measure; nothing where there are none."""
+    cell = cell_of([result], 1)
+    mean, deviation = cell.preparation_mean or {}, cell.preparation_sd or {}
+    return {f"{name}_preparation_mean": value for name, value in mean.items()} | {
+        f"{name}_preparation_sd": value for name, value in deviation.items()
     }

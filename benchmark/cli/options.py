@@ -208,6 +208,7 @@ class Selection:
     retry: frozenset[str] = frozenset()
     everything: bool = False
     published: bool = False
+    repeat: int | None = None
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> Selection:
@@ -270,7 +271,7 @@ class Selection:
         if not self.methods or EVERY in self.methods:
             name_unusable()
         named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
-        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick)
+        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick, self.repeat or 0)
         for gallery in chosen:
             for asked in self.inputs:
                 gallery.check_input(asked)
@@ -404,6 +405,14 @@ class ShardOption(click.ParamType["Shard"]):
 
 shard_option = click.option(
     "--shard", type=ShardOption(), metavar="I/N", help="Part I of N of the jobs; 'merge' joins what all of them leave."
+)
+
+
+repeat_option = click.option(
+    "--repeat",
+    type=click.IntRange(min=2),
+    metavar="N",
+    help="Prepare each gallery N more times, its vertices jittered, and tell the spread.",
 )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, printable
+from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.nuisances.dataset import Disturbed, disturbed_name, parsed
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
@@ -147,6 +148,8 @@ def is_known(name: str) -> bool:
 
 def is_present(name: str, data_root: Path | None) -> bool:
     """Whether a data set can be used: generated ones always, official ones when their folder is there."""
+    if (clean := clean_name(name)) != name:
+        return is_path(clean) or is_present(clean, data_root)
     if found := parsed(name):
         return is_path(found[0]) or is_present(found[0], data_root)
     source = _source(name)
@@ -161,7 +164,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     name
         A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called, or what :func:`sources`
         says of a data set of a plugin file; any of them perhaps followed by a nuisance and its strength,
-        ``[noise=3]``.
+        ``[noise=3]``, and by the number of a jitter, ``[jitter=1]``.
     data_root
         The folder that holds the official sets; None if there is none.
 
@@ -172,6 +175,8 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     DatasetError
         If the set is absent or unreadable.
     """
+    if jitter := parsed_jitter(name):
+        return Jittered(open_dataset(jitter[0], data_root), jitter[1])
     if found := parsed(name):
         base, nuisance, strength = found
         return Disturbed(open_dataset(base, data_root), nuisance, strength)

@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, is_known, is_path, is_present, open_dataset
+from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
 from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.datasets.parts import Part, thinned
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
@@ -85,7 +86,7 @@ class Gallery:
         Depth images are no complete surfaces.
         """
         offered = getattr(self.dataset, "inputs", self.table.inputs)
-        return inputs_of(self.dataset.name, tuple(each for each in self.table.inputs if each in offered))
+        return inputs_of(clean_name(self.dataset.name), tuple(each for each in self.table.inputs if each in offered))
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
@@ -94,6 +95,13 @@ class Gallery:
                 f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
                 "drop --input mesh: there are no complete surfaces",
             )
+
+    def jittered(self, number: int) -> Gallery:
+        """Return the same shapes, jittered for the n-th time, as a gallery of its own."""
+        dataset = Jittered(self.dataset, number)
+        kept = {entry.identifier for entry in self.entries}
+        entries = tuple(entry for entry in dataset.entries if entry.identifier in kept)
+        return replace(self, source=jittered_name(self.source, number), dataset=dataset, entries=entries)
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, some in several variants.
@@ -131,7 +139,7 @@ class Gallery:
         if not isinstance(learner, Learner):
             return False
         try:
-            trainings = trainings_by_shape(learner, self.dataset, self.entries, self.data_root).values()
+            trainings = trainings_by_shape(learner, clean_dataset(self.dataset), self.entries, self.data_root).values()
         except ConfigurationError:
             return False  # the row of the plain method says why
         folders = [folder for folder in (trained_here, learner.shipped_models) if folder is not None]
@@ -159,7 +167,8 @@ class Gallery:
             return own
         known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
         further = known.get(spec.base_name, ()) if own else ()
-        of_set = () if self.table.robustness else FURTHER_TRAININGS.get(self.dataset.name, {}).get(spec.base_name, ())
+        name = clean_name(self.dataset.name)
+        of_set = () if self.table.robustness else FURTHER_TRAININGS.get(name, {}).get(spec.base_name, ())
         trained = (spec.with_parameter("training", name) for name in of_set)
         return [
             *own,
@@ -173,6 +182,7 @@ def galleries(
     dataset_names: Iterable[str] = (),
     data_root: Path | None = None,
     quick: bool = False,
+    repeat: int = 0,
 ) -> list[Gallery]:
     """Choose the galleries that a selection on the command line stands for.
 
@@ -191,6 +201,8 @@ def galleries(
     quick
         Keep at most :data:`QUICK_POSES` poses of each subject, of a table with folds the first one, and of methods that
         were not asked for by name those of the paper and :data:`QUICK_CONTROLS`.
+    repeat
+        Jittered preparations of each gallery that go with it, but for those under a nuisance.
 
     Raises
     ------
@@ -224,7 +236,8 @@ def galleries(
         except DatasetError:
             if not table.part_of or table.identifier in wanted_tables:
                 raise
-    return found
+    repeated = [gallery for gallery in found if not parsed(gallery.dataset.name)]
+    return found + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
 
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.datasets.jittered import clean_dataset, clean_name
 from benchmark.errors import ConfigurationError
 from benchmark.learning import CARD, Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
@@ -54,6 +55,7 @@ class Model:
         Names say so within one data set, and in a folder, which may hold anything; those of two known sets mean
         different things.
         """
+        dataset = clean_name(dataset)
         if dataset in CATALOGUE and dataset != TRAININGS[self.training].dataset:
             return False
         return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
@@ -93,7 +95,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     method = spec.create()
     if not isinstance(method, Learner):
         return {}
-    of_shape = trainings_by_shape(method, gallery.dataset, gallery.entries, gallery.data_root)
+    of_shape = trainings_by_shape(method, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
     needed = {training.name: training for training in of_shape.values()}
     places = (trained_here, method.shipped_models)
     found = {name: _finished(places, name, method.model_name) for name in needed}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmark.report.results import Result
@@ -33,6 +33,8 @@ class Cell:
         What has changed since the job was done; "" if nothing has.
     records
         The records of all jobs with scores, which hold the measures of each query.
+    repeats
+        Scores of the whole row by each of its jittered preparations, where there are at least two.
     """
 
     status: str = "missing"
@@ -42,6 +44,21 @@ class Cell:
     n_wanted: int = 1
     outdated: str = ""
     records: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
+    repeats: tuple[Figures, ...] = field(default=(), repr=False)
+
+    @property
+    def preparation_mean(self) -> Figures | None:
+        """Mean of the jittered preparations by measure; None without them."""
+        return {name: statistics.fmean(each[name] for each in self.repeats) for name in self._repeated} or None
+
+    @property
+    def preparation_sd(self) -> Figures | None:
+        """Standard deviation (n - 1) of the jittered preparations by measure; None without them."""
+        return {name: statistics.stdev(each[name] for each in self.repeats) for name in self._repeated} or None
+
+    @property
+    def _repeated(self) -> list[str]:
+        return list(self.repeats[0]) if self.repeats else []
 
     @property
     def coverage(self) -> float:
@@ -81,6 +98,18 @@ def cell_of(results: Sequence[Result], n_galleries: int) -> Cell:
     n_galleries
         Galleries that there should be.
     """
+    return replace(_cell(results, n_galleries), repeats=_repeats(results, n_galleries))
+
+
+def _repeats(results: Sequence[Result], n_galleries: int) -> tuple[Figures, ...]:
+    """Scores of the row by each jittered preparation that all of its jobs have; none where there are less than two."""
+    numbers = sorted(set(results[0].repeats).intersection(*(result.repeats for result in results)))
+    made = [_cell([Result(result.repeats[number]) for result in results], n_galleries).scores for number in numbers]
+    found = tuple(scores for scores in made if scores is not None)
+    return found if len(found) > 1 else ()
+
+
+def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
     done = [result for result in results if result.record.get("scores")]
     outdated = "; ".join(dict.fromkeys(result.outdated for result in done if result.outdated))
     galleries: dict[str, list[Mapping[str, Any]]] = {}

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmark.datasets.nuisances.dataset import parsed
-from benchmark.report.statistics.intervals import intervals
-from benchmark.report.statistics.queries import queries_of
+from benchmark.report.cell import cell_of
+from benchmark.report.results import Result, with_repeats
+from benchmark.report.statistics.intervals import intervals, widened
+from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.storage.merging import told
-from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, scorer_name
+from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.
@@ -77,18 +80,18 @@ class Comparison:
 
 def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(*({told(found): found for found in _newest(part).values()} for part in (first, second)))
+    return _compare(*({told(found.record): found for found in _repeated(part).values()} for part in (first, second)))
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
     """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
-    newest = _newest(records)
+    newest = _repeated(records)
 
-    def of(method: str) -> dict[str, Record]:
+    def of(method: str) -> dict[str, Result]:
         return {
-            f"{where.gallery} {where.input}{_seeded(where)}": record
-            for where, record in newest.items()
-            if where.method == method and scorer_name(record) in (scorer, "")
+            f"{where.gallery} {where.input}{_seeded(where)}": result
+            for where, result in newest.items()
+            if where.method == method and scorer_name(result.record) in (scorer, "")
         }
 
     return _compare(of(first), of(second))
@@ -124,7 +127,12 @@ def _newest(records: Iterable[Record]) -> dict[Place, Record]:
     return {where: found[-1] for where, found in by_place(scored).items()}
 
 
-def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Comparison:
+def _repeated(records: Iterable[Record]) -> dict[Place, Result]:
+    """The newest record with scores of each place, with its jittered preparations, which have no place here."""
+    return {place(result.record): result for result in with_repeats(map(Result, _newest(records).values()))}
+
+
+def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Comparison:
     both = [where for where in first if where in second]
     return Comparison(
         tuple(_difference(where, first[where], second[where]) for where in both),
@@ -133,20 +141,26 @@ def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Compa
     )
 
 
-def _difference(where: str, first: Record, second: Record) -> Difference:
+def _difference(where: str, before: Result, after: Result) -> Difference:
+    first, second = before.record, after.record
     here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
     gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
     gain = gains[:, PRINTED.index("DCG")]
-    ends = intervals(gains, here.labels)
+    spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
+    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
+    means = gains.mean(axis=0) * UNIT
+    reach = zip(intervals(gains, here.labels).tolist(), means.tolist(), noise.tolist(), strict=True)
+    ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
+    probabilities = permutation_test(gains, noise / UNIT * len(gains) if noise.any() else None)
     return Difference(
         where,
         {name: first["scores"][name] for name in PRINTED},
         {name: second["scores"][name] for name in PRINTED},
-        {name: (float(low), float(high)) for name, (low, high) in zip(PRINTED, ends, strict=True)},
-        dict(zip(PRINTED, permutation_test(gains).tolist(), strict=True)),
+        dict(zip(PRINTED, ends, strict=True)),
+        dict(zip(PRINTED, probabilities.tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),

@@ -87,11 +87,15 @@ def as_csv(tables: Sequence[TableContent]) -> str:
         "status",
         "outdated",
     ]
-    rows = []
-    for row in rows_as_json(tables):
+    rows, made = [], rows_as_json(tables)
+    repeated = ("preparation_mean", "preparation_sd")
+    if any("n_preparations" in row for row in made):
+        names += ["n_preparations", *(f"{part}_{m}" for part in repeated for m in PRINTED)]
+    for row in made:
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread", "p_best"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
+        flat |= {f"{part}_{metric}": row[part][metric] for part in repeated if part in row for metric in PRINTED}
         for metric, ends in (row["interval"] or {}).items():
             flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
         rows.append(flat)
@@ -130,6 +134,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "n_models": len(cell.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
+        **_preparations(cell),
         "outdated": cell.outdated or None,
         "status": cell.status,
     }
@@ -146,6 +151,18 @@ def _supported(cell: Cell) -> dict[str, float]:
     """Scores over the shapes with a result alone, where there are others."""
     found = cell.record.get("supported", {})
     return {f"{metric}_supported": round(found[metric], 6) for metric in PRINTED if metric in found}
+
+
+def _preparations(cell: Cell) -> dict[str, Any]:
+    """Mean and spread of the jittered preparations of a row, and their number; nothing where there are none."""
+    mean, deviation = cell.preparation_mean, cell.preparation_sd
+    if mean is None or deviation is None:
+        return {}
+    return {
+        "n_preparations": len(cell.repeats),
+        "preparation_mean": {metric: round(mean[metric], 6) for metric in PRINTED},
+        "preparation_sd": {metric: round(deviation[metric], 6) for metric in PRINTED},
+    }
 
 
 def _title(table: TableContent) -> str:

@@ -9,6 +9,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, Row, TableContent
 from benchmark.system.text import brief
+from retrieval.measures import PRINTED
 
 #: Share of the largest loss from which on a table tells how much was lost.
 _WORTH_TELLING = 0.01
@@ -16,6 +17,11 @@ _WORTH_TELLING = 0.01
 _MARKS = (
     "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
     "(paired permutation test over queries, Holm's correction, 5 %)."
+)
+
+_OF_PREPARATIONS = (
+    "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}; intervals and "
+    "italics have it in."
 )
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
@@ -38,6 +44,7 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         lines.append(_OF_MEANS)
     if any(judged.is_inseparable for judged in table.judgements.values()):
         lines.append(_MARKS)
+    lines += _preparations(table)
     lines += _left_out(table)
     if trained := _trainings(table):
         lines += trained
@@ -65,6 +72,19 @@ def _not_here(table: TableContent) -> Iterable[str]:
             yield f"Run on the {input_} input alone: {', '.join(titles)}."
     if titles := [row.title for row in blank if not row.elsewhere]:
         yield f"Not run: {', '.join(titles)}."
+
+
+def _preparations(table: TableContent) -> Iterable[str]:
+    """How far rows move from one preparation to the next, for those that were prepared several times."""
+    for input_ in table.inputs:
+        told: dict[int, list[str]] = {}
+        for row in table.rows:
+            cell = row.cells.get(input_)
+            if cell and (deviation := cell.preparation_sd):
+                figures = " ".join(f"{deviation[metric]:.3f}" for metric in PRINTED)
+                told.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
+        for number, rows in told.items():
+            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
 
 
 def _left_out(table: TableContent) -> Iterable[str]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from benchmark.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_present
+from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.jobs.plan import data_recipe, what_changed
@@ -23,7 +24,7 @@ from benchmark.storage.records import Record, by_place, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.plugins import is_imported
 
-__all__ = ["Result", "Results"]
+__all__ = ["Result", "Results", "with_repeats"]
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,13 @@ class Result:
         What the job kept.
     outdated
         What has changed since it was made; "" where nothing has, or nobody can tell.
+    repeats
+        Records of the same with jittered preparations, by the number of the jitter; those with scores.
     """
 
     record: Record
     outdated: str = ""
+    repeats: Mapping[int, Record] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,8 @@ class Results:
     ) -> list[Result]:
         """One result for each place: the newest that this code would make again, else the newest with scores.
 
+        Jittered preparations have no place of their own: they go with the result that they repeat.
+
         Parameters
         ----------
         seed
@@ -88,7 +94,7 @@ class Results:
                 result = self._best(rivals)
                 if not (fresh and result.outdated):
                     chosen.append(result)
-        return chosen
+        return with_repeats(chosen)
 
     def records(self) -> list[Record]:
         """All records; of one job the one that was made here."""
@@ -163,6 +169,40 @@ class Results:
             found = galleries(tables, [name], self.data_root, quick)
             self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
         return self._galleries[name, quick].get(record["gallery"])
+
+
+def with_repeats(results: Iterable[Result]) -> list[Result]:
+    """Return the clean results, each with its jittered preparations that the same code made with the same settings."""
+    clean: list[Result] = []
+    found: dict[tuple[str, str, str, str], dict[int, Record]] = {}
+    for result in results:
+        record, name = result.record, str(result.record["data"]["name"])
+        if jitter := parsed_jitter(name):
+            gallery = jitter[0] + record["gallery"].removeprefix(name)
+            if record["status"] == "ok":
+                found.setdefault(_repeated(record, gallery), {})[jitter[1]] = record
+        else:
+            clean.append(result)
+
+    def repeats(result: Result) -> dict[int, Record]:
+        record = result.record
+        rivals = found.get(_repeated(record, record["gallery"]), {})
+        return {number: rivals[number] for number in sorted(rivals) if _is_repeat(rivals[number], record)}
+
+    return [replace(result, repeats=repeats(result)) for result in clean] if found else clean
+
+
+def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
+    """What two records share if one of them may repeat the other."""
+    return gallery, str(record["input"]), str(record["method"]), scorer_name(record)
+
+
+def _is_repeat(record: Record, of: Record) -> bool:
+    """Return whether two records differ in nothing but the source of their shapes."""
+    parts = ("parameters", "models", "seed", "scorer")
+    then, now = record["recipe"], of["recipe"]
+    code = [{**each.get("code", {}), "source": None} for each in (then, now)]
+    return code[0] == code[1] and all(then.get(part) == now.get(part) for part in parts)
 
 
 @cache

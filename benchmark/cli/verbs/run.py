@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, Selection, name_skipped, selection_options, shard_option, timeout_option
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    Selection,
+    name_skipped,
+    repeat_option,
+    selection_options,
+    shard_option,
+    timeout_option,
+)
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import brief, clean, say, say_lines
 
@@ -25,6 +34,7 @@ RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs.")
 @selection_options
+@repeat_option
 @click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Jobs at a time; all cores by default.")
 @click.option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes", show_default=True)
 @click.option("--scheduler", default="", metavar="URL", help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
@@ -84,6 +94,7 @@ def run(
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs (the default).")
 @selection_options
+@repeat_option
 @shard_option
 def plan(everything: bool, shard: Shard | None, **options: Any) -> None:
     """Show what a run would do, why, and what it would take."""

@@ -11,7 +11,9 @@ Efron & Tibshirani, "An Introduction to the Bootstrap", 1993, ch. 8 and 13.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Iterator, Sequence
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +59,26 @@ def intervals(values: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArra
             first = max(round((1 - LEVEL) / 2 * (count + 1)) - 1, 0)
             ends[column] = found[first, column] * UNIT, found[count - 1 - first, column] * UNIT
     return ends
+
+
+def widened(low: float, high: float, mean: float, deviation: float, least: float = 0.0) -> tuple[float, float]:
+    """Return an interval with the noise of preparation added to that of classes, as independent ones are.
+
+    Parameters
+    ----------
+    low, high
+        Ends of the interval of a mean over queries.
+    mean
+        The mean.
+    deviation
+        Standard deviation of the mean from one preparation to the next; 0 leaves the ends as they are.
+    least
+        Smallest value that the mean can have; the largest is 1.
+    """
+    if not deviation:
+        return low, high
+    reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * deviation
+    return max(least, mean - math.hypot(mean - low, reach)), min(1.0, mean + math.hypot(high - mean, reach))
 
 
 def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:

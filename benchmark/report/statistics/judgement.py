@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from benchmark.contracts import Input
 from benchmark.report.cell import Cell
-from benchmark.report.statistics.intervals import intervals
-from benchmark.report.statistics.queries import Queries, queries_of
+from benchmark.report.statistics.intervals import intervals, widened
+from benchmark.report.statistics.queries import UNIT, Queries, queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
 from retrieval.measures import PRINTED
 
@@ -47,7 +47,7 @@ class Judgement:
     Parameters
     ----------
     low, high
-        Ends of its 95 % interval over classes.
+        Ends of its 95 % interval over classes, and over preparations where there are several.
     is_best
         Whether no other row of the column, controls aside, has a higher figure.
     probability
@@ -93,22 +93,28 @@ def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
         columns = _columns(queries, names, measure)
         ends = intervals(columns, labels)
         scores = [row.cells[input_].scores or {} for row in rows]
+        noise = np.array([(row.cells[input_].preparation_sd or {}).get(measure, 0.0) for row in rows])
         contest = [k for k, row in enumerate(rows) if row.family != CONTROL and row.cells[input_].is_complete]
         best = max(contest, key=lambda k: (scores[k][measure], -k), default=None)
-        probabilities = _against(columns, contest, best)
+        probabilities = _against(columns, contest, best, noise)
         for k, row in enumerate(rows):
-            low, high = (float(end) for end in ends[k])
+            low, high = widened(float(ends[k, 0]), float(ends[k, 1]), scores[k][measure], float(noise[k]))
             found[row.method, input_, measure] = Judgement(low, high, k == best, probabilities.get(k))
     return found
 
 
-def _against(columns: NDArray[np.float64], contest: Sequence[int], best: int | None) -> dict[int, float]:
-    """Adjusted probability of each other row of the contest against the best, over all queries."""
+def _against(
+    columns: NDArray[np.float64], contest: Sequence[int], best: int | None, noise: NDArray[np.float64]
+) -> dict[int, float]:
+    """Adjusted probability of each other row of the contest against the best, over all queries and preparations."""
     others = [k for k in contest if k != best]
     if best is None or not others:
         return {}
     differences = columns[:, others] - columns[:, [best]]
-    return dict(zip(others, holm(permutation_test(differences).tolist()), strict=True))
+    of_sums = np.hypot(noise[others], noise[best]) / UNIT * len(columns)
+    return dict(
+        zip(others, holm(permutation_test(differences, of_sums if of_sums.any() else None).tolist()), strict=True)
+    )
 
 
 def _union(queries: Sequence[Queries]) -> tuple[list[tuple[str, str]], tuple[str, ...]]:

@@ -24,7 +24,7 @@ ALPHA = 0.05
 _AT_A_TIME = 4_000_000
 
 
-def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
+def permutation_test(differences: NDArray[np.float64], noise: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Probabilities of so large a mean difference if both methods were as good for each query.
 
     For each query the two methods are exchanged at random. The question is whether other queries of the same classes
@@ -35,6 +35,9 @@ def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     differences
         Shape (N, M): M pairs of methods, the difference of each for each query in whole numbers; 0 where a pair has no
         such query, which leaves its probability as it is.
+    noise
+        Shape (M,): standard deviations of the sums of the differences from one preparation of the shapes to the next,
+        in the same unit, which is added to the noise of queries; None for none.
 
     Returns
     -------
@@ -44,12 +47,15 @@ def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     n_queries = len(differences)
     found = np.abs(differences.sum(axis=0))
     as_large = np.zeros(differences.shape[1], dtype=np.int64)
-    generator = np.random.default_rng(0)
+    generator, of_preparation = np.random.default_rng(0), np.random.default_rng(1)
     most = max(1, _AT_A_TIME // max(n_queries, 1))
     for start in range(0, RESAMPLES, most):
         signs = 2.0 * generator.integers(0, 2, (min(most, RESAMPLES - start), n_queries)) - 1.0
         # Whole numbers below 2^53: the products are exact, so equal sums are equal on every machine.
-        as_large += np.count_nonzero(np.abs(signs @ differences) >= found, axis=0)
+        sums = signs @ differences
+        if noise is not None:
+            sums += noise * of_preparation.standard_normal((len(signs), 1))
+        as_large += np.count_nonzero(np.abs(sums) >= found, axis=0)
     return (as_large + 1) / (RESAMPLES + 1)
 
 

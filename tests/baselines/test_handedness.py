@@ -1,0 +1,71 @@
+"""Handedness: by hand, of mirror images, turned and jittered surfaces, other triangulations and open views."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baselines._kernels.handedness import NEGLIGIBLE, handedness, right_handed
+from baselines._kernels.orientation import vertex_areas
+from benchmark.geometry.preparation import decimate
+from benchmark.methods.conformance.shapes import BENDS, figure, view
+
+MIRROR = np.array([1.0, 1.0, -1.0])
+TURNED = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
+
+#: Four tips of a propeller: half a turn about any axis leaves it, a mirror does not.
+PROPELLER = np.array([[3.0, 2, 1], [3, -2, -1], [-3, 2, -1], [-3, -2, 1]])
+
+
+def of(mesh):
+    return handedness(mesh.vertices, vertex_areas(mesh))
+
+
+def test_by_hand():
+    assert handedness(PROPELLER, np.ones(4)) == pytest.approx(1)
+    assert handedness(PROPELLER * MIRROR, np.ones(4)) == pytest.approx(-1)
+    # Tips with twins across the plane z = 0 of half its weight: (1 - 1/2) / (1 + 1/2).
+    both = np.vstack([PROPELLER, PROPELLER * MIRROR])
+    assert handedness(both, np.repeat([1.0, 0.5], 4)) == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_mirror_changes_the_sign_and_nothing_else(axis):
+    mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+    for mesh in (figure(), view().mesh):
+        found = of(mesh)
+        assert abs(found) > 0.02
+        assert of(mesh.with_vertices(mesh.vertices * mirror)) == pytest.approx(-found, rel=1e-9)
+
+
+def test_neither_place_rotation_size_nor_the_order_of_axes_matters():
+    for mesh in (figure(), figure(BENDS[1]), view().mesh):
+        found = of(mesh)
+        assert of(mesh.with_vertices(2.5 * mesh.vertices @ TURNED.T + [3, -1, 2])) == pytest.approx(found, rel=1e-8)
+        assert of(mesh.with_vertices(mesh.vertices[:, [1, 2, 0]])) == pytest.approx(found, rel=1e-8)
+        assert of(mesh.with_vertices(mesh.vertices[:, [1, 0, 2]])) == pytest.approx(-found, rel=1e-8)
+
+
+def test_jitter_and_other_triangulations_keep_it():
+    for mesh in (figure(), figure(BENDS[1])):
+        found = of(mesh)
+        noise = 1e-6 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+        assert of(mesh.with_vertices(mesh.vertices + noise)) == pytest.approx(found, abs=1e-4)
+        for count in (1500, 1000, 600):
+            assert of(decimate(mesh, count)) == pytest.approx(found, abs=0.02)
+
+
+def test_the_side_is_the_same_from_either_and_what_is_even_stays_as_it_is():
+    weights = np.array([1.0, 2, 1, 1])
+    assert handedness(PROPELLER, weights) > 0.5
+    np.testing.assert_array_equal(right_handed(PROPELLER, weights), PROPELLER)
+    np.testing.assert_array_equal(right_handed(PROPELLER * MIRROR, weights), PROPELLER)
+    even = np.array([[3.0, 0, 1], [-2, 0, 1], [0, 2, -1], [0, -2, -1]])  # mirrored onto itself by y
+    noise = 1e-9 * np.random.default_rng(0).standard_normal(even.shape)
+    for sign in (1, -1):
+        assert abs(handedness(even + sign * noise, np.ones(4))) <= NEGLIGIBLE
+        np.testing.assert_array_equal(right_handed(even + sign * noise, np.ones(4)), even + sign * noise)
+
+
+def test_points_without_extent_have_none():
+    assert handedness(np.zeros((5, 3)), np.ones(5)) == 0
+    assert handedness(np.random.default_rng(0).standard_normal((9, 3)) * [1, 1, 0], np.ones(9)) == 0

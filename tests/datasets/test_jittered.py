@@ -1,0 +1,80 @@
+"""Jittered sets: moved by a millionth, each number its own way, and otherwise the clean set."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.datasets.catalogue import is_present, open_dataset
+from benchmark.datasets.jittered import AMOUNT, Jittered, clean_dataset, clean_name, jittered_name, parsed_jitter
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.cleaning import extent_of
+from benchmark.jobs import recipes
+from benchmark.protocols.galleries import galleries
+from tests.toy import write_rods
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return str(write_rods(tmp_path_factory.mktemp("data") / "rods"))
+
+
+def test_names_are_read_as_they_are_written():
+    assert parsed_jitter(jittered_name("a set", 12)) == ("a set", 12)
+    assert parsed_jitter(jittered_name("animals[noise=3]", 1)) == ("animals[noise=3]", 1)
+    assert clean_name("tosca[jitter=2]") == clean_name("tosca") == "tosca"
+    assert [parsed_jitter(name) for name in ("tosca", "tosca[jitter=0]", "[jitter=1]", "tosca[noise=1]")] == [None] * 4
+    assert is_present("humans[jitter=1]", None)
+    assert not is_present("tosca[jitter=1]", None)
+    with pytest.raises(ConfigurationError):
+        open_dataset("no such set[jitter=1]", None)
+
+
+def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(folder):
+    clean = open_dataset(folder, None)
+    first, again, second = (open_dataset(jittered_name(folder, number), None) for number in (1, 1, 2))
+    meshes = [clean.load(clean.entries[0])] + [each.load(each.entries[0]) for each in (first, again, second)]
+    moves = [mesh.vertices - meshes[0].vertices for mesh in meshes[1:]]
+    assert moves[0].std() == pytest.approx(AMOUNT * extent_of(meshes[0]), rel=0.1)
+    np.testing.assert_array_equal(moves[0], moves[1])
+    assert abs(np.corrcoef(moves[0].ravel(), moves[2].ravel())[0, 1]) < 0.1
+    np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
+
+
+def test_everything_else_is_that_of_the_clean_set(folder):
+    clean = open_dataset(folder, None)
+    found = Jittered(clean, 1)
+    assert clean_dataset(found) is clean_dataset(clean) is clean
+    assert [(e.identifier, e.subject, e.pose) for e in found.entries] == [
+        (e.identifier, e.subject, e.pose) for e in clean.entries
+    ]
+    entry = found.entries[0]
+    assert (found.camera(entry), found.half_width, found.sensor(entry)) == (clean.camera(entry), clean.half_width, None)
+
+
+def test_recipes_tell_jitters_shapes_and_clean_sets_apart(folder):
+    clean = open_dataset(folder, None)
+    sets = [clean, Jittered(clean, 1), Jittered(clean, 2)]
+    told = {str(recipes.source_recipe(each, entry)) for each in sets for entry in each.entries}
+    assert len(told) == 3 * len(clean.entries)
+
+
+def test_a_selection_repeats_its_galleries_but_not_those_under_a_nuisance(folder):
+    plain = galleries([], [folder])
+    repeated = galleries([], [folder], repeat=2)
+    assert [gallery.name for gallery in repeated] == ["rods", "rods[jitter=1]", "rods[jitter=2]"]
+    assert [gallery.table for gallery in repeated] == 3 * [plain[0].table]
+    assert all(open_dataset(gallery.source, None).name == gallery.dataset.name for gallery in repeated)
+    assert not [
+        g for g in galleries(["robustness"], ["animals-few"], repeat=2) if "noise" in g.name and "jitter" in g.name
+    ]
+
+
+def test_a_plan_has_repeats_where_they_are_asked_for(folder, tmp_path):
+    def planned(*options):
+        words = ["plan", "-d", folder, "-m", "pca", "--input", "mesh", "--results", str(tmp_path), *options]
+        return CliRunner().invoke(cli, words)
+
+    assert "1 of 1 jobs to run" in planned().output
+    assert "rods[jitter=2] mesh pca" in planned("--repeat", "2").output
+    assert planned("--repeat", "1").exit_code == 2  # one is no spread
