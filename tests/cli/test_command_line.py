@@ -97,6 +97,7 @@ def test_lists_speak_json():
         "III",
         "III-held-out",
         "IV",
+        "camera",
         "robustness",
         "extended",
     }
