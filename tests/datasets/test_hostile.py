@@ -119,7 +119,7 @@ def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
             text.encode("utf-8")
         assert folder_dataset(rods).load(entry).n_vertices == 290
     (rods / r"thin\n0.off").write_bytes((rods / "thin\n0.off").read_bytes())
-    with pytest.raises(DatasetError, match="two meshes that are both written"):
+    with pytest.raises(DatasetError, match="two shapes that are both written"):
         folder_dataset(rods)
 
 
