@@ -41,7 +41,7 @@ class Noted:
     info: ClassVar[MethodInfo] = MethodInfo(name="noted", title="Noted")
 
     def describe(self, shape):
-        if shape.identifier == "thin2" and (NOTES / "trap").exists():
+        if shape.identifier == "2" and (NOTES / "trap").exists():
             (NOTES / "trap").rename(NOTES / "sprung")
             (NOTES / "caught").write_text(str(os.getpid()))
             time.sleep(3600)
