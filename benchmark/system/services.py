@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import faulthandler
 import os
 import signal
@@ -113,6 +114,10 @@ class Service:
         """Send the process a signal."""
         self._worker.send(number)
 
+    def end(self) -> None:
+        """End the process."""
+        self._worker.end()
+
     def _received(self) -> bytes:
         """Wait for bytes or for the end: a child of the process may hold the pipe open when it is gone."""
         if self._ours not in wait([self._ours, self._worker.sentinel]):
@@ -131,6 +136,13 @@ def trace_to(path: Path) -> None:
     global _trace_file
     _trace_file = path
     signal.signal(signal.SIGUSR1, lambda number, frame: _pass_on(number))
+
+
+@atexit.register
+def _end_all() -> None:
+    """End the services of a process that ends, which would wait for them."""
+    for service in _running:
+        service.end()
 
 
 def _pass_on(number: int) -> None:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections import UserDict
 
@@ -90,6 +92,12 @@ def test_whoever_asks_ends_as_it_ended(work, code):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     assert worker.exit_code == code
+
+
+def test_a_program_that_ends_waits_for_no_service():
+    program = "from tests.system.test_services import Service, serve; print(Service(serve).request({'work': ''}, {}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "({}, {})\n"
 
 
 def test_messages_hold_no_objects():
