@@ -44,7 +44,8 @@ def token() -> str:
 
 def mark_of_this() -> str:
     """Return how the marks of all begin that this process starts: a worker's own mark, which ends with it."""
-    return f"{token()}-" if multiprocessing.parent_process() is None else os.environ.get(MARK, f"{token()}-")
+    inherited = "" if multiprocessing.parent_process() is None else os.environ.get(MARK, "")
+    return inherited or f"{token()}-"
 
 
 def adopt() -> None:

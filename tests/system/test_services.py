@@ -51,10 +51,11 @@ def ask_until_the_end(work):
 
 @pytest.fixture(scope="module")
 def service():
-    os.environ[DATA_VARIABLE] = before = os.environ.get(DATA_VARIABLE, "somewhere")
-    made = Service(serve)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(DATA_VARIABLE, "somewhere")
+        made = Service(serve)
+        made.request({"work": "environment"}, {})  # it has begun, with its own environment
     yield made
-    os.environ[DATA_VARIABLE] = before
     made.send(signal.SIGKILL)
 
 
