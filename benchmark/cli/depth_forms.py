@@ -19,7 +19,7 @@ from benchmark.system.calls import call_apart
 
 @dataclass(frozen=True)
 class FrameOptions:
-    """What the command line says of depth images.
+    """Options of the command line about depth images.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class FrameJob:
 
 
 def is_of_depth(sources: Sequence[Path]) -> bool:
-    """Whether what was named are depth images: by extension, a folder, or a pattern that matches several files."""
+    """Return whether depth images were named: by extension, a folder, or a pattern that matches several files."""
     return len(sources) > 1 or sources[0].suffix.lower() in READERS or sources[0].is_dir() or _is_pattern(sources[0])
 
 

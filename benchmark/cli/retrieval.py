@@ -16,7 +16,7 @@ from benchmark.jobs.retrieval import Found, GallerySearch, input_for
 
 @dataclass(frozen=True)
 class Search:
-    """What is asked, in plain values; see :mod:`benchmark.cli.verbs.retrieve`."""
+    """A question in plain values; see :mod:`benchmark.cli.verbs.retrieve`."""
 
     method: str
     source: str

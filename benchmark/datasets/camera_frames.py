@@ -101,7 +101,7 @@ class CameraFrames:
             distance = min(distance + _STEP_BACK, DISTANCES[1])
 
     def _sees(self, pose: Pose, body: Mesh) -> bool:
-        """Whether all of a body is in the image."""
+        """Return whether all of a body is in the image."""
         points = pose.seen(body.vertices)
         if points[:, 2].min() <= 0:
             return False

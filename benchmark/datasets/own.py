@@ -114,7 +114,7 @@ class OwnDataset:
 
 @dataclass(frozen=True)
 class _Told:
-    """What a data set in another process has told of itself, and whether it makes meshes rather than naming files."""
+    """Facts that a data set in another process has told, and whether it makes meshes rather than naming files."""
 
     source: str
     info: DatasetInfo

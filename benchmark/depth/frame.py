@@ -25,7 +25,7 @@ _PLANE_STEP = 2
 Up = Sequence[float]
 
 IMAGE_UP = np.array([0.0, -1.0, 0.0])
-"""What is up in the camera's frame (right, down, forward) where nothing says more."""
+"""The direction that is up in the camera's frame (right, down, forward) where nothing says more."""
 
 MOST_TILTED = np.cos(np.radians(75))
 """Least cosine between what is said to be up and the plane of the image."""
@@ -117,7 +117,7 @@ def _window(mask: Mask) -> tuple[slice, slice]:
 
 
 def _up(planes: Sequence[Plane], said: Up | None) -> tuple[NDArray[np.float64], str]:
-    """What is up in the camera's frame, and what tells."""
+    """The direction that is up in the camera's frame, and what tells."""
     floors = [plane for plane in planes if plane.is_floor]
     if floors:
         return max(floors, key=lambda plane: -plane.offset).normal, "floor"

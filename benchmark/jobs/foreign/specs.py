@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn, Self, cast
+from typing import Any, ClassVar, NoReturn, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +24,13 @@ from benchmark.system.services import Service
 Facts = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class ForeignMethodSpec(MethodSpec):
-    """A method of a plugin; all that is known of it was told by the process that imports it.
+class _FromItsProcess:
+    """All that is known of a class of a plugin, as the process told it that imports the class."""
 
-    Parameters
-    ----------
-    spelling
-        Name with parameters, in its one spelling.
-    """
-
-    spelling: str = ""
+    kind: ClassVar[str]
+    base_name: str
+    target: str
+    spelling: str
 
     @property
     def name(self) -> str:
@@ -45,6 +41,36 @@ class ForeignMethodSpec(MethodSpec):
     def title(self) -> str:
         """Name in the tables."""
         return str(self._facts["title"])
+
+    def resolved_parameters(self) -> dict[str, Any]:
+        """All parameters as JSON tells them."""
+        return dict(self._facts["parameters"])
+
+    def load(self) -> NoReturn:
+        """Raise, for the class is in another process."""
+        raise AssertionError(f"{self.target} is not imported here")
+
+    @property
+    def _remote(self) -> _Remote:
+        return _Remote(self.kind, self.target, {"name": self.spelling, "base_name": self.base_name})
+
+    @property
+    def _facts(self) -> Facts:
+        return _told(self.kind, self.target, self.spelling, self.base_name)
+
+
+@dataclass(frozen=True)
+class ForeignMethodSpec(_FromItsProcess, MethodSpec):
+    """A method of a plugin; all that is known of it was told by the process that imports it.
+
+    Parameters
+    ----------
+    spelling
+        Name with parameters, in its one spelling.
+    """
+
+    kind: ClassVar[str] = "method"
+    spelling: str = ""
 
     @property
     def info(self) -> MethodInfo:
@@ -66,27 +92,14 @@ class ForeignMethodSpec(MethodSpec):
         """Whether it is a learner."""
         return bool(self._facts["learns"])
 
-    def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters as JSON tells them."""
-        return dict(self._facts["parameters"])
-
-    def load(self) -> NoReturn:
-        """Raise, for the class is in another process."""
-        raise AssertionError(f"{self.target} is not imported here")
-
     def create(self) -> Method | Descriptor:
         """Return the method, which works in its process."""
-        remote = _Remote("method", self.target, {"name": self.spelling, "base_name": self.base_name})
         kind = _RemoteDescriptor if self.describes else _RemoteMethod
-        return cast(Method | Descriptor, kind(remote, self.info))
-
-    @property
-    def _facts(self) -> Facts:
-        return _told("method", self.target, self.spelling, self.base_name)
+        return cast(Method | Descriptor, kind(self._remote, self.info))
 
 
 @dataclass(frozen=True)
-class ForeignScorerSpec(ScorerSpec):
+class ForeignScorerSpec(_FromItsProcess, ScorerSpec):
     """A scorer of a plugin; all that is known of it was told by the process that imports it.
 
     Parameters
@@ -95,39 +108,17 @@ class ForeignScorerSpec(ScorerSpec):
         Name with parameters, in its one spelling.
     """
 
+    kind: ClassVar[str] = "scorer"
     spelling: str = ""
-
-    @property
-    def name(self) -> str:
-        """Name on the command line."""
-        return self.spelling
-
-    @property
-    def title(self) -> str:
-        """Name in the tables."""
-        return str(self._facts["title"])
 
     @property
     def info(self) -> ScorerInfo:
         """What the scorer says about itself."""
         return ScorerInfo(**_with_tuples(self._facts["info"]))
 
-    def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters as JSON tells them."""
-        return dict(self._facts["parameters"])
-
-    def load(self) -> NoReturn:
-        """Raise, for the class is in another process."""
-        raise AssertionError(f"{self.target} is not imported here")
-
     def create(self) -> Scorer:
         """Return the scorer, which works in its process."""
-        remote = _Remote("scorer", self.target, {"name": self.spelling, "base_name": self.base_name})
-        return cast(Scorer, _RemoteScorer(remote, self.info))
-
-    @property
-    def _facts(self) -> Facts:
-        return _told("scorer", self.target, self.spelling, self.base_name)
+        return cast(Scorer, _RemoteScorer(self._remote, self.info))
 
 
 def kept_apart(spec: MethodSpec) -> MethodSpec:
