@@ -22,8 +22,9 @@ from typing import Any
 
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
-#: Modules that cannot change a result: the version of the suite, the wording of errors, the way files are written.
-IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.system.files"})
+#: Modules that cannot change a result: the version of the suite, the wording of errors, the way files are written, and
+#: this one, by which a data set made from another tells of its code.
+IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.system.files", "benchmark.system.fingerprints"})
 
 
 @dataclass(frozen=True)
