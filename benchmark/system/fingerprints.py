@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
@@ -141,14 +142,34 @@ def _known_as(name: str, root: str) -> list[str]:
 
 
 def _is_local(name: str, root: str) -> bool:
-    """Whether a module belongs to the suite, to the package of the root, or lies outside the installed packages."""
+    """Whether a module belongs to the suite, to the package of the root, or to no distribution at all."""
     top = name.partition(".")[0]
     if top in FIRST_PARTY or (root and not root.endswith(".py") and top == root.partition(".")[0]):
         return True
     if top in sys.stdlib_module_names:
         return False
     path = _source(top, _folder(root))
-    return path is not None and not any(path.is_relative_to(folder) for folder in _installed())
+    if path is None or any(path.is_relative_to(folder) for folder in _installed()):
+        return False
+    place = path.parents[path.name == "__init__.py"]
+    return top not in _brought_into(place) and not any(path.is_relative_to(folder) for folder in _edited_in_place())
+
+
+@cache
+def _brought_into(folder: Path) -> frozenset[str]:
+    """Top-level names that distributions have put into a folder of the search path, wherever it is."""
+    found = importlib.metadata.distributions(path=[str(folder)])
+    return frozenset(Path(file.parts[0]).stem for each in found for file in each.files or ())
+
+
+@cache
+def _edited_in_place() -> tuple[Path, ...]:
+    """Folders of distributions that were installed so that their sources may be edited where they lie."""
+    told = (each.read_text("direct_url.json") for each in importlib.metadata.distributions())
+    places = (json.loads(text) for text in told if text)
+    urls = (place["url"] for place in places if place.get("dir_info", {}).get("editable"))
+    suite = Path(__file__).resolve().parents[2]
+    return tuple(folder for url in urls if (folder := Path(unquote(urlsplit(url).path)).resolve()) != suite)
 
 
 def _folder(root: str) -> str:

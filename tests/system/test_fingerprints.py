@@ -1,6 +1,7 @@
 """What a fingerprint of code and packages changes with, and what it does not."""
 
 import importlib.metadata
+import json
 import os
 import pickle
 import subprocess
@@ -257,6 +258,33 @@ def test_another_version_of_a_package_is_another_recipe(monkeypatch):
     assert after.digest != before.digest
     assert after.code == before.code
     assert dict(after.packages) == {**before.packages, "libigl": "9.9"}
+
+
+def install(folder, name, *files, url=""):
+    """Lay a distribution of version 1.2 into a folder, as installers do; ``url`` is where its sources are edited."""
+    told = folder / f"{name}-1.2.dist-info"
+    told.mkdir(parents=True)
+    (told / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n")
+    (told / "RECORD").write_text("".join(f"{file},,\n" for file in files))
+    if url:
+        (told / "direct_url.json").write_text(json.dumps({"url": url, "dir_info": {"editable": True}}))
+
+
+def test_what_a_distribution_brings_is_a_package_wherever_it_lies(plugin, tmp_path, monkeypatch):
+    # As by PYTHONPATH, --user, a .pth file, conda or a system's dist-packages; and by pip install -e.
+    elsewhere, sources = tmp_path / "elsewhere", tmp_path / "project of mine" / "src"
+    for place, name in ((elsewhere, "far_package"), (sources, "edited_package")):
+        (place / name).mkdir(parents=True)
+        (place / name / "__init__.py").write_text("x = 1\n")
+        monkeypatch.syspath_prepend(place)
+    install(elsewhere, "far_package", "far_package/__init__.py")
+    install(elsewhere, "edited_package", url=sources.parent.as_uri())
+    plugin.write_text("import edited_package, far_package\n")
+    fingerprints._edited_in_place.cache_clear()
+    found = fingerprints.fingerprint(str(plugin))
+    fingerprints._edited_in_place.cache_clear()
+    assert set(found.code) == {"mine.py"}
+    assert found.packages == {"far_package": "1.2", "edited_package": "1.2"}
 
 
 def test_the_build_of_a_package_is_no_part_of_its_version(monkeypatch):
