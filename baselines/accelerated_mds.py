@@ -8,7 +8,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
+from baselines._kernels.orientation import vertex_areas
 from baselines.least_squares_mds import start_positions
 from benchmark.contracts import (
     CanonicalForm,
@@ -107,7 +109,12 @@ class AcceleratedMDS(CheckedParameters):
             identity = np.eye(len(samples))
             coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
             points = low_rank_scaling(shape.mesh, np.hstack([interpolation, rows.T**2]), coupling)
-        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
+        return shape.form(
+            points,
+            samples=len(samples),
+            stress_of_rows=stress_of_rows(points, samples, rows),
+            **side_notes(points, vertex_areas(shape.mesh)),
+        )
 
     def _extrapolated(self, shape: Shape) -> CanonicalForm:
         from baselines._kernels.extrapolation import extrapolated_smacof

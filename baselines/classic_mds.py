@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_pairs, require_vertices
+from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
 from baselines._kernels.spectral import Metric, spectral_embedding
 from benchmark.contracts import (
@@ -30,9 +31,11 @@ class ClassicMDS(CheckedParameters):
 
     .. math:: B = -\tfrac12 J (D \circ D) J = Q \Lambda Q^\top, \qquad X = Q_3 \Lambda_3^{1/2},
 
-    where the three largest eigenvalues are kept and negative ones count as zero. Each axis points to the side of
-    positive area-weighted third moment. Elad and Kimmel (2003), "On bending invariant signatures for surfaces";
-    Torgerson (1952), "Multidimensional scaling: I. Theory and method".
+    where the three largest eigenvalues are kept and negative ones count as zero. The first two axes point to the side
+    of positive area-weighted third moment; the third decides between the form and its mirror image, see
+    :mod:`baselines._kernels.handedness`, and the note ``side_in_doubt`` is 1 where that is open. Elad and Kimmel
+    (2003), "On bending invariant signatures for surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and
+    method".
 
     Another ``metric`` takes the place of the geodesic one: D then has the diffusion, commute-time or biharmonic
     distances, see :func:`baselines._kernels.spectral.spectral_embedding`. Those are Euclidean distances between points
@@ -92,6 +95,7 @@ class ClassicMDS(CheckedParameters):
             eigenvalue_ratio_2=ratios[1],
             eigenvalue_ratio_3=ratios[2],
             eigenvalue_ratio_4=ratios[3],
+            **side_notes(points, vertex_areas(shape.mesh)),
         )
 
 
@@ -117,7 +121,7 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
 
 
 def oriented(mesh: Mesh, points: FloatArray, ratios: list[float]) -> FloatArray:
-    """Settle what a scaling leaves open: axes of equal eigenvalues, and signs, towards positive third moments.
+    """Settle what a scaling leaves open: axes of equal eigenvalues, signs, and the side of the mirror.
 
     Parameters
     ----------
@@ -129,7 +133,8 @@ def oriented(mesh: Mesh, points: FloatArray, ratios: list[float]) -> FloatArray:
         Eigenvalues of the axes over the first, at least three.
     """
     points = settled_axes(points, np.array(ratios[:3]), mesh.vertices)
-    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices)
+    areas = vertex_areas(mesh)
+    return right_handed(points * canonical_signs(points, areas, mesh.vertices), areas)
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:

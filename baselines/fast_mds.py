@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
+from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, vertex_areas
 from benchmark.contracts import (
     CanonicalForm,
@@ -33,9 +34,10 @@ class FastMDS(CheckedParameters):
     square counts as zero. Pivots are found by walking to the farthest vertex, and on to the one farthest from that,
     a few times. Only the rows of the pivots are computed, never all pairs. The walk starts at the vertex farthest
     from the geodesic centre, which is the vertex whose largest distance to four mutually far vertices is smallest;
-    distances along edges are good enough for that. At the end each axis is turned to the side of positive
-    area-weighted third moment. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing, data-mining and
-    visualization of traditional and multimedia datasets".
+    distances along edges are good enough for that. At the end the first two axes are turned to the side of positive
+    area-weighted third moment, and the third decides between the form and its mirror image, see
+    :mod:`baselines._kernels.handedness`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
+    data-mining and visualization of traditional and multimedia datasets".
 
     Parameters
     ----------
@@ -78,10 +80,11 @@ class FastMDS(CheckedParameters):
             if apart > 0.0:
                 points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
         points -= points.mean(axis=0)
-        points *= canonical_signs(points, vertex_areas(shape.mesh), shape.mesh.vertices)
+        areas = vertex_areas(shape.mesh)
+        points = right_handed(points * canonical_signs(points, areas, shape.mesh.vertices), areas)
         known = list(rows.known)
         stress = stress_of_rows(points, known, np.stack([rows.known[vertex] for vertex in known]))
-        return shape.form(points, rows=len(known), stress_of_rows=stress)
+        return shape.form(points, rows=len(known), stress_of_rows=stress, **side_notes(points, areas))
 
     def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
         near, far = start, start

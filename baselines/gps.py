@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, settled_axes
 from benchmark.contracts import CanonicalForm, MethodInfo, Shape
 
@@ -22,7 +23,8 @@ class GPS:
               \right).
 
     The eigenfunctions have unit norm on the surface, so the form depends on neither position nor size of the shape.
-    Their signs are open: each axis points to the side of positive area-weighted third moment. Neighbouring
+    Their signs are open: the first two axes point to the side of positive area-weighted third moment, the third decides
+    between the form and its mirror image, see :mod:`baselines._kernels.handedness`. Neighbouring
     eigenvalues of nearly the same size let eigenfunctions change places between poses; the smallest relative gap is
     noted. Rustamov (2007), "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
     """
@@ -54,7 +56,7 @@ class GPS:
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
         points = settled_axes(points, values[:3], shape.mesh.vertices)
-        points = points * canonical_signs(points, laplacian.mass, shape.mesh.vertices)
+        points = right_handed(points * canonical_signs(points, laplacian.mass, shape.mesh.vertices), laplacian.mass)
         gaps = np.diff(values) / values[:-1]
         return shape.form(
             points,
@@ -62,4 +64,5 @@ class GPS:
             eigenvalue_gap_12=float(gaps[0]),
             eigenvalue_gap_23=float(gaps[1]),
             eigenvalue_gap_34=float(gaps[2]),
+            **side_notes(points, laplacian.mass),
         )

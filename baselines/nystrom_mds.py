@@ -8,7 +8,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
+from baselines._kernels.orientation import vertex_areas
 from benchmark.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -79,5 +81,9 @@ class NystromMDS(CheckedParameters):
         columns = rows.T**2 @ (vectors[:, kept] / values[kept])
         points = low_rank_scaling(shape.mesh, columns, np.diag(values[kept]))
         return shape.form(
-            points, samples=len(samples), rank=len(kept), stress_of_rows=stress_of_rows(points, samples, rows)
+            points,
+            samples=len(samples),
+            rank=len(kept),
+            stress_of_rows=stress_of_rows(points, samples, rows),
+            **side_notes(points, vertex_areas(shape.mesh)),
         )

@@ -8,7 +8,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
+from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.spectral import clear_eigenpairs
 from benchmark.contracts import (
     CanonicalForm,
@@ -90,6 +92,7 @@ class SpectralMDS(CheckedParameters):
             samples=len(samples),
             eigenfunctions=basis.shape[1] - 1,
             stress_of_rows=stress_of_rows(points, samples, rows),
+            **side_notes(points, vertex_areas(shape.mesh)),
         )
 
     def _continuation(self, shape: Shape, samples: list[int]) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,9 @@ from benchmark.contracts import FloatArray
 NEGLIGIBLE = 1e-6
 """Below it a form is its own mirror image, up to rounding errors, and is left as it is."""
 
+DOUBTFUL = 0.02
+"""Below it a note says so, and nothing else changes: a jitter of 1e-6 or another triangulation may turn the side."""
+
 
 def handedness(points: FloatArray, weights: FloatArray) -> float:
     r"""Return how clearly a form differs from its mirror image, and which of the two it is.
@@ -66,3 +69,9 @@ def right_handed(points: FloatArray, weights: FloatArray) -> FloatArray:
         Shape (n, 3).
     """
     return points * [1.0, 1.0, -1.0] if handedness(points, weights) < -NEGLIGIBLE else points
+
+
+def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
+    """Return the notes of a form on its side: ``handedness``, and ``side_in_doubt``, 1 where that is near 0, else 0."""
+    found = handedness(points, weights)
+    return {"handedness": found, "side_in_doubt": float(abs(found) < DOUBTFUL)}

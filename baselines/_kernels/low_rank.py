@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from baselines._kernels.handedness import right_handed
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
 from benchmark.contracts import FloatArray, Mesh
 
@@ -17,7 +18,7 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> F
     Parameters
     ----------
     mesh
-        The surface, which settles signs and axes of equal eigenvalues.
+        The surface, which settles axes of equal eigenvalues, signs, and the side of the mirror.
     columns
         The matrix Z, shape (n, k) with k at least 3.
     coupling
@@ -32,4 +33,5 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> F
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
     leading = np.maximum(values[:-4:-1], 0.0)
     points = settled_axes(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, mesh.vertices)
-    return points * canonical_signs(points, vertex_areas(mesh), mesh.vertices)
+    areas = vertex_areas(mesh)
+    return right_handed(points * canonical_signs(points, areas, mesh.vertices), areas)

@@ -61,9 +61,10 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     """Choose the sign of each axis so that its weighted third central moment is positive.
 
     The moment is a sum over the surface, so the choice follows any relabelling of the vertices and hardly depends on
-    the sampling. It undoes mirrorings too. An axis of symmetry has no third moment: there the vertex farthest from
-    the centre decides, of several equally far ones the first by its position on the surface, and both signs give nearly
-    the same form.
+    the sampling. An axis of symmetry has no third moment: there the vertex farthest from the centre decides, of several
+    equally far ones the first by its position on the surface. Along an axis that is nearly one a jitter may decide;
+    so which of a form and its mirror image it is, is settled by :mod:`baselines._kernels.handedness`, and two signs
+    that change together are half a turn, which the scorer tries.
 
     Parameters
     ----------

@@ -4,13 +4,26 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baselines._kernels.handedness import NEGLIGIBLE, handedness, right_handed
+from baselines._kernels.handedness import DOUBTFUL, NEGLIGIBLE, handedness, right_handed, side_notes
 from baselines._kernels.orientation import vertex_areas
+from benchmark.contracts import Shape
 from benchmark.geometry.preparation import decimate
 from benchmark.methods.conformance.shapes import BENDS, figure, view
+from benchmark.methods.registry import methods, variant
+from tests.studies.jitter import aligned
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 TURNED = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
+
+OPEN = (
+    "classic-mds",
+    "classic-mds[metric=biharmonic]",
+    "fast-mds",
+    "nystrom-mds",
+    "spectral-mds",
+    "accelerated-mds",
+    "gps",
+)
 
 #: Four tips of a propeller: half a turn about any axis leaves it, a mirror does not.
 PROPELLER = np.array([[3.0, 2, 1], [3, -2, -1], [-3, 2, -1], [-3, -2, 1]])
@@ -66,6 +79,30 @@ def test_the_side_is_the_same_from_either_and_what_is_even_stays_as_it_is():
         np.testing.assert_array_equal(right_handed(even + sign * noise, np.ones(4)), even + sign * noise)
 
 
+def test_doubt_is_noted():
+    both = np.vstack([PROPELLER, PROPELLER * MIRROR])
+    for light, in_doubt in ((0.5, 0), (0.98, 1)):  # (1 - light) / (1 + light) is a third, and a hundredth
+        found = side_notes(both, np.repeat([1.0, light], 4))
+        assert found == {"handedness": pytest.approx((1 - light) / (1 + light)), "side_in_doubt": in_doubt}
+        assert (found["handedness"] < DOUBTFUL) == in_doubt
+
+
 def test_points_without_extent_have_none():
     assert handedness(np.zeros((5, 3)), np.ones(5)) == 0
     assert handedness(np.random.default_rng(0).standard_normal((9, 3)) * [1, 1, 0], np.ones(9)) == 0
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_methods_that_see_distances_alone_settle_the_side(name):
+    method = variant(name, methods()).create()
+    mesh = figure()
+    form = method.canonicalise(Shape(identifier="figure", mesh=mesh))
+    weights = vertex_areas(mesh)
+    assert handedness(form.vertices, weights) > 0.02
+    assert "metric" in name or form.notes["handedness"] == pytest.approx(handedness(form.vertices, weights), abs=1e-3)
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    for vertices in (mesh.vertices * MIRROR, (mesh.vertices + noise) @ TURNED.T):
+        other = method.canonicalise(Shape(identifier="figure", mesh=mesh.with_vertices(vertices)))
+        _, distance, mirrored = aligned(form.vertices, other.vertices, weights / weights.sum())
+        assert not mirrored
+        assert distance < 0.01

@@ -39,6 +39,10 @@ class Tried:
     {body}
 """
 FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
+LEANS = (
+    "y = x - x.mean(axis=0)\n        if y.var() > 0.14 / 3:\n            y = y @ np.linalg.eigh(y.T @ y)[1]\n"
+    "            y = y * np.sign((y**3).sum(axis=0))\n        return shape.form(y)"
+)
 DESCRIBE = "def describe(self, shape):\n        x = shape.mesh.vertices\n        "
 SPREAD = "return np.array([shape.geodesics().std(), shape.source_area])"
 DISTANCES = (
@@ -155,6 +159,12 @@ def test_a_right_method_passes_every_check(findings):
         ("relabelling", {"body": FORM + "return shape.form(np.sort(x, axis=0))"}, "numbering of vertices"),
         ("rigid motion", {"body": FORM + "return shape.form(x * [1, 1, 2])"}, "position of the shape in space"),
         ("rigid motion", {"body": FORM + "return shape.form(x * np.abs(x).max())"}, "position of the shape in space"),
+        ("mirror", {"body": FORM + LEANS}, "the mirror image of some shapes and not of others"),
+        (
+            "mirror",
+            {"body": FORM + "return shape.form(x * (2 + np.tanh(np.linalg.det(x[[0, 9, 99]]))))"},
+            "another form",
+        ),
         ("scale", {"body": FORM + "return shape.form(x / np.sqrt(shape.mesh.area))"}, "or declare 'invariant'"),
         ("scale", {"info": "scale='invariant'"}, "difference 1.5e.00.* or declare 'equivariant'"),
         ("scale", {"body": DESCRIBE + SPREAD + DISTANCES, "info": "scale='invariant'"}, "or declare 'equivariant'"),

@@ -17,7 +17,7 @@ from benchmark.learning import CARD, Split
 from benchmark.methods.answers import distances_of
 from benchmark.methods.conformance.processes import check_fresh_process, check_other_processor
 from benchmark.methods.conformance.shapes import BENDS, awkward
-from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, same
+from benchmark.methods.conformance.trial import Failed, Skipped, Trial, answer, close, explain, is_mirrored, same
 from benchmark.methods.information import problems_of
 from benchmark.storage import keys
 
@@ -202,6 +202,30 @@ def _check_rigid_motion(trial: Trial) -> str:
     )
 
 
+def _check_mirror(trial: Trial) -> str:
+    _require_deterministic(trial)
+    _require_mesh(trial)
+    if trial.reference.ndim == 1:
+        return "a descriptor may tell a shape from its mirror image, or not"
+    if trial.spec.learns:
+        raise Skipped("a learned form may lean to one side")
+    mirrored = []
+    for bend in BENDS:
+        mesh = trial.shape(bend).mesh
+        image = Mesh(mesh.vertices * [-1.0, 1.0, 1.0], mesh.faces[:, ::-1])
+        before, after = trial.answer(trial.shape(bend)), trial.answer(trial.shape(bend, mesh=image))
+        told = close(
+            before, after, 1.0, "makes another form of a mirrored shape than of the shape; break ties by geometry"
+        )
+        mirrored.append(is_mirrored(before, after))
+    if len(set(mirrored)) > 1:
+        raise Failed(
+            "keeps the mirror image of some shapes and not of others; let the form decide which of the two it is "
+            "(baselines._kernels.handedness), or keep the handedness of the shape"
+        )
+    return f"{'the mirrored form' if mirrored[0] else 'the same form'}, {told}"
+
+
 def _check_scale(trial: Trial) -> str:
     _require_deterministic(trial)
     _require_mesh(trial)
@@ -282,6 +306,7 @@ OF_THE_ANSWER: dict[str, Check] = {
     "other processor": check_other_processor,
     "relabelling": _check_relabelling,
     "rigid motion": _check_rigid_motion,
+    "mirror": _check_mirror,
     "scale": _check_scale,
     "dissimilarities": _check_dissimilarities,
     "awkward shapes": _check_awkward_shapes,

@@ -145,6 +145,12 @@ def close(expected: FloatArray, found: FloatArray, factor: float, mend: str) -> 
     return f"relative difference {difference:.1e}"
 
 
+def is_mirrored(expected: FloatArray, found: FloatArray) -> bool:
+    """Return whether one of two congruent forms has to be mirrored to become the other."""
+    here, there = (each - each.mean(axis=0) for each in (expected, found))
+    return bool(np.linalg.det(here.T @ there) < 0)
+
+
 def _invariants(found: FloatArray) -> FloatArray:
     """What no rigid motion changes: distances between vertices of a form; a descriptor itself."""
     if found.ndim == 1:
