@@ -1,4 +1,4 @@
-"""Every error that a user can cause, each with the mend in its message."""
+"""Every error that a user can cause, each with the hint in its message."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from collections.abc import Iterable, Mapping
 
 
 class BenchmarkError(Exception):
-    """A problem that the user can mend.
+    """A problem that the user can correct.
 
     Parameters
     ----------
     problem
         What is wrong, naming the file, shape or option.
-    mend
+    hint
         What to do about it, as an imperative.
     """
 
-    def __init__(self, problem: str, mend: str = "") -> None:
+    def __init__(self, problem: str, hint: str = "") -> None:
         # A method may pass anything.
         self.problem = str(problem)
-        self.mend = str(mend) if mend else ""
-        super().__init__(self.problem, self.mend)
+        self.hint = str(hint) if hint else ""
+        super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
-        return f"{self.problem}; {self.mend}" if self.mend else self.problem
+        return f"{self.problem}; {self.hint}" if self.hint else self.problem
 
 
 class ConfigurationError(BenchmarkError):
@@ -65,7 +65,7 @@ class UnsupportedShape(ShapeError):
 def as_facts(error: BenchmarkError) -> dict[str, str]:
     """Return an error as texts, by which another process raises it again; see :func:`from_facts`."""
     kinds = (each for each in type(error).__mro__ if globals().get(each.__name__) is each)
-    return {"kind": next(kinds).__name__, "problem": error.problem, "mend": error.mend}
+    return {"kind": next(kinds).__name__, "problem": error.problem, "hint": error.hint}
 
 
 def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
@@ -73,7 +73,7 @@ def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
     kind = globals().get(str(facts["kind"]))
     if not (isinstance(kind, type) and issubclass(kind, BenchmarkError)):
         kind = BenchmarkError
-    return kind(facts["problem"], facts["mend"])
+    return kind(facts["problem"], facts["hint"])
 
 
 def message(error: BaseException) -> str:
@@ -113,9 +113,9 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
     verb = _LISTED_BY.get(kind)
     if near:
-        mend = f"did you mean {' or '.join(near)}?"
+        hint = f"did you mean {' or '.join(near)}?"
     elif verb and len(names) > _FEW:
-        mend = f"choose one of {', '.join(names[:_FEW])} ...: '{verb}' names all {len(names)}"
+        hint = f"choose one of {', '.join(names[:_FEW])} ...: '{verb}' names all {len(names)}"
     else:
-        mend = f"choose one of {', '.join(names)}"
-    return ConfigurationError(f"unknown {kind} '{name}'", mend)
+        hint = f"choose one of {', '.join(names)}"
+    return ConfigurationError(f"unknown {kind} '{name}'", hint)

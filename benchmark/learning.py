@@ -194,24 +194,24 @@ def read_card(folder: Path) -> dict[str, Any]:
         If it is missing, is not JSON, or lacks what every card says.
     """
     path = folder / CARD
-    mend = "train the model again"
+    hint = "train the model again"
     try:
         card = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", mend) from error
+        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", hint) from error
     except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is no JSON: {error}", mend) from error
+        raise ConfigurationError(f"{path} is no JSON: {error}", hint) from error
     if not isinstance(card, dict) or not re.fullmatch("[0-9a-f]{64}", str(card.get("digest"))):
-        raise ConfigurationError(f"{path} names no digest of the weights", mend)
+        raise ConfigurationError(f"{path} names no digest of the weights", hint)
     if not isinstance(card.get("data"), str) or not card["data"]:
-        raise ConfigurationError(f"{path} does not name its training data", mend)
+        raise ConfigurationError(f"{path} does not name its training data", hint)
     for name in ("subjects", "identifiers"):
         seen = card.get(name)
         if not isinstance(seen, list) or not seen or not all(isinstance(each, str) and each for each in seen):
-            raise ConfigurationError(f"{path} does not list the {name} that the model has seen", mend)
+            raise ConfigurationError(f"{path} does not list the {name} that the model has seen", hint)
     for name, kind in _OPTIONAL.items():
         if not isinstance(card.get(name, kind()), kind):
-            raise ConfigurationError(f"{path} says '{name}' is {str(card[name])[:50]!r}", mend)
+            raise ConfigurationError(f"{path} says '{name}' is {str(card[name])[:50]!r}", hint)
     return card
 
 

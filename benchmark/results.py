@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import treated
+from benchmark.jobs.preparation import require_arrays
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import cell_of
-from benchmark.report.kept import Kept
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
 from benchmark.storage.records import answered_shapes, chance_of, coverage_of, place, scorer_name
@@ -137,7 +137,7 @@ class ResultsFolder:
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
         """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
         record = self._scored(key)
-        found = list(self._kept.distances(record))
+        found = list(self._artefacts.distances(record))
         if not found:
             raise self._not_kept(record, "distances")
         return np.stack(found).astype(np.float64)
@@ -153,14 +153,14 @@ class ResultsFolder:
             If not all of them are kept here, as this code would make them.
         """
         record = self._scored(key)
-        treatment = self._kept.treatment(record)
-        if treatment.describes:
+        method_run = self._artefacts.method_run(record)
+        if method_run.describes:
             raise ConfigurationError(f"{record['method']} makes no forms", "ask for its descriptors")
-        entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
+        entries = {entry.identifier: entry for entry in method_run.preparation.dataset.entries}
         found = {
             name: form
             for name in answered_shapes(record)
-            if name in entries and (form := treatment.found_form(entries[name])) is not None
+            if name in entries and (form := method_run.found_form(entries[name])) is not None
         }
         if len(found) < len(answered_shapes(record)):
             raise self._not_kept(record, "forms")
@@ -171,16 +171,16 @@ class ResultsFolder:
         from pandas import DataFrame
 
         record = self._scored(key)
-        treatment = self._kept.treatment(record)
-        if not treatment.describes:
+        method_run = self._artefacts.method_run(record)
+        if not method_run.describes:
             raise ConfigurationError(f"{record['method']} describes no shapes", "ask for its forms")
-        entries = {entry.identifier: entry for entry in treatment.preparation.dataset.entries}
+        entries = {entry.identifier: entry for entry in method_run.preparation.dataset.entries}
         found = {
-            name: self._store.find(treatment.recipe(entries[name]))
+            name: self._store.find(method_run.recipe(entries[name]))
             for name in answered_shapes(record)
             if name in entries
         }
-        vectors = {name: treated(each)["descriptor"] for name, each in found.items() if each is not None}
+        vectors = {name: require_arrays(each)["descriptor"] for name, each in found.items() if each is not None}
         if len(vectors) < len(answered_shapes(record)):
             raise self._not_kept(record, "descriptors")
         return DataFrame.from_dict(vectors, orient="index").rename_axis("shape")
@@ -192,8 +192,8 @@ class ResultsFolder:
         return Store(self.folder / "runs", published_only=self.published)
 
     @cached_property
-    def _kept(self) -> Kept:
-        return Kept(self._store, methods(self.plugins), self.data_root)
+    def _artefacts(self) -> ArtefactReader:
+        return ArtefactReader(self._store, methods(self.plugins), self.data_root)
 
     @cached_property
     def _results(self) -> dict[str, Result]:

@@ -11,11 +11,11 @@ from benchmark.contracts import FloatArray
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh, Points
 
-SECOND_DISTURBANCE = 0.05
+SECOND_PERTURBATION = 0.05
 """Standard deviation of what training adds to the covariance, as a share of its trace: axes that nearly tie are seen
 in either order."""
 
-THIRD_DISTURBANCE = 0.2
+THIRD_PERTURBATION = 0.2
 """Standard deviation of what training adds to the skewness along an axis: one that is nearly even is seen from either
 side."""
 
@@ -75,7 +75,7 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
     mesh
         The surface.
     random
-        Disturbs the frame as training does, so that a network learns what happens near ties; None does not.
+        Perturbs the frame as training does, so that a network learns what happens near ties; None does not.
 
     Raises
     ------
@@ -86,12 +86,12 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
     corners = [(mesh.vertices[mesh.faces[:, k]] - origin) / unit for k in range(3)]
     covariance = _covariance(corners, shares)
     if random is not None:
-        noise = random.normal(scale=SECOND_DISTURBANCE * np.trace(covariance), size=(3, 3))
+        noise = random.normal(scale=SECOND_PERTURBATION * np.trace(covariance), size=(3, 3))
         covariance = covariance + (noise + noise.T) / 2
     axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
     skewness = _skewness([each @ axes.T for each in corners], shares)
     if random is not None:
-        skewness = skewness + random.normal(scale=THIRD_DISTURBANCE, size=3)
+        skewness = skewness + random.normal(scale=THIRD_PERTURBATION, size=3)
     axes[skewness < 0] *= -1
     if np.linalg.det(axes) < 0:
         axes[np.abs(skewness).argmin()] *= -1

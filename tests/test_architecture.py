@@ -1,4 +1,4 @@
-"""Data flows downwards: a room imports only from below."""
+"""Data flows downwards: a package imports only from below."""
 
 import ast
 from pathlib import Path
@@ -7,9 +7,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-#: Floors, lowest first: a room may import from itself and from any floor below, never from its neighbours on the same
-#: floor. A module belongs to the longest name that fits.
-FLOORS = (
+#: Layers, lowest first: a package may import from itself and from any layer below, never from its neighbours on
+#: the same layer. A module belongs to the longest name that fits.
+LAYERS = (
     ("benchmark.errors", "benchmark.threads"),
     ("benchmark.system", "benchmark.parameters"),
     ("benchmark.geometry",),
@@ -26,19 +26,19 @@ FLOORS = (
     ("benchmark.cli",),
     ("benchmark.__main__",),
 )
-ROOMS = {room: number for number, floor in enumerate(FLOORS) for room in floor}
+PACKAGES = {package: number for number, layer in enumerate(LAYERS) for package in layer}
 
 
-def room(module: str) -> str:
+def package(module: str) -> str:
     parts = module.split(".")
-    while parts and ".".join(parts) not in ROOMS:
+    while parts and ".".join(parts) not in PACKAGES:
         parts.pop()
     return ".".join(parts)
 
 
 def modules():
-    for package in ("benchmark", "baselines", "learned", "retrieval"):
-        for path in sorted((ROOT / package).rglob("*.py")):
+    for top in ("benchmark", "baselines", "learned", "retrieval"):
+        for path in sorted((ROOT / top).rglob("*.py")):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             yield name.removesuffix(".__init__"), path
 
@@ -58,8 +58,8 @@ def known(name: str) -> bool:
 
 
 def may_import(name: str, target: str) -> bool:
-    here, there = room(name), room(target)
-    return here == there or ROOMS[there] < ROOMS[here]
+    here, there = package(name), package(target)
+    return here == there or PACKAGES[there] < PACKAGES[here]
 
 
 @pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: value if isinstance(value, str) else "")
@@ -67,7 +67,7 @@ def test_a_room_imports_only_from_floors_below(name, path):
     if name == "benchmark":
         assert not [target for target in imports(path) if known(target)]
         return
-    ours = [target for target in imports(path) if known(target) and room(target)]
+    ours = [target for target in imports(path) if known(target) and package(target)]
     assert [target for target in ours if not may_import(name, target)] == []
 
 
@@ -78,7 +78,7 @@ def test_an_arrow_from_the_store_to_the_runner_would_fail():
 
 
 def test_every_module_has_a_floor():
-    assert [name for name, _ in modules() if name != "benchmark" and not room(name)] == []
+    assert [name for name, _ in modules() if name != "benchmark" and not package(name)] == []
 
 
 @pytest.mark.parametrize(("name", "path"), [(n, p) for n, p in modules() if n.startswith("benchmark")])

@@ -31,4 +31,4 @@ def test_a_message_that_cannot_be_read_is_said_to_be_so(error):
 def test_problem_and_mend_are_text_whatever_a_method_passes(given):
     error = BenchmarkError(*given)
     assert str(error) == "; ".join(str(part) for part in given if part is not None)
-    assert (type(error.problem), type(error.mend)) == (str, str)
+    assert (type(error.problem), type(error.hint)) == (str, str)

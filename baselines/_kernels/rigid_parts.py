@@ -159,7 +159,7 @@ def smooth_seams(
     .. math:: \sum_{ij} w_{ij} \| (x_i - x_j) - \tfrac12 (R_i + R_j) (p_i - p_j) \|^2
               + \frac1{b^2} \sum_i m_i \| x_i - y_i \|^2 ,
 
-    a screened Poisson equation: the disturbance by a seam fades with :math:`e^{-d/b}` at the distance d from it.
+    a screened Poisson equation: the perturbation by a seam fades with :math:`e^{-d/b}` at the distance d from it.
 
     Parameters
     ----------

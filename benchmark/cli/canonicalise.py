@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmark.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
-from benchmark.methods.answers import form_of
+from benchmark.methods.output_checks import form_of
 from benchmark.methods.registry import methods, variant
 from benchmark.system.calls import call_apart
 
@@ -74,7 +74,7 @@ def canonicalise_file(
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     vertices, faces, notes = call_apart(
         plain_form, str(source), method, [str(path) for path in plugins], seed, vertices,
-        what=f"method '{method}' on {source}", mend="try another shape, or mend the method", limit=limit,
+        what=f"method '{method}' on {source}", hint="try another shape, or correct the method", limit=limit,
     )  # fmt: skip
     form = CanonicalForm(np.array(vertices), np.array(faces, dtype=np.int32), notes)
     write_form(target, form.mesh)
@@ -99,7 +99,7 @@ def write_form(target: Path, mesh: Mesh) -> None:
             try:
                 write_mesh(made, mesh)
             except ConfigurationError as error:
-                raise ConfigurationError(error.problem.replace(str(made), str(target)), error.mend) from error
+                raise ConfigurationError(error.problem.replace(str(made), str(target)), error.hint) from error
             made.replace(place)
     except OSError as error:
         raise ConfigurationError(

@@ -122,7 +122,7 @@ def make_forms(
         seed,
     )
     found: int = call_apart(
-        _forms, *arguments, what=what, mend="try another image, or mend the method", limit=limit, say=say
+        _forms, *arguments, what=what, hint="try another image, or correct the method", limit=limit, say=say
     )
     return found
 

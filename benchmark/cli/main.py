@@ -63,12 +63,12 @@ for verb in (
 
 def program() -> None:
     """Run the command line as a program of its own; threads and exit handlers of a plugin have no say in its end."""
-    from benchmark.system import warden
+    from benchmark.system import process_reaper
 
     try:
         main()
     finally:
-        if warden.MARK in os.environ:
+        if process_reaper.MARK in os.environ:
             code = _exit_code(sys.exception())
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError, ValueError):
@@ -87,7 +87,7 @@ def _exit_code(error: BaseException | None) -> int:
 
 
 def main() -> None:
-    """Run the command line; problems that the user can mend are one line and exit code 2."""
+    """Run the command line; problems that the user can correct are one line and exit code 2."""
     from benchmark.threads import pin_threads
 
     pin_threads()
@@ -120,7 +120,7 @@ def main() -> None:
         culprit = _plugin_in(error)
         if not culprit:
             raise
-        _refuse(f"plugin {culprit} raises {one_line(error)}; mend the file")
+        _refuse(f"plugin {culprit} raises {one_line(error)}; correct the file")
 
 
 def _open_streams() -> None:

@@ -355,8 +355,8 @@ def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
-    """What a data set may be called; under a nuisance, also what the clean set may be."""
-    from benchmark.datasets.nuisances.dataset import parsed
+    """What a data set may be called; under a perturbation, also what the clean set may be."""
+    from benchmark.datasets.perturbations.dataset import parsed
 
     given = {data["name"], data["source"]}
     clean = {found[0] for name in given if (found := parsed(name))}

@@ -21,19 +21,19 @@ FIGURES = ("forms", "effect", "cost")
 def write_pages(selection: Selection, output: Path, *, force: bool = False) -> None:
     """Write the static report of a selection; with force, over what is of no report, too."""
     from benchmark.methods.registry import methods
+    from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
     from benchmark.report.html.folder import Folder
     from benchmark.report.html.site import write_report
-    from benchmark.report.kept import Kept
 
     store = selection.store()
     named = selection.is_by_name
     tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow, named=named)
     if not tables:
         raise no_table(selection)
-    kept = Kept(store, methods(selection.plugins), selection.data_root)
+    artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
-    written = write_report(tables, kept, Folder(output, force), command, lambda line: say(line, err=True))
+    written = write_report(tables, artefacts, Folder(output, force), command, lambda line: say(line, err=True))
     say(
         f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
         f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"

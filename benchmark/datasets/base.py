@@ -26,7 +26,7 @@ class Entry:
     subject
         The retrieval class.
     pose
-        The nuisance; equal names mean the same pose where the data set knows that, else unique.
+        The perturbation; equal names mean the same pose where the data set knows that, else unique.
     path
         The file that holds the mesh; None for generated shapes.
     """

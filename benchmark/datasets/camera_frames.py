@@ -70,7 +70,7 @@ class CameraFrames:
     def frame(self, entry: Entry) -> tuple[Depths, Mask]:
         """Return depths in metres, as they are written in millimetres, and the pixels of the body, shape (480, 640)."""
         depths, mask = self.scene(entry).drawn(self.intrinsics)
-        measured = self.faults.disturbed(depths, self._random(entry, "faults"))
+        measured = self.faults.perturbed(depths, self._random(entry, "faults"))
         return np.round(measured * DEFAULT_SCALE) / DEFAULT_SCALE, mask
 
     def scene(self, entry: Entry) -> Scene:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from benchmark.datasets.base import Dataset, printable
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
-from benchmark.datasets.nuisances.dataset import Disturbed, disturbed_name, parsed
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
 from benchmark.datasets.parts import Part
+from benchmark.datasets.perturbations.dataset import Perturbed, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.system.plugins import unknown
 
@@ -93,7 +93,7 @@ def _animals(_: Path) -> Dataset:
 
 
 def _animals_few(root: Path) -> Dataset:
-    from benchmark.datasets.nuisances.dataset import Some
+    from benchmark.datasets.perturbations.dataset import Some
 
     # The classes of at least seven shapes.
     few = Part(subjects=("cat", "david", "dog", "horse", "michael", "victoria"), poses=(0, 2, 4))
@@ -157,13 +157,13 @@ def is_present(name: str, data_root: Path | None) -> bool:
 
 
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
-    """Open a data set by name, or any folder by its path; with a nuisance in brackets, its disturbed shapes.
+    """Open a data set by name, or any folder by its path; with a perturbation in brackets, its perturbed shapes.
 
     Parameters
     ----------
     name
         A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called, or what :func:`sources`
-        says of a data set of a plugin file; any of them perhaps followed by a nuisance and its strength,
+        says of a data set of a plugin file; any of them perhaps followed by a perturbation and its strength,
         ``[noise=3]``, and by the number of a jitter, ``[jitter=1]``.
     data_root
         The folder that holds the official sets; None if there is none.
@@ -178,20 +178,20 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
     if found := parsed(name):
-        base, nuisance, strength = found
-        return Disturbed(open_dataset(base, data_root), nuisance, strength)
+        base, perturbation, strength = found
+        return Perturbed(open_dataset(base, data_root), perturbation, strength)
     if is_own(name):
         return open_own(name)
     if not is_known(name) and is_path(name):
         folder = Path(name)
         if not folder.is_dir():
-            mend = "name a data set or the folder that holds the meshes"
+            hint = "name a data set or the folder that holds the meshes"
             beside = [path.name for path in folder.parent.glob("*") if path.is_dir()]
             if folder.is_file():
-                mend = f"name the folder that holds it: {folder.parent}"
+                hint = f"name the folder that holds it: {folder.parent}"
             elif near := difflib.get_close_matches(folder.name, beside, 1):
-                mend = f"did you mean {folder.parent / near[0]}?"
-            raise ConfigurationError(f"{folder} is not a folder", mend)
+                hint = f"did you mean {folder.parent / near[0]}?"
+            raise ConfigurationError(f"{folder} is not a folder", hint)
         from benchmark.datasets.folder import folder_dataset
 
         return dataclasses.replace(folder_dataset(folder), name=folder_name(folder))
@@ -225,7 +225,7 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
 def _meant(name: str, own: Mapping[str, str]) -> str:
     """What :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
     if found := parsed(name):
-        return disturbed_name(_meant(found[0], own), *found[1:])
+        return perturbed_name(_meant(found[0], own), *found[1:])
     if name not in own and not is_known(name) and not is_path(name):
         folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
         near = difflib.get_close_matches(name, folders, 1)

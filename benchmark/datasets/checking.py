@@ -1,4 +1,4 @@
-"""Is a data set what it should be? Every anomaly becomes one line that names the file and the mend."""
+"""Is a data set what it should be? Every anomaly becomes one line that names the file and the hint."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ class Anomaly:
         The file, relative to the folder, or the identifier of a generated shape.
     what
         What is wrong.
-    mend
+    hint
         What to do about it.
     """
 
     severity: Severity
     file: str
     what: str
-    mend: str
+    hint: str
 
     def __str__(self) -> str:
-        return f"{self.severity:<7}  {self.file}  {self.what}; {self.mend}"
+        return f"{self.severity:<7}  {self.file}  {self.what}; {self.hint}"
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _folder_of(name: str, data_root: Path | None) -> Path | None:
 
 def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Watched) -> Report:
     """Report why a folder is no data set, and look at the meshes that lie there all the same."""
-    anomalies = [Anomaly("error", folder.name, error.problem, error.mend)]
+    anomalies = [Anomaly("error", folder.name, error.problem, error.hint)]
     paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
     entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
     anomalies += _of_files(folder, entries)
@@ -170,12 +170,12 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
     try:
         check_ranked(dataset)
     except DatasetError as error:
-        yield Anomaly("warning", dataset.name, error.problem, error.mend)
+        yield Anomaly("warning", dataset.name, error.problem, error.hint)
         return
     try:
         check_retrievable(dataset)
     except DatasetError as error:
-        yield Anomaly("error", dataset.name, error.problem, error.mend)
+        yield Anomaly("error", dataset.name, error.problem, error.hint)
     sizes = Counter(entry.subject for entry in dataset.entries)
     official = OFFICIAL_SIZES.get(dataset.name, {})
     if not official or not isinstance(dataset, FolderDataset):
@@ -243,13 +243,13 @@ def _inspect_all(
         try:
             found = inspect(dataset.load(entry), dataset.camera(entry))
         except ShapeError as error:
-            anomalies.append(Anomaly("error", file, _without_path(error.problem, entry.path), error.mend))
+            anomalies.append(Anomaly("error", file, _without_path(error.problem, entry.path), error.hint))
             continue
         inspections[entry.identifier] = found
         if not found.faces_left:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
         if not isinstance(dataset, DepthFolder):  # what one camera sees is open, and may lie in pieces
-            anomalies += [Anomaly("warning", file, what, mend) for what, mend in flaws(found)]
+            anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(found)]
         twin = first_with.setdefault(found.digest, file)
         if twin != file:
             anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
@@ -266,15 +266,15 @@ def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomal
     widest = max(extents, key=extents.__getitem__)
     if declared is not None and extents[widest] >= declared:
         what = f"extends to {extents[widest]:.6g}, beyond the camera's half width of {declared:.6g}"
-        mend = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
-        yield Anomaly("error", widest, what, mend)
+        hint = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
+        yield Anomaly("error", widest, what, hint)
     fitted = common_half_width(list(extents.values())) / FILL
     for file, extent in extents.items():
         where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
         if declared is None and extent >= fitted:
             what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
-            mend = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
-            yield Anomaly("warning", file, what, mend)
+            hint = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
+            yield Anomaly("warning", file, what, hint)
         elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
             what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
             yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
@@ -284,7 +284,7 @@ def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, 
     try:
         manifest = read_manifest(folder)
     except BenchmarkError as error:
-        yield Anomaly("error", MANIFEST_FILE, error.problem, error.mend)
+        yield Anomaly("error", MANIFEST_FILE, error.problem, error.hint)
         return
     by_file = {_relative(entry.path, folder): entry for entry in entries if entry.path}
     for row in manifest:

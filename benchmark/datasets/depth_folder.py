@@ -102,8 +102,8 @@ def with_depth_settings(dataset: DepthFolder, settings: Path) -> DepthFolder:
         return dataclasses.replace(dataset, **dict(_changes(values, settings.parent)))
     except (BenchmarkError, TypeError, ValueError) as error:
         problem = error.problem if isinstance(error, BenchmarkError) else str(error)
-        mend = error.mend if isinstance(error, BenchmarkError) else "correct the value"
-        raise DatasetError(f"{settings}: {problem}", mend) from error
+        hint = error.hint if isinstance(error, BenchmarkError) else "correct the value"
+        raise DatasetError(f"{settings}: {problem}", hint) from error
 
 
 def _changes(values: dict[str, Any], folder: Path) -> Iterator[tuple[str, Any]]:

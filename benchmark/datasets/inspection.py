@@ -64,7 +64,7 @@ def count_holes(faces: Faces) -> int:
 
 
 def flaws(inspection: Inspection) -> Iterator[tuple[str, str]]:
-    """What makes a mesh less than a closed manifold in one piece, each with what becomes of it or how to mend it."""
+    """What makes a mesh less than a closed manifold in one piece, each with what becomes of it or how to correct it."""
     found = inspection.cleaning
     if found.merged:
         what = _many(found.merged, "duplicate vertex", "duplicate vertices")

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.nuisances.surface import noise
+from benchmark.datasets.perturbations.surface import noise
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.sensor import DepthSensor

@@ -106,7 +106,7 @@ class OwnDataset:
         except (BenchmarkError, MemoryError):
             raise
         except Exception as error:
-            raise UnreadableMesh(self._said(entry, f"'{name}' raises {one_line(error)}"), "mend the file") from error
+            raise UnreadableMesh(self._said(entry, f"'{name}' raises {one_line(error)}"), "correct the file") from error
 
     def _said(self, entry: Entry, what: str) -> str:
         return f"data set '{self.name}', shape '{entry.identifier}': {what}"
@@ -219,9 +219,9 @@ def open_own(source: str) -> OwnDataset:
     except BenchmarkError:
         raise
     except (Exception, SystemExit) as error:
-        raise DatasetError(f"{path}, {attribute} cannot be opened: {one_line(error)}", "mend the file") from error
-    for problem, mend in problems_of(entries):
-        raise DatasetError(f"data set '{made.info.name}' of {path}: {problem}", mend)
+        raise DatasetError(f"{path}, {attribute} cannot be opened: {one_line(error)}", "correct the file") from error
+    for problem, hint in problems_of(entries):
+        raise DatasetError(f"data set '{made.info.name}' of {path}: {problem}", hint)
     return OwnDataset(made, entries, path)
 
 
@@ -242,8 +242,8 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
             info = getattr(value, "info", None)
             if not (isinstance(value, type) and value.__module__ == module.__name__ and isinstance(info, DatasetInfo)):
                 continue
-            for problem, mend in _problems_of_info(info):
-                raise DatasetError(f"plugin {path}, {attribute}: {problem}", mend)
+            for problem, hint in _problems_of_info(info):
+                raise DatasetError(f"plugin {path}, {attribute}: {problem}", hint)
             if info.name in found:
                 raise DatasetError(
                     f"two data sets are called '{info.name}': {found[info.name]} and {path}", "rename one"
@@ -253,7 +253,7 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
 
 
 def problems_of(entries: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
-    """What is wrong with the shapes that a set lists: each problem with its mend."""
+    """What is wrong with the shapes that a set lists: each problem with its hint."""
     if not entries:
         yield "it lists no shapes", "let 'entries' list at least two classes, one of them with two shapes"
     for entry in entries:

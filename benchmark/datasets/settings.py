@@ -118,9 +118,9 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
         if value not in VIEWS:
             raise did_you_mean(f"camera in {path}", value, VIEWS)
         return _y_up(VIEWS[value]) if up == "y" else VIEWS[value]
-    mend = "write the name of a view, or { direction = [x, y, z], up = [x, y, z] }"
+    hint = "write the name of a view, or { direction = [x, y, z], up = [x, y, z] }"
     if not isinstance(value, dict) or "direction" not in value:
-        raise DatasetError(f"{path}: {value!r} is no camera", mend)
+        raise DatasetError(f"{path}: {value!r} is no camera", hint)
     for key in value:
         if key not in ("direction", "up"):
             raise did_you_mean(f"key of a camera in {path}", key, ("direction", "up"))
@@ -128,9 +128,9 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     try:
         return Camera(_vector(value["direction"]), _vector(value["up"]) if "up" in value else default)
     except (TypeError, ValueError, OverflowError) as error:
-        raise DatasetError(f"{path}: {error}", mend) from error
+        raise DatasetError(f"{path}: {error}", hint) from error
     except ConfigurationError as error:
-        raise DatasetError(f"{path}: {error.problem}", error.mend) from error
+        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
 
 
 def _vector(value: Any) -> tuple[float, float, float]:

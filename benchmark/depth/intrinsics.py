@@ -34,7 +34,7 @@ CENTRAL = (0.25, 0.75)
 """Shares of the width and height between which a principal point lies, where nothing says how large the image is."""
 
 _LARGEST_FILE = 1_000_000
-_MEND = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
+_HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
 #: Steps that find the ray of a distorted pixel; lenses of depth cameras need five.
 _STEPS = 20
@@ -146,21 +146,21 @@ def read_intrinsics(path: Path) -> Intrinsics:
     """
     try:
         if path.stat().st_size > _LARGEST_FILE:
-            raise InvalidIntrinsics(f"{path} is too large for intrinsics", _MEND)
+            raise InvalidIntrinsics(f"{path} is too large for intrinsics", _HINT)
         text = path.read_bytes().decode("utf-8")
     except OSError as error:
-        raise InvalidIntrinsics(f"{path}: {error.strerror}", f"check the path; {_MEND}") from error
+        raise InvalidIntrinsics(f"{path}: {error.strerror}", f"check the path; {_HINT}") from error
     except UnicodeDecodeError as error:
-        raise InvalidIntrinsics(f"{path} is no text, as an image is none", _MEND) from error
+        raise InvalidIntrinsics(f"{path} is no text, as an image is none", _HINT) from error
     try:
         if text.lstrip().startswith("{"):
             return _of_json(json.loads(text))
         return _of_yaml(text) if re.search(r"(?m)^\s*(camera_matrix|[Kk])\s*:", text) else parse_intrinsics(text)
     except InvalidIntrinsics as error:
-        raise InvalidIntrinsics(f"{path}: {error.problem}", error.mend) from error
+        raise InvalidIntrinsics(f"{path}: {error.problem}", error.hint) from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         what = f"{path} holds no intrinsics: {type(error).__name__} {' '.join(str(error).split())}"
-        raise InvalidIntrinsics(f"{what:.300}", _MEND) from error
+        raise InvalidIntrinsics(f"{what:.300}", _HINT) from error
 
 
 def find_intrinsics(image: Path) -> Path | None:
@@ -186,7 +186,7 @@ def _of_numbers(numbers: Sequence[float], text: str) -> Intrinsics:
         return Intrinsics(fx, fy, cx, cy)
     if len(numbers) in (9, 16):
         return _of_matrix(np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3])
-    raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _MEND)
+    raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _HINT)
 
 
 def _of_matrix(
@@ -215,7 +215,7 @@ def _of_json(content: Mapping[str, Any]) -> Intrinsics:
             return _of_matrix(np.array(values, dtype=np.float64).reshape(3, 3), size, distortion)
     cx, cy = (found.get(f"c{axis}", found.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
-        raise InvalidIntrinsics(f"keys {', '.join(map(str, found))} name no principal point", _MEND)
+        raise InvalidIntrinsics(f"keys {', '.join(map(str, found))} name no principal point", _HINT)
     matrix = np.array([[found["fx"], 0, cx], [0, found["fy"], cy], [0, 0, 1]], dtype=np.float64)
     return _of_matrix(matrix, size, distortion)
 
@@ -261,4 +261,4 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(word.strip("[]")) for word in words]
     except ValueError as error:
-        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _MEND) from error
+        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error

@@ -66,7 +66,7 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
     try:
         values = READERS[suffix](path)
     except UnreadableDepth as error:
-        raise UnreadableDepth(f"{path}: {error.problem}", error.mend) from error
+        raise UnreadableDepth(f"{path}: {error.problem}", error.hint) from error
     except OSError as error:
         what = error.strerror or f"not a readable {suffix[1:]} file: {error}"
         raise UnreadableDepth(f"{path}: {what}", "check the path, or export the image again") from error
@@ -76,7 +76,7 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
     try:
         return in_metres(values, scale)
     except InvalidDepth as error:
-        raise InvalidDepth(f"{path}: {error.problem}", error.mend) from error
+        raise InvalidDepth(f"{path}: {error.problem}", error.hint) from error
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:

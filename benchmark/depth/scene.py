@@ -138,7 +138,7 @@ class DepthFaults:
     flying: float = 0.1
     farthest: float = 8.0
 
-    def disturbed(self, depths: Depths, random: np.random.Generator) -> Depths:
+    def perturbed(self, depths: Depths, random: np.random.Generator) -> Depths:
         """Return depths with noise, steps, lost pixels, lost edges and flying pixels."""
         seen = (depths > 0) & (depths <= self.farthest)
         padded = np.pad(depths, 1, mode="edge")

@@ -31,7 +31,7 @@ _LEFT, _RIGHT = (slice(None), slice(None, -1)), (slice(None), slice(1, None))
 _UPPER, _LOWER = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
 
 #: What is told where no object is found.
-_MEND = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
+_HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
 
 
 def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
@@ -62,7 +62,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
         free &= plane.heights(points) > plane.slack(points)
     labels, count = pieces(depths, free)
     if not count:
-        raise NoObject("nothing but planes and specks is left of the scene", _MEND)
+        raise NoObject("nothing but planes and specks is left of the scene", _HINT)
     of_pixels = labels[free]
     # A pixel twice as far away shows four times the surface.
     surfaces = np.bincount(of_pixels, weights=depths[free] ** 2, minlength=count)
@@ -72,7 +72,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     if not large.any():
         raise NoObject(
             f"no piece that is left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels",
-            _MEND,
+            _HINT,
         )
     chosen = int(np.flatnonzero(large)[distances[large].argmin()])
     # An arm before a chest is a piece of its own.

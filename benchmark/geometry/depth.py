@@ -319,7 +319,7 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
     """
     depth = render_depth(mesh, camera, half_width)
     if sensor is not None:
-        depth = sensor.disturbed(depth)
+        depth = sensor.perturbed(depth)
     foreground = int(np.count_nonzero(depth))
     if foreground < FEWEST_PIXELS:
         raise UnsupportedShape(

@@ -1,4 +1,4 @@
-"""Reading and writing mesh files; every problem names the file and the mend."""
+"""Reading and writing mesh files; every problem names the file and the hint."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def read_mesh(path: Path | str) -> Mesh:
     try:
         return Mesh(vertices, faces.astype(np.int32))
     except InvalidMesh as error:
-        raise InvalidMesh(f"{path}: {error.problem}", error.mend) from error
+        raise InvalidMesh(f"{path}: {error.problem}", error.hint) from error
 
 
 def write_mesh(path: Path | str, mesh: Mesh) -> None:

@@ -29,7 +29,7 @@ class DepthSensor:
     step: float
     seed: int
 
-    def disturbed(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    def perturbed(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """The image with noise, then rounded to steps; background stays background, and surface stays surface."""
         random = np.random.default_rng(self.seed)
         noisy = depth + self.noise * random.standard_normal(depth.shape)

@@ -22,7 +22,7 @@ from benchmark.storage.store import Artefact, Store
 
 Arrays = Mapping[str, NDArray[Any]]
 
-#: Array that stands where there is no result: the problem, its mend, and the kind of error.
+#: Array that stands where there is no result: the problem, its hint, and the kind of error.
 REFUSED = "refused"
 
 
@@ -56,13 +56,13 @@ class Preparation:
             If it cannot be read or treated.
         """
         if self._latest is None or self._latest[:2] != (entry.identifier, seed):
-            arrays = treated(self.artefact(entry))
+            arrays = require_arrays(self.artefact(entry))
             shape = shape_of(arrays, entry.identifier, seed, SharedStages(self._meter))
             self._latest = (entry.identifier, seed, shape)
         return self._latest[2]
 
     def artefact(self, entry: Entry) -> Artefact:
-        """The arrays of a prepared shape, or why there are none; see :func:`treated`."""
+        """The arrays of a prepared shape, or why there are none; see :func:`require_arrays`."""
         return self._kept(self.recipe(entry), lambda: attempted(lambda: self._compute(entry)), f"prepare {self.input}")
 
     def is_prepared(self, entry: Entry) -> bool:
@@ -99,7 +99,7 @@ class Preparation:
 
         recipe = source_recipe(self.dataset, entry)
         arrays = self._kept(recipe, lambda: attempted(compute), f"load {self.dataset.name}", scratch=True)
-        return Mesh(treated(arrays)["vertices"], arrays.arrays["faces"])
+        return Mesh(require_arrays(arrays)["vertices"], arrays.arrays["faces"])
 
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
@@ -142,14 +142,14 @@ def attempted(compute: Callable[[], Arrays]) -> Arrays:
     try:
         return compute()
     except ShapeError as error:
-        return {REFUSED: np.array([error.problem, error.mend, type(error).__name__])}
+        return {REFUSED: np.array([error.problem, error.hint, type(error).__name__])}
 
 
-def treated(artefact: Artefact) -> Arrays:
+def require_arrays(artefact: Artefact) -> Arrays:
     """Arrays of a stage that was attempted; raises ``UnsupportedShape`` with the reason where there are none."""
     if REFUSED in artefact.arrays:
-        problem, mend = artefact.arrays[REFUSED].tolist()[:2]
-        raise UnsupportedShape(problem, mend)
+        problem, hint = artefact.arrays[REFUSED].tolist()[:2]
+        raise UnsupportedShape(problem, hint)
     return artefact.arrays
 
 

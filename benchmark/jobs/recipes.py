@@ -102,8 +102,8 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     if input_ == "mesh":
         return recipe | {"n_vertices": N_VERTICES}
     sensor = sensor_of(dataset, entry)
-    disturbed = {} if sensor is None else {"sensor": repr(sensor)}
-    return recipe | {"camera": repr(dataset.camera(entry)), "frame": frame} | disturbed
+    perturbed = {} if sensor is None else {"sensor": repr(sensor)}
+    return recipe | {"camera": repr(dataset.camera(entry)), "frame": frame} | perturbed
 
 
 def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:

@@ -20,7 +20,7 @@ from benchmark.depth.reading import READERS
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.jobs.preparation import REFUSED, Preparation, attempted, shape_of, treated
+from benchmark.jobs.preparation import REFUSED, Preparation, attempted, require_arrays, shape_of
 from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recipe
 from benchmark.jobs.stages import distances, features, form
 from benchmark.jobs.stages.complete import complete
@@ -223,7 +223,7 @@ class GallerySearch:
                 signed = partial(attempted, partial(features.extract, scorer, made))
                 kept = self.store.get_or_compute(wanted, signed, work="features")
             if REFUSED not in kept.arrays:
-                yield entry, treated(kept), kept.was_cached
+                yield entry, require_arrays(kept), kept.was_cached
 
 
 def _ordered(entries: Sequence[Entry], found: NDArray[np.float64]) -> tuple[Hit, ...]:

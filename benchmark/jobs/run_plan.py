@@ -21,7 +21,7 @@ from rich.progress import (
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
-from benchmark.jobs.orders import Order, Scope
+from benchmark.jobs.job_specs import JobSpec, Scope
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
@@ -85,7 +85,7 @@ def run_plan(
         drop_stale_kernels(ROOT)
     passed_over = (*_FINE, "unavailable") if as_far_as_possible else _FINE
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    orders = [Order.of(job, scope) for job in to_run]
+    orders = [JobSpec.of(job, scope) for job in to_run]
     with Claims.of(store) as claims, _Display(orders) as display:
         for order in orders:
             if claims.take(order.key):
@@ -141,13 +141,13 @@ def make_executor(
 class _Display:
     """A progress bar over shapes; plain lines when there is no terminal."""
 
-    def __init__(self, orders: Sequence[Order]) -> None:
+    def __init__(self, orders: Sequence[JobSpec]) -> None:
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
         )  # fmt: skip
-        self._total = len({(o.dataset, o.input, o.room, shape) for o in orders for shape in o.identifiers})
+        self._total = len({(o.dataset, o.input, o.package, shape) for o in orders for shape in o.identifiers})
         self._task: TaskID = self._bar.add_task("starting", total=self._total)
         self._begun = self._said = time.monotonic()
 
@@ -168,7 +168,7 @@ class _Display:
             at = f", {names[0]}" if names and (not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
-    def ended(self, order: Order, record: Record) -> None:
+    def ended(self, order: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
             scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)

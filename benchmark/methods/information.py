@@ -14,7 +14,7 @@ _MOST_DRAWS = 100
 
 
 def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
-    """What is wrong with the information of a method: each problem with its mend."""
+    """What is wrong with the information of a method: each problem with its hint."""
     if isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
     yield from _problems_of_texts(info)
@@ -30,7 +30,7 @@ def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
 
 
 def problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
-    """What is wrong with the information of a scorer: each problem with its mend."""
+    """What is wrong with the information of a scorer: each problem with its hint."""
     yield from _problems_of_texts(info)
     draws: Any = info.draws
     if type(draws) is not int or not 1 <= draws <= _MOST_DRAWS:

@@ -25,7 +25,7 @@ __all__ = ["LIMIT", "inspect", "inspect_package"]
 LIMIT = 30.0
 
 #: Deaths by somebody else's hand after which a file is blamed for them.
-_LIVES = 3
+_MAX_RETRIES = 3
 
 
 #: Modules that the whole suite relies on: a plugin may use them, but not change them.
@@ -59,8 +59,8 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         if is_imported(found):
             continue
         require_file(found)
-        mend = "mend the file: importing it and making its methods must end at once"
-        _look(describe, found, made, what=f"plugin {path}", mend=mend)
+        hint = "correct the file: importing it and making its methods must end at once"
+        _look(describe, found, made, what=f"plugin {path}", hint=hint)
 
 
 def inspect_package(package: str, targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
@@ -85,21 +85,21 @@ def inspect_package(package: str, targets: Mapping[str, str]) -> dict[str, Bench
     """
     if not targets:
         return {}
-    mend = "mend the package, or uninstall it: importing it and making its methods must end at once"
-    found = _look(faults_in_package, package, dict(targets), what=f"package {package}", mend=mend)
-    return {name: ConfigurationError(problem, mend) for name, (problem, mend) in found.items()}
+    hint = "correct the package, or uninstall it: importing it and making its methods must end at once"
+    found = _look(faults_in_package, package, dict(targets), what=f"package {package}", hint=hint)
+    return {name: ConfigurationError(problem, hint) for name, (problem, hint) in found.items()}
 
 
-def _look(function: Callable[..., Any], *arguments: Any, what: str, mend: str) -> Any:
+def _look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
     """Call a function apart, again if somebody else may have ended its process."""
-    lives = _LIVES
+    retries = _MAX_RETRIES
     while True:
-        lives -= 1
+        retries -= 1
         try:
-            return call_apart(function, *arguments, what=what, mend=mend, limit=LIMIT, quiet=True)
+            return call_apart(function, *arguments, what=what, hint=hint, limit=LIMIT, quiet=True)
         except BrokenCall as error:
-            if not (lives and isinstance(error, KilledCall)):
-                raise ConfigurationError(error.problem, error.mend) from error
+            if not (retries and isinstance(error, KilledCall)):
+                raise ConfigurationError(error.problem, error.hint) from error
 
 
 def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
@@ -130,7 +130,7 @@ def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
 
 
 def faults_in_package(package: str, targets: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Problem and mend of each method of an installed package that cannot be used; the package is imported here.
+    """Problem and hint of each method of an installed package that cannot be used; the package is imported here.
 
     Raises
     ------
@@ -142,13 +142,13 @@ def faults_in_package(package: str, targets: Mapping[str, str]) -> dict[str, tup
     for name, target in targets.items():
         spec = MethodSpec(name, target)
         try:
-            for problem, mend in problems_of(spec.info):
-                raise ConfigurationError(problem, mend)
+            for problem, hint in problems_of(spec.info):
+                raise ConfigurationError(problem, hint)
             _described(spec)
         except BenchmarkError as error:
-            found[name] = (error.problem, error.mend)
+            found[name] = (error.problem, error.hint)
         except (Exception, SystemExit) as error:
-            found[name] = (one_line(error), "mend the package, or uninstall it")
+            found[name] = (one_line(error), "correct the package, or uninstall it")
     _require_unchanged(before, streams, f"package {package}")
     return found
 

@@ -17,7 +17,7 @@ __all__ = ["ENTRY_POINTS", "Installed", "installed"]
 
 ENTRY_POINTS = "canonical_forms.methods"
 
-_MEND = "mend the package, or uninstall it"
+_HINT = "correct the package, or uninstall it"
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def installed(taken: frozenset[str]) -> Installed:
         except BenchmarkError as error:
             found, refused = {}, {point.name: error for point in points}
         except Exception as error:  # what is written about the package is damaged
-            unreadable = ConfigurationError(f"its entry points cannot be read: {one_line(error)}", _MEND)
+            unreadable = ConfigurationError(f"its entry points cannot be read: {one_line(error)}", _HINT)
             found, refused = {}, {"": unreadable}
         targets |= {name: target for name, target in found.items() if name not in refused}
         faults |= {name: _told(package, {name: error}) for name, error in refused.items() if name not in targets}
@@ -75,7 +75,7 @@ def _told(package: str, refused: Mapping[str, BenchmarkError]) -> ConfigurationE
     """What of a package cannot be used, with the reason of the first."""
     first = next(iter(refused.values()))
     return ConfigurationError(
-        f"installed package {package}, {', '.join(refused) or 'all methods'}: {first.problem}", first.mend or _MEND
+        f"installed package {package}, {', '.join(refused) or 'all methods'}: {first.problem}", first.hint or _HINT
     )
 
 
@@ -98,11 +98,11 @@ def _targets(points: Iterable[EntryPoint], taken: Iterable[str]) -> tuple[dict[s
     for point in points:
         match = point.pattern.match(point.value)
         if not match or not match["attr"]:
-            refused[point.name] = ConfigurationError(f"{point.value!r:.80} is not 'module:class'", _MEND)
+            refused[point.name] = ConfigurationError(f"{point.value!r:.80} is not 'module:class'", _HINT)
         elif not is_name(point.name):
-            refused[point.name] = ConfigurationError("that is not lower-case words joined by hyphens", _MEND)
+            refused[point.name] = ConfigurationError("that is not lower-case words joined by hyphens", _HINT)
         elif point.name in taken:
-            refused[point.name] = ConfigurationError("another method has this name", _MEND)
+            refused[point.name] = ConfigurationError("another method has this name", _HINT)
         else:
             targets[point.name] = f"{match['module']}:{match['attr']}"
     return targets, refused

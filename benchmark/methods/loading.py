@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.system import fingerprints, warden
+from benchmark.system import fingerprints, process_reaper
 from benchmark.system.forks import one_of_us
 from benchmark.system.plugins import import_plugin, require_open_process
 
@@ -23,7 +23,7 @@ def is_foreign(module: str) -> bool:
     return module.partition(".")[0] not in fingerprints.FIRST_PARTY
 
 
-def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) -> type[Any]:
+def load_class(kind: str, name: str, target: str, info: type[Any], hint: str) -> type[Any]:
     """Import a class that says what it is.
 
     Parameters
@@ -34,7 +34,7 @@ def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) ->
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     info
         Type of its class attribute ``info``.
-    mend
+    hint
         What to do about a class without one.
 
     Raises
@@ -45,7 +45,7 @@ def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) ->
     place, attribute = module_of(target), target.rpartition(":")[2]
     if is_foreign(place):
         require_open_process(place)
-        warden.adopt()
+        process_reaper.adopt()
     try:
         with one_of_us():
             module = import_plugin(place) if place.endswith(".py") else importlib.import_module(place)
@@ -59,9 +59,9 @@ def load_class(kind: str, name: str, target: str, info: type[Any], mend: str) ->
     except BenchmarkError:
         raise
     except (Exception, SystemExit) as error:
-        raise ConfigurationError(f"{kind} '{name}' cannot be imported: {one_line(error)}", f"mend {place}") from error
+        raise ConfigurationError(f"{kind} '{name}' cannot be imported: {one_line(error)}", f"hint {place}") from error
     if not isinstance(getattr(found, "info", None), info):
-        raise ConfigurationError(f"{target} has no 'info: ClassVar[{info.__name__}]'", mend)
+        raise ConfigurationError(f"{target} has no 'info: ClassVar[{info.__name__}]'", hint)
     return cast(type[Any], found)
 
 
@@ -94,6 +94,6 @@ def classes_of(
         if isinstance(value, type) and value.__module__ == module.__name__:
             told = getattr(value, "info", None)
             if isinstance(told, info):
-                for problem, mend in problems(told):
-                    raise ConfigurationError(f"plugin {path}, {attribute}: {problem}", mend)
+                for problem, hint in problems(told):
+                    raise ConfigurationError(f"plugin {path}, {attribute}: {problem}", hint)
                 yield told.name, f"{path.resolve()}:{attribute}"

@@ -28,7 +28,7 @@ BUILT_IN: dict[str, str] = {
     "spherical-harmonics": "retrieval.spherical_harmonics:SphericalHarmonics",
 }
 
-_MEND = "see 'A scorer' in docs/reference/plugins.md"
+_HINT = "see 'A scorer' in docs/reference/plugins.md"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class ScorerSpec:
         ConfigurationError
             If it cannot be imported or is not a scorer.
         """
-        return load_class("scorer", self.base_name, self.target, ScorerInfo, _MEND)
+        return load_class("scorer", self.base_name, self.target, ScorerInfo, _HINT)
 
     def create(self) -> Scorer:
         """Make the scorer with its parameters.
@@ -110,7 +110,7 @@ class ScorerSpec:
             )
         created = make(found, self.name, self.parameters)
         if not isinstance(created, Scorer):
-            raise ConfigurationError(f"{self.target} lacks 'signature' or 'compare'", _MEND)
+            raise ConfigurationError(f"{self.target} lacks 'signature' or 'compare'", _HINT)
         return created
 
     def missing_packages(self) -> tuple[str, ...]:

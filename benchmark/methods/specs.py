@@ -21,7 +21,7 @@ from benchmark.scoring import ScorerInfo
 from benchmark.system import fingerprints
 from benchmark.system.plugins import import_plugin
 
-_MEND = "see 'Add a method' in the README"
+_HINT = "see 'Add a method' in the README"
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class MethodSpec:
         ConfigurationError
             If it cannot be imported or is not a method.
         """
-        return load_class("method", self.base_name, self.target, MethodInfo, _MEND)
+        return load_class("method", self.base_name, self.target, MethodInfo, _HINT)
 
     def create(self) -> Method | Descriptor:
         """Make the method with its parameters.
@@ -104,7 +104,7 @@ class MethodSpec:
         """
         created = make(self.load(), self.name, self.parameters)
         if not isinstance(created, (Method, Descriptor)):
-            raise ConfigurationError(f"{self.target} has neither 'canonicalise' nor 'describe' and 'distances'", _MEND)
+            raise ConfigurationError(f"{self.target} has neither 'canonicalise' nor 'describe' and 'distances'", _HINT)
         return created
 
     @property

@@ -10,12 +10,12 @@ from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, is_known, is_path, is_present, open_dataset
 from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
-from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.datasets.parts import Part, thinned
+from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.disturbed import conditions, inputs_of, own_table_name
+from benchmark.protocols.perturbed import conditions, inputs_of, own_table_name
 from benchmark.protocols.rows import (
     FURTHER_TRAININGS,
     ONLY_ABLATED,
@@ -81,7 +81,7 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table, and of a disturbed gallery those of its nuisance.
+        """Inputs under which it is ranked: those of its table, and of a perturbed gallery those of its perturbation.
 
         Depth images are no complete surfaces.
         """
@@ -202,7 +202,7 @@ def galleries(
         Keep at most :data:`QUICK_POSES` poses of each subject, of a table with folds the first one, and of methods that
         were not asked for by name those of the paper and :data:`QUICK_CONTROLS`.
     repeat
-        Jittered preparations of each gallery that go with it, but for those under a nuisance.
+        Jittered preparations of each gallery that go with it, but for those under a perturbation.
 
     Raises
     ------

@@ -108,7 +108,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     try:
         models = {name: _first_usable(spec, name, folders) for name, folders in found.items()}
     except ConfigurationError as error:
-        raise MissingModel(error.problem, error.mend) from error
+        raise MissingModel(error.problem, error.hint) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 

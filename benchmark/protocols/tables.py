@@ -46,8 +46,8 @@ class Table:
     any_of
         Sets that it is made for, each on its own, as far as they are present; empty for a table of one set.
     robustness
-        Whether it is made of a clean set and of that set under each nuisance, of :data:`ROBUSTNESS_ROWS` unless others
-        are asked for, and by its name alone.
+        Whether it is made of a clean set and of that set under each perturbation, of :data:`ROBUSTNESS_ROWS` unless
+        others are asked for, and by its name alone.
     only_named
         Whether it is made where it, or its set, is asked for by name alone.
     """
@@ -163,7 +163,7 @@ TABLES: tuple[Table, ...] = (
     ),
     Table(
         "robustness",
-        "What breaks the methods: one gallery, clean and under each nuisance",
+        "What breaks the methods: one gallery, clean and under each perturbation",
         "animals-few",
         in_quick_runs=False,
         all_unseen=False,

@@ -178,7 +178,7 @@ def _of_animals(dataset: str) -> Iterator[Training]:
         )
 
 
-def _beyond(name: str, words: str, dataset: str) -> Training:
+def _synthetic(name: str, words: str, dataset: str) -> Training:
     """Bodies that are in no set, in the frame of one."""
     return Training(name=name, words=words, dataset=dataset, trained=Part(), tested=Part())
 
@@ -190,9 +190,9 @@ TRAININGS: Mapping[str, Training] = {
         *_of_humans("humans"),
         *_of_animals("tosca"),
         *_of_animals("animals"),
-        _beyond(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
-        _beyond(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
-        _beyond(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
+        _synthetic(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
+        _synthetic(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
+        _synthetic(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
     )
 }
 """All protocols by name."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from benchmark.contracts import Input
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
-from benchmark.report.statistics.judgement import CONTROL
+from benchmark.report.statistics.table_significance import CONTROL
 from retrieval.measures import PRINTED
 
 BLANK = "--"
@@ -84,7 +84,7 @@ def _marked(
     marked = text
     if _competes(row, input_) and text == highest:
         marked = style.best.format(text)
-    elif input_ and (judged := table.judgements.get((row.method, input_, metric))) and judged.is_inseparable:
+    elif input_ and (judged := table.significance.get((row.method, input_, metric))) and judged.is_inseparable:
         marked = style.inseparable.format(text)
     cell = _cell(row, input_)
     return (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmark.datasets.nuisances.dataset import parsed
+from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, with_repeats
 from benchmark.report.statistics.intervals import intervals, widened
@@ -49,7 +49,7 @@ class Difference:
     n_queries
         Queries that both have.
     is_perturbed
-        Whether the shapes are those of a set under a nuisance.
+        Whether the shapes are those of a set under a perturbation.
     """
 
     where: str

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any, cast
 
 from benchmark.contracts import Input
-from benchmark.datasets.nuisances.dataset import parsed
+from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.rows import ONLY_ABLATED
 from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
-from benchmark.report.statistics.judgement import Judgements, judge
+from benchmark.report.statistics.table_significance import SignificanceTable, table_significance
 from benchmark.storage.keys import digest
 from benchmark.storage.records import chance_of
 from benchmark.system.text import brief
@@ -98,9 +98,9 @@ class TableContent:
     seed: int = 0
 
     @cached_property
-    def judgements(self) -> Judgements:
+    def significance(self) -> SignificanceTable:
         """How sure each of our figures is, and which rows differ from the best."""
-        return judge(self.rows, self.inputs)
+        return table_significance(self.rows, self.inputs)
 
     @property
     def identifier(self) -> str:

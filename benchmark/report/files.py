@@ -10,9 +10,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import Notes, latex_files
+from benchmark.report.reproduction.document import has_reproduction, reproduction_markdown
 from benchmark.report.statistics.document import has_intervals, intervals_markdown
 from benchmark.report.statistics.splits import has_splits, splits_markdown
-from benchmark.report.verdict.document import has_verdict, verdict_markdown
 from benchmark.system.files import sweep, write_text
 
 #: Characters by which a file of ours is known again: they tell its kind and name, and no figure.
@@ -39,7 +39,7 @@ def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes 
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
             files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if has_intervals(t)}
-            files |= {"verdict.md": verdict_markdown(tables)} if has_verdict(tables) else {}
+            files |= {"reproduction.md": reproduction_markdown(tables)} if has_reproduction(tables) else {}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
         else:

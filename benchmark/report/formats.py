@@ -13,7 +13,7 @@ from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
 from benchmark.report.notes import notes
-from benchmark.report.statistics.judgement import Judgement
+from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
 from retrieval.measures import PRINTED
 
@@ -104,10 +104,10 @@ def as_csv(tables: Sequence[TableContent]) -> str:
 
 def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:
     record, scores = cell.record, cell.scores
-    judged: dict[str, Judgement] = {
-        metric: table.judgements[row.method, input_, metric]
+    judged: dict[str, FigureSignificance] = {
+        metric: table.significance[row.method, input_, metric]
         for metric in PRINTED
-        if (row.method, input_, metric) in table.judgements
+        if (row.method, input_, metric) in table.significance
     }
     return {
         "table": table.identifier,

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-from benchmark.datasets.nuisances.dataset import parsed
 from benchmark.datasets.official.sets import SETS
+from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.methods.registry import BUILT_IN, MethodSpec
 from benchmark.methods.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed

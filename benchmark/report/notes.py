@@ -42,7 +42,7 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         lines.append("Quick run: some poses of each subject were left out.")
     if table.n_galleries > 1:
         lines.append(_OF_MEANS)
-    if any(judged.is_inseparable for judged in table.judgements.values()):
+    if any(judged.is_inseparable for judged in table.significance.values()):
         lines.append(_MARKS)
     lines += _preparations(table)
     lines += _left_out(table)

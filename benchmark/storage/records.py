@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.storage.keys import digest
-from benchmark.storage.soundness import chance_of_labels, fault_of, not_a_number
+from benchmark.storage.record_schema import chance_of_labels, fault_of, not_a_number
 from benchmark.system.files import write_text
 
 Record = dict[str, Any]
@@ -36,7 +36,7 @@ DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 #: Skipped files of a folder that are named one by one.
 MOST_TOLD = 10
 
-_MEND = "remove it or move it elsewhere"
+_HINT = "remove it or move it elsewhere"
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ class Records:
         """A line for each file that was skipped and has not been told before."""
         found = [name for name in sorted(self.skipped) if name not in self._told]
         self._told.update(found)
-        lines = [f"skipped {self.folder / name}: {self.skipped[name]}; {_MEND}" for name in found[:MOST_TOLD]]
+        lines = [f"skipped {self.folder / name}: {self.skipped[name]}; {_HINT}" for name in found[:MOST_TOLD]]
         further = len(found) - len(lines)
-        return lines + ([f"skipped {further} further files in {self.folder}; {_MEND}"] if further else [])
+        return lines + ([f"skipped {further} further files in {self.folder}; {_HINT}"] if further else [])
 
     def _read(self, path: Path) -> Record | None:
         try:

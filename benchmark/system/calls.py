@@ -36,7 +36,7 @@ def call_apart(
     function: Callable[..., Any],
     *arguments: Any,
     what: str,
-    mend: str,
+    hint: str,
     limit: float | None = None,
     all_memory: bool = False,
     quiet: bool = False,
@@ -52,7 +52,7 @@ def call_apart(
         What it is called with.
     what
         Whose code it is, to begin messages with.
-    mend
+    hint
         What to do if it breaks.
     limit
         Seconds that it may take, from one line that it says to the next; None for no limit.
@@ -95,12 +95,12 @@ def call_apart(
                     heard, last = now, time.monotonic()
                 patience = limit if limit is None or begun else limit + _BIRTH
                 if worker.exit_code is None and patience is not None and time.monotonic() > last + patience:
-                    raise BrokenCall(f"{what} does not end: stopped after {limit:g} s", mend)
+                    raise BrokenCall(f"{what} does not end: stopped after {limit:g} s", hint)
         finally:
             worker.end()
         if say:
             _hear(folder / _LINES, heard, say)
-        return _told(folder / _ANSWER, worker.exit_code or 0, what, mend)
+        return _told(folder / _ANSWER, worker.exit_code or 0, what, hint)
 
 
 def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
@@ -117,17 +117,17 @@ def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
     return heard + len(whole)
 
 
-def _told(path: Path, code: int, what: str, mend: str) -> Any:
+def _told(path: Path, code: int, what: str, hint: str) -> Any:
     """What the function left behind."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         kind = KilledCall if -code in BY_HAND else BrokenCall
-        raise kind(f"{what} ended its process ({ending(code)})", mend) from None
+        raise kind(f"{what} ended its process ({ending(code)})", hint) from None
     if "answer" in found:
         return found["answer"]
     if "raised" in found:
-        raise BrokenCall(f"{what} raises {found['raised']}", mend)
+        raise BrokenCall(f"{what} raises {found['raised']}", hint)
     raise from_facts(found)
 
 

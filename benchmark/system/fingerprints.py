@@ -73,7 +73,7 @@ def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class ImportCache:
     """What a process has found out about sources and packages, for another one to begin with.
 
     Parameters
@@ -88,18 +88,18 @@ class Knowledge:
     distributions: Mapping[str, Sequence[str]]
 
 
-def knowledge() -> Knowledge:
+def export_cache() -> ImportCache:
     """What this process has found out so far."""
-    return Knowledge(dict(_PARSED), dict(_BRINGERS))
+    return ImportCache(dict(_PARSED), dict(_BRINGERS))
 
 
-def learn(known: Knowledge) -> None:
+def import_cache(known: ImportCache) -> None:
     """Take over what another process has found out."""
     _PARSED.update(known.parsed)
     _BRINGERS.update(known.distributions)
 
 
-def forget() -> None:
+def clear_cache() -> None:
     """Read all sources again at the next call: they may have changed since."""
     for cached in (_fingerprint, _source, _read):
         cached.cache_clear()

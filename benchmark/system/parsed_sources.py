@@ -31,11 +31,11 @@ def kept_parses(folder: Path | None = None) -> Iterator[None]:
     version = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
     path = (folder or source.parent / "__pycache__") / f"parsed-sources-{version}.json"
     before = _read(path)
-    fingerprints.learn(fingerprints.Knowledge(before, {}))
+    fingerprints.import_cache(fingerprints.ImportCache(before, {}))
     try:
         yield
     finally:
-        parsed = fingerprints.knowledge().parsed
+        parsed = fingerprints.export_cache().parsed
         if new := {known_as: module for known_as, module in parsed.items() if known_as not in before}:
             kept = {**before, **new} if len(before) < _MOST else new
             entries = [[*known_as, module.digest, module.names] for known_as, module in kept.items()]

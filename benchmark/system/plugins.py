@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
-from benchmark.system import warden
+from benchmark.system import process_reaper
 from benchmark.system.forks import one_of_us
 
 #: Packages of the project, which no module of a plugin stands in for.
@@ -86,7 +86,7 @@ def import_plugin(path: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
-    warden.adopt()
+    process_reaper.adopt()
     _PluginFolders.add(Path(path).parent)
     _check_helpers(Path(path))
     module = importlib.util.module_from_spec(spec)
@@ -96,10 +96,10 @@ def import_plugin(path: str) -> ModuleType:
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        mend = "mend the file"
+        hint = "correct the file"
         if isinstance(error, ModuleNotFoundError) and error.name:
-            mend = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
-        raise ConfigurationError(f"plugin {path} cannot be imported: {one_line(error)}", mend) from error
+            hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
+        raise ConfigurationError(f"plugin {path} cannot be imported: {one_line(error)}", hint) from error
     return module
 
 
@@ -107,11 +107,11 @@ def require_file(path: str) -> None:
     """Raise ``ConfigurationError`` unless a path is that of a Python file; it names the nearest one that is."""
     if path.endswith(".py") and Path(path).is_file():
         return
-    mend = "pass the path of a .py file"
+    hint = "pass the path of a .py file"
     if near := difflib.get_close_matches(Path(path).stem, [file.stem for file in Path(path).parent.glob("*.py")], 1):
-        mend = f"did you mean {near[0]}.py?"
+        hint = f"did you mean {near[0]}.py?"
     what = "is not a Python file" if Path(path).exists() else "is not there"
-    raise ConfigurationError(f"plugin {path} {what}", mend)
+    raise ConfigurationError(f"plugin {path} {what}", hint)
 
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:

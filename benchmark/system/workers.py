@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from benchmark.errors import one_line
-from benchmark.system import warden
+from benchmark.system import process_reaper
 from benchmark.system.text import say
 
 #: ``PR_SET_PDEATHSIG`` of Linux.
@@ -63,19 +63,19 @@ class Worker:
     def __init__(
         self, task: Callable[..., object], *arguments: Any, memory: int | None = None, quiet: bool = False
     ) -> None:
-        self._mark = f"{warden.mark_of_this()}{next(_numbers)}-"
+        self._mark = f"{process_reaper.mark_of_this()}{next(_numbers)}-"
         resource_tracker.ensure_running()  # it serves all workers, and must not bear the mark of the first
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, arguments, memory, quiet, os.getpid()))
-        before = os.environ.get(warden.MARK)
+        before = os.environ.get(process_reaper.MARK)
         with _without_interrupts(), _without_main():
-            os.environ[warden.MARK] = self._mark
+            os.environ[process_reaper.MARK] = self._mark
             try:
                 self._process.start()
             finally:
-                del os.environ[warden.MARK]
+                del os.environ[process_reaper.MARK]
                 if before is not None:
-                    os.environ[warden.MARK] = before
+                    os.environ[process_reaper.MARK] = before
 
     @property
     def sentinel(self) -> int:
@@ -100,7 +100,7 @@ class Worker:
             with suppress(OSError):
                 os.killpg(identifier, signal.SIGKILL)  # the session of the worker bears its number
             self.send(signal.SIGKILL)  # where it has not yet begun one
-        warden.kill_marked(self._mark)  # those that began sessions of their own
+        process_reaper.kill_marked(self._mark)  # those that began sessions of their own
         self._process.join(GRACE)
 
 

@@ -75,14 +75,14 @@ class MakesSurfaceBatches:
         What the network sees of them.
     bodies
         Bodies of each batch.
-    disturbed
-        Whether frames and points are disturbed as in training.
+    perturbed
+        Whether frames and points are perturbed as in training.
     """
 
     make: MakesSurfaces
     configuration: Field
     bodies: int
-    disturbed: bool = True
+    perturbed: bool = True
 
     def __call__(self, number: int) -> SurfaceBatch:
         """Make one batch."""
@@ -116,12 +116,12 @@ class MakesSurfaceBatches:
         self, mesh: Mesh, over: _Over, random: np.random.Generator
     ) -> tuple[tuple[Points, Points, Points, Points], NDArray[np.int64]]:
         """Points and positions with their normals in the frame of a body, and which vertices the positions are."""
-        inside = frame_of(mesh, random if self.disturbed else None).seen(mesh)
+        inside = frame_of(mesh, random if self.perturbed else None).seen(mesh)
         samples = random_samples(inside, self.configuration.points, random)
         starts = random.choice(mesh.n_vertices, EDGES, p=_shares(inside))
         asked = np.concatenate([starts, over.walked(starts, random)])
         points, positions = samples.points, inside.vertices[asked]
-        if self.disturbed:
+        if self.perturbed:
             points, positions = (each + random.normal(scale=NOISE, size=each.shape) for each in (points, positions))
         return (points, samples.normals, positions, over.normals(inside, asked)), asked
 

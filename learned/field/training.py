@@ -74,7 +74,7 @@ def train_field(
         the last step that was done.
     """
     network = build_field(configuration, seed).to(device)
-    looked = MakesSurfaceBatches(validation, configuration, LOOKED_AT, disturbed=False)(0) if validation else None
+    looked = MakesSurfaceBatches(validation, configuration, LOOKED_AT, perturbed=False)(0) if validation else None
     teacher = _Teacher(network, configuration, device, looked)
     batches = MakesSurfaceBatches(make, configuration, plan.bodies)
     steps = Steps(network, teacher, batches, plan, folder, recipe, __name__, say)

@@ -13,7 +13,7 @@ from learned.paired.configuration import Configuration, from_card
 LARGEST = 4096
 """Most pixels per side, and most channels, that a network may have."""
 
-MEND = "train the model again"
+HINT = "train the model again"
 
 _TOLD: Mapping[str, type | tuple[type, ...]] = {
     "digest": str, "configuration": dict, "parameters": int, "data": str, "data_title": str, "data_digest": str,
@@ -59,7 +59,7 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
     """
     if odd := sorted(card.keys() ^ _TOLD.keys()):
         verb = "lacks" if odd[0] in _TOLD else "has an unknown field"
-        raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", MEND)
+        raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", HINT)
     for name, kind in _TOLD.items():
         if not isinstance(card[name], kind) or (isinstance(card[name], bool) and kind is not bool):
             raise _wrong(name, card[name], folder)
@@ -86,4 +86,4 @@ def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
 
 
 def _wrong(name: str, value: object, folder: Path) -> ConfigurationError:
-    return ConfigurationError(f"the card in {folder} says '{name}' is {str(value)[:50]!r}, which no model has", MEND)
+    return ConfigurationError(f"the card in {folder} says '{name}' is {str(value)[:50]!r}, which no model has", HINT)

@@ -74,7 +74,7 @@ def save_model(
             if name not in ("compile", "early_epochs")
         }
         | {"early_epochs": plan.n_early, "batch_at_the_end": progress.batch},
-        "departures_from_the_paper": plan.departures(),
+        "departures_from_the_paper": plan.non_default_settings(),
         "schedule_in_words": f"{plan.in_words()}, {hardware(result.device)}",
         "hardware": hardware(result.device),
         "precision": result.precision,

@@ -74,7 +74,7 @@ class Schedule:
         """Alpha of an epoch, counted from 0."""
         return self.early_alpha if epoch < self.n_early else self.alpha
 
-    def departures(self) -> list[str]:
+    def non_default_settings(self) -> list[str]:
         """Fields that differ from the paper's schedule, in words; arithmetic and compilation are not part of it."""
         paper = Schedule()
         told = {**asdict(self), "early_epochs": self.n_early}
@@ -88,7 +88,9 @@ class Schedule:
     def in_words(self) -> str:
         """The schedule in one clause."""
         text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs, batch {self.batch}"
-        further = [told for told in self.departures() if told.split()[0] not in ("resolution", "epochs", "batch")]
+        further = [
+            told for told in self.non_default_settings() if told.split()[0] not in ("resolution", "epochs", "batch")
+        ]
         kept = [told for told in further if told.split()[0] != "early_epochs" or self.early_epochs is not None]
         return text + (f", {', '.join(kept)}" if kept else "")
 

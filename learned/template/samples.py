@@ -161,7 +161,7 @@ def collected(make: MakesSurfaces, bodies: int, folder: Path | None, digest: str
             except BenchmarkError as error:
                 raise TrainingError(
                     f"batch {number} cannot be made: {one_line(error)}",
-                    "mend it and train again: it goes on from there",
+                    "correct it and train again: it goes on from there",
                 ) from error
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)

@@ -27,7 +27,9 @@ VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
 
 #: Modules whose part in a training every recipe tells already.
-_TOLD_BY_THE_RECIPE = frozenset(f"learned.{room}.configuration" for room in ("paired", "streamed", "field", "template"))
+_TOLD_BY_THE_RECIPE = frozenset(
+    f"learned.{network}.configuration" for network in ("paired", "streamed", "field", "template")
+)
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 

@@ -149,5 +149,5 @@ def _begin() -> None:
 def _failed(number: int, error: object) -> TrainingError:
     told = one_line(error) if isinstance(error, BaseException) else str(error)
     return TrainingError(
-        f"batch {number} cannot be made: {told}", "mend it and train again: it goes on from the last checkpoint"
+        f"batch {number} cannot be made: {told}", "correct it and train again: it goes on from the last checkpoint"
     )

@@ -44,13 +44,13 @@ def answer(name: str, mesh: Mesh) -> FloatArray:
     return method.canonicalise(treated).vertices if isinstance(method, Method) else method.describe(treated)
 
 
-def disturbed(name: str, mesh: Mesh, seed: int) -> FloatArray:
+def perturbed(name: str, mesh: Mesh, seed: int) -> FloatArray:
     with other_rounding(seed):
         return answer(name, moved(mesh, seed))
 
 
 def check(name: str, mesh: Mesh, seed: int) -> None:
-    expected, found = answer(name, mesh), disturbed(name, mesh, seed)
+    expected, found = answer(name, mesh), perturbed(name, mesh, seed)
     size = np.abs(expected).max()
     if expected.ndim == 2:
         found, size = moved_to(found, expected), np.ptp(expected, axis=0).max()
@@ -74,7 +74,7 @@ def test_more_rounding_errors_on_more_surfaces(name, surface, seed):
 @pytest.mark.parametrize("name", ["skeleton", "gps"])
 def test_the_disturbance_is_real(name):
     """An answer that no rounding error reached would prove nothing."""
-    assert not np.array_equal(disturbed(name, shape("closed"), 1), answer(name, shape("closed")))
+    assert not np.array_equal(perturbed(name, shape("closed"), 1), answer(name, shape("closed")))
 
 
 def test_a_choice_by_the_last_bits_would_be_found(monkeypatch):

@@ -101,7 +101,7 @@ def test_notes_are_told_as_plain_values(form_with, source, told):
 def test_numbers_that_are_none_are_the_fault_of_the_method_and_not_of_the_mesh(form_with):
     with pytest.raises(InvalidForm, match="method 'noting' returned no canonical form: .* vertices are NaN") as caught:
         form_with("shape.form(shape.mesh.vertices * float('nan'))")
-    assert "export" not in caught.value.mend
+    assert "export" not in caught.value.hint
 
 
 SHEARED = """

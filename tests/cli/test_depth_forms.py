@@ -115,7 +115,7 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     values = {"intrinsics": CAMERA, "mask": "", "scale": None} | options
     with pytest.raises(DepthError, match=said) as caught:
         _forms([(image, str(tmp_path / "form.off"), "")], list(values.values()), "identity", [], 0, print)
-    assert caught.value.mend
+    assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
 

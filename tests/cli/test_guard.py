@@ -190,7 +190,7 @@ def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp
     moody += "Tried.model_name = property(lambda self: {}['mood'] if HOME else 'tried')\n"
     plugin.write_text(plugin.read_text() + LEARNER.format(act="pass") + moody)
     line = refused(call("plan", "-d", rods, "-m", "moody-learner", "--plugin", plugin))
-    assert line == f"error: plugin {plugin} raises KeyError: 'mood'; mend the file"
+    assert line == f"error: plugin {plugin} raises KeyError: 'mood'; correct the file"
 
 
 # Plugins at work -----------------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ FORKED = """
 import os
 from pathlib import Path
 from benchmark.contracts import Shape
-from benchmark.methods.answers import form_of
+from benchmark.methods.output_checks import form_of
 from benchmark.methods.specs import plugin_methods
 from tests.toy import rod
 

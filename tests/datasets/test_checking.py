@@ -195,7 +195,7 @@ def test_an_incomplete_official_set_is_an_error(tmp_path):
     assert found[0].startswith("error    tosca  class 'cat' has 3 shapes, officially 11; unpack")
     assert found[-1].startswith("error    tosca  class 'pig' has 3 shapes, officially 0; ")
     assert len(found) == 10
-    # The mend that it names helps: the same folder by its path is a set of its own.
+    # The hint that it names helps: the same folder by its path is a set of its own.
     assert f"name the folder, -d {tmp_path / 'tosca'}," in found[0]
     assert lines(tmp_path / "tosca") == []
 

@@ -25,14 +25,14 @@ def refused(folder, message):
     """The same problem is named by the loader, the check, the plan and the run, and nothing else comes out."""
     with pytest.raises(BenchmarkError, match=message) as caught:
         folder_dataset(folder)
-    assert caught.value.mend
+    assert caught.value.hint
     report = check_source(str(folder), None)
     assert not report.usable
     assert any(caught.value.problem in str(anomaly) for anomaly in report.anomalies)
     for verb in (["data", "check"], ["plan", "-m", "identity", "-d"], ["run", "-m", "identity", "-d"]):
         extra = [] if verb[0] == "data" else ["--results", str(folder.parent / "results")]
         done = CliRunner().invoke(cli, [*verb, str(folder), *extra])
-        # What is no problem that the user can mend would leave the program as a traceback.
+        # What is no problem that the user can correct would leave the program as a traceback.
         assert isinstance(done.exception, (SystemExit, BenchmarkError)), done.output
         assert done.exit_code != 0
 

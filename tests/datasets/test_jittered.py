@@ -59,7 +59,7 @@ def test_recipes_tell_jitters_shapes_and_clean_sets_apart(folder):
     assert len(told) == 3 * len(clean.entries)
 
 
-def test_a_selection_repeats_its_galleries_but_not_those_under_a_nuisance(folder):
+def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(folder):
     plain = galleries([], [folder])
     repeated = galleries([], [folder], repeat=2)
     assert [gallery.name for gallery in repeated] == ["rods", "rods[jitter=1]", "rods[jitter=2]"]

@@ -96,7 +96,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
         ({"entries": "return [Entry('a', '', 'c')]"}, "subject '' is not a text of one line"),
         ({"entries": "return [Entry('a\\nb', 'b', 'c')]"}, "identifier .* is not a text of one line"),
         ({"entries": "return [Entry('a', 'b', 'c', '/x.off')]"}, "path of 'a' is str; pass a pathlib.Path"),
-        ({"entries": "return 1 / 0"}, "Rods cannot be opened: ZeroDivisionError: .*mend the file"),
+        ({"entries": "return 1 / 0"}, "Rods cannot be opened: ZeroDivisionError: .*correct the file"),
         ({"info": "name='My Rods', title='Rods'"}, "name 'My Rods' is not lower-case words"),
         ({"info": "name='rods', title=''"}, "title '' is not a text"),
         ({"info": "name='rods', title='Rods', half_width=-1"}, "half_width is -1; write a positive number"),
@@ -114,7 +114,7 @@ def test_what_a_data_set_cannot_be_is_named(plugin, changes, message):
     [
         ("return None", "shape 'thin0': 'load' returned NoneType; return Mesh"),
         ("return Mesh([[0, 0, float('nan')]], [])", "NaN or infinite"),
-        ("raise KeyError('thin')", "shape 'thin0': 'load' raises KeyError: 'thin'; mend the file"),
+        ("raise KeyError('thin')", "shape 'thin0': 'load' raises KeyError: 'thin'; correct the file"),
     ],
 )
 def test_a_mesh_that_cannot_be_made_costs_its_shape(plugin, load, message):

@@ -14,7 +14,7 @@ from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans_scanlike import adults
 from benchmark.datasets.varied import sampler as sampling
 from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
-from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, rendered, turned
+from benchmark.datasets.varied.camera import Perturbations, both_sides, perturbed, rendered, turned
 from benchmark.datasets.varied.extents import extents
 from benchmark.datasets.varied.model import CANONICAL, body_model, varied_mesh
 from benchmark.datasets.varied.overlap import doubled_share
@@ -129,14 +129,14 @@ def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
 @needs_the_full_body
 def test_a_camera_without_faults_is_that_of_the_benchmark() -> None:
     mesh = varied_mesh(Body(SUBJECTS["man-1"]), POSES["walking"])
-    points = turned(mesh.vertices, Nuisances())
+    points = turned(mesh.vertices, Perturbations())
     np.testing.assert_allclose(rendered(points, mesh.faces, 1.3, 500), render_depth(mesh, FRONT, 1.3), atol=1e-6)
 
 
 @needs_the_full_body
 def test_front_and_back_have_one_mask_and_the_body_between_them() -> None:
     mesh = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
-    points = turned(mesh.vertices, Nuisances())
+    points = turned(mesh.vertices, Perturbations())
     front, back = both_sides(points, mesh.faces, 1.3, 256)
     np.testing.assert_array_equal(front > 0, back > 0)
     assert (front >= back - 1e-6).all()
@@ -150,16 +150,16 @@ def test_the_faults_of_a_camera_do_what_they_say() -> None:
     random = np.random.default_rng(0)
     image = np.zeros((200, 200), dtype=np.float32)
     image[50:150, 50:150] = 0.5
-    assert np.array_equal(disturbed(image, Nuisances(), random), image)
-    noisy = disturbed(image, Nuisances(noise=0.01), random)
+    assert np.array_equal(perturbed(image, Perturbations(), random), image)
+    noisy = perturbed(image, Perturbations(noise=0.01), random)
     assert noisy[image > 0].std() == pytest.approx(0.01, rel=0.1)
-    stepped = disturbed(image, Nuisances(noise=0.01, step=0.01), random)
+    stepped = perturbed(image, Perturbations(noise=0.01, step=0.01), random)
     np.testing.assert_allclose(stepped / 0.01, np.round(stepped / 0.01), atol=1e-4)
-    torn = disturbed(image, Nuisances(dropped=0.05, holes=3), random)
+    torn = perturbed(image, Perturbations(dropped=0.05, holes=3), random)
     assert 0.5 < np.count_nonzero(torn) / np.count_nonzero(image) < 0.96
     assert not torn[image == 0].any()
     body = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
-    above = turned(body.vertices, Nuisances(elevation=20.0))
+    above = turned(body.vertices, Perturbations(elevation=20.0))
     assert np.ptp(above[:, 1]) < np.ptp(body.vertices[:, 2])
     left, right = body_model().hands
     assert 1000 < left.sum() == right.sum() < 6000
@@ -186,8 +186,8 @@ def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> 
 def test_a_missing_hand_leaves_the_rest_of_the_body(
     monkeypatch: pytest.MonkeyPatch, missing: tuple[bool, bool]
 ) -> None:
-    whole = Sampler(0, poses=1, nuisances=False)(50, 1, 128)
-    monkeypatch.setattr(sampling, "drawn_nuisances", lambda _: Nuisances(missing=missing))
+    whole = Sampler(0, poses=1, perturbations=False)(50, 1, 128)
+    monkeypatch.setattr(sampling, "drawn_perturbations", lambda _: Perturbations(missing=missing))
     maimed = Sampler(0, poses=1)(50, 1, 128)
     seen, left = (np.count_nonzero(each.images) for each in (whole, maimed))
     assert 0.85 * seen < left < seen

@@ -185,7 +185,7 @@ def test_a_body_with_a_hole_is_drawn_again_and_one_without_end_is_an_error(monke
     def broken_first(*arguments):
         calls.append(arguments)
         if len(calls) == 1:
-            raise InvalidMesh("a handle", "mend it")
+            raise InvalidMesh("a handle", "correct it")
         return whole(*arguments)
 
     monkeypatch.setattr(sampler, "surface", broken_first)
@@ -193,7 +193,7 @@ def test_a_body_with_a_hole_is_drawn_again_and_one_without_end_is_an_error(monke
     assert (name, len(meshes), len(calls)) == ("dog", 1, 2)
 
     def never(*_):
-        raise InvalidMesh("a handle", "mend it")
+        raise InvalidMesh("a handle", "correct it")
 
     monkeypatch.setattr(sampler, "surface", never)
     with pytest.raises(DatasetError, match="animal 2 of sample 7 has no closed body"):

@@ -41,7 +41,7 @@ def scene(distance=2.5, height=1.2, roll=0.0, wall=1.2, **further):
 def frame(seed=0, **given):
     """Depths in metres as a structured-light camera measures them, and the pixels of the figure with a depth."""
     depths, mask = scene(**given).drawn(KINECT)
-    measured = DepthFaults().disturbed(depths, np.random.default_rng(seed))
+    measured = DepthFaults().perturbed(depths, np.random.default_rng(seed))
     return measured, mask & (measured > 0)
 
 

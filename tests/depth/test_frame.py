@@ -166,6 +166,6 @@ def test_each_fault_of_a_scene_is_named():
     ):
         observe(5 * depths, KINECT, mask)
     bare, _ = Scene(figure(), Pose((0, -3, 1), (0, 0, 1)), wall=1.0).drawn(KINECT)
-    wall = DepthFaults().disturbed(np.where(bare > 0, 0, bare) + 3.0, np.random.default_rng(0))
+    wall = DepthFaults().perturbed(np.where(bare > 0, 0, bare) + 3.0, np.random.default_rng(0))
     with pytest.raises(NoObject, match=r"left of the scene.*; pass a mask of it with --mask"):
         observe(wall, KINECT)

@@ -121,7 +121,7 @@ def test_each_fault_of_a_file_is_named(tmp_path, fault):
     with pytest.raises(kind, match=said) as caught:
         read_depth(path)
     assert str(path) in caught.value.problem
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def _read_sources() -> None:
 
     for name, target in PRELOADED_METHODS.items():
         job_code("benchmark.datasets.folder", "mesh", MethodSpec(name, target), ScorerSpec())
-    fingerprints.forget()
+    fingerprints.clear_cache()
 
 
 def _become(request: dict[str, Any]) -> None:

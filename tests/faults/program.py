@@ -95,7 +95,7 @@ def write_rods(folder: Path) -> Path:
 
 
 def undisturbed(folder: Path, rods: Path, launcher: Launcher, *, with_forms: bool) -> dict[str, Scores]:
-    """Scores by method of a run that nobody disturbs; its results are left for cases to begin with."""
+    """Scores by method of a run that nobody perturbs; its results are left for cases to begin with."""
     folder.mkdir()
     plugin = folder / "light.py"
     plugin.write_text(LIGHT)

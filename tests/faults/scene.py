@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmark.storage.soundness import fault_of
+from benchmark.storage.record_schema import fault_of
 from tests.faults.cases import Border, Case, Crossing, Outcome
 from tests.faults.commands import BENCHMARK, Done, Launcher, Running
 
@@ -22,7 +22,7 @@ STALL = 150.0
 #: Seconds that the first commands of a new machine may take, which compile kernels.
 COMPILED = 900.0
 
-#: Folder of the run that nobody disturbs, beside those of the cases.
+#: Folder of the run that nobody perturbs, beside those of the cases.
 UNDISTURBED = "undisturbed"
 
 #: Exit codes that the documentation knows.

@@ -89,10 +89,10 @@ def test_internal_wall_is_removed_and_the_surface_stays():
     grid = flat_grid(4)
     fin = Mesh([*grid.vertices, [1.5, 1.0, 0.2]], [*grid.faces, [5, 6, 16]])
     assert (edges_of(fin.faces).counts == 3).sum() == 1
-    mended = make_manifold(fin)
-    assert edges_of(mended.faces).counts.max() == 2
-    assert mended.n_faces == grid.n_faces
-    assert mended.area == pytest.approx(grid.area)
+    corrected = make_manifold(fin)
+    assert edges_of(corrected.faces).counts.max() == 2
+    assert corrected.n_faces == grid.n_faces
+    assert corrected.area == pytest.approx(grid.area)
 
 
 def test_vertices_where_fans_meet_are_split():

@@ -302,7 +302,7 @@ def test_same_image_same_surface() -> None:
 def test_bad_images_are_named(image: np.ndarray, error: type[BenchmarkError], message: str) -> None:
     with pytest.raises(error, match=message) as caught:
         back_project(image.astype(np.float32), 1.0)
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 @pytest.mark.parametrize("scale", [0.2, 0.5, 1.0])

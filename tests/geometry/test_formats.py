@@ -48,7 +48,7 @@ def assert_named_or_a_mesh(folder, name, content):
     except (UnreadableMesh, InvalidMesh) as error:
         file = name if str(folder / name) in error.problem else name.replace(".tri", ".vert")
         assert error.problem.startswith(f"{folder / file}: ")
-        assert error.mend
+        assert error.hint
         assert len(error.problem) < len(str(folder)) + 300
         return False
     assert isinstance(found, Mesh)

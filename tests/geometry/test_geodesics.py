@@ -233,7 +233,7 @@ def test_a_non_manifold_edge_gives_distances_or_a_named_error(solver):
     try:
         matrix = geodesics.all_pairs(fins, solver)
     except UnsupportedShape as error:
-        assert error.mend
+        assert error.hint
     else:
         assert (matrix >= cdist(fins.vertices, fins.vertices) * (1 - 1e-6)).all() or solver == "heat"
 

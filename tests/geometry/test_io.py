@@ -149,7 +149,7 @@ def test_bad_files_raise_a_named_error_with_file_and_mend(tmp_path, name, conten
     with pytest.raises(error) as caught:
         read_mesh(written(tmp_path, name, content))
     assert name in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 def test_every_truncation_of_every_format_is_an_error_or_a_mesh(tmp_path):

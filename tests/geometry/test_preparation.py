@@ -186,7 +186,7 @@ def test_dirty_mesh_is_mended_and_the_report_says_how():
 def test_what_is_no_surface_is_refused_with_a_mend(mesh):
     with pytest.raises(InvalidMesh) as caught:
         prepare(mesh)
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 @pytest.mark.exhaustive

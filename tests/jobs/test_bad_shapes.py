@@ -10,7 +10,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import Preparation, treated
+from benchmark.jobs.preparation import Preparation, require_arrays
 from tests.geometry.mutations import valid_files
 from tests.toy import rod, write_off, write_rods
 
@@ -51,19 +51,19 @@ BAD = {
 def test_the_others_are_prepared_as_if_a_bad_shape_were_not_there(tmp_path, name, input_):
     folder = write_rods(tmp_path / "rods", bends=(0.0, 1.2))
     alone = Preparation(folder_dataset(folder), input_)
-    expected = {entry.identifier: treated(alone.artefact(entry)) for entry in alone.dataset.entries}
+    expected = {entry.identifier: require_arrays(alone.artefact(entry)) for entry in alone.dataset.entries}
     write_off(folder / "thin9.off", BAD[name][0])
     beside = Preparation(folder_dataset(folder), input_)
     for entry in beside.dataset.entries:
         if entry.identifier in expected:
-            found = treated(beside.artefact(entry))
+            found = require_arrays(beside.artefact(entry))
             assert all(found[key].tobytes() == array.tobytes() for key, array in expected[entry.identifier].items())
             continue
         if reason := BAD[name][1 if input_ == "mesh" else 2]:
             with pytest.raises(UnsupportedShape, match=reason):
-                treated(beside.artefact(entry))
+                require_arrays(beside.artefact(entry))
         else:
-            assert treated(beside.artefact(entry))["vertices"].shape == GOOD.vertices.shape
+            assert require_arrays(beside.artefact(entry))["vertices"].shape == GOOD.vertices.shape
 
 
 def test_a_set_with_bad_shapes_is_scored_without_them_and_the_table_names_them(tmp_path):

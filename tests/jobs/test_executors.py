@@ -16,7 +16,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.orders import LARGEST_SHARE, Order, shares
+from benchmark.jobs.job_specs import LARGEST_BATCH, JobSpec, shape_batches
 from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
 from tests.toy import write_rods
@@ -127,7 +127,7 @@ def test_each_record_says_what_happened_and_what_to_do(faulty_run):
 
 
 def _at_a_shape(record, said):
-    """Whether a record names the first shape of a share, in whatever order, and says what happened."""
+    """Whether a record names the first shape of a batch, in whatever order, and says what happened."""
     return re.match(rf"thi(ck|n)\d: {re.escape(said)}", record["reason"])
 
 
@@ -230,7 +230,7 @@ def test_an_interrupt_keeps_finished_jobs_and_exits_130(place, executor):
 def test_an_interrupt_while_workers_start_is_as_quiet(place):
     process = start(place, *selection(place, "surface-area", "identity"), "-j", 2)
     harness = psutil.Process(process.pid)
-    wait_until(lambda: len(harness.children()) >= 3)  # the first are the warden and the helper of multiprocessing
+    wait_until(lambda: len(harness.children()) >= 3)  # the first are the reaper and the helper of multiprocessing
     os.killpg(process.pid, signal.SIGINT)
     output, error = process.communicate(timeout=60)
     assert process.returncode == 130
@@ -295,7 +295,7 @@ def test_an_edit_while_a_job_runs_is_noticed_and_the_job_done_anew(place):
 
 def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods",), identifiers=("a", "b", "c")):
     return [
-        Order(
+        JobSpec(
             key=f"{dataset} {spec.name}", facts={"gallery": dataset}, dataset=dataset, data_root=None,
             identifiers=tuple(identifiers), input="mesh", method=spec, seed=0, models={}, results=tmp_path, recipe={},
             all_unseen=False,
@@ -309,12 +309,12 @@ def test_every_shape_of_every_job_is_in_one_share(tmp_path):
     identifiers = [f"shape{number}" for number in range(103)]
     made = orders(tmp_path, datasets=("rods", "cones"), identifiers=identifiers)
     for workers in (1, 2, 16):
-        cut = shares(made, workers)
-        for order in made:
-            found = [shape for share in cut if order in share.orders for shape in share.identifiers]
+        cut = shape_batches(made, workers)
+        for job in made:
+            found = [shape for batch in cut if job in batch.jobs for shape in batch.identifiers]
             assert found == identifiers
-        assert all(len(share.identifiers) <= LARGEST_SHARE for share in cut)
-        assert all(len({order.dataset for order in share.orders}) == 1 for share in cut)
+        assert all(len(batch.identifiers) <= LARGEST_BATCH for batch in cut)
+        assert all(len({job.dataset for job in batch.jobs}) == 1 for batch in cut)
 
 
 def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path):
@@ -324,16 +324,16 @@ def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path
     )
     (mine,) = (spec for name, spec in methods([tmp_path / "mine.py"]).items() if name == "mine")
     made = orders(tmp_path, ("identity", "pca", "learned"))
-    made.append(Order(**{**vars(made[0]), "method": mine}))
-    assert [order.room for order in made] == ["learned", "baselines", "baselines", str(tmp_path / "mine.py")]
-    assert len(shares(made, 1)) == 3
+    made.append(JobSpec(**{**vars(made[0]), "method": mine}))
+    assert [job.package for job in made] == ["learned", "baselines", "baselines", str(tmp_path / "mine.py")]
+    assert len(shape_batches(made, 1)) == 3
 
 
 def test_galleries_that_overlap_are_treated_together(tmp_path):
     one, two = orders(tmp_path, ("identity", "pca"))
-    two = Order(**{**vars(two), "identifiers": ("b", "c", "d")})
-    (share,) = shares([one, two], 1)
-    assert share.identifiers == ("a", "b", "c", "d")
+    two = JobSpec(**{**vars(two), "identifiers": ("b", "c", "d")})
+    (batch,) = shape_batches([one, two], 1)
+    assert batch.identifiers == ("a", "b", "c", "d")
 
 
 def test_an_unknown_executor_is_named(tmp_path):

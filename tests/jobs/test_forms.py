@@ -63,8 +63,8 @@ def test_what_is_no_form_is_told_as_the_fault_of_the_method(what):
     with pytest.raises(InvalidForm, match=rf"method 'odd' returned .*{message}|method 'odd' {message}") as caught:
         canonicalise(method(result), SHAPE)
     assert isinstance(caught.value, ShapeError)  # it costs the shape
-    assert caught.value.mend
-    assert "export" not in caught.value.mend
+    assert caught.value.hint
+    assert "export" not in caught.value.hint
 
 
 def test_a_function_that_returns_no_numbers_is_told_by_its_name():

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
-from benchmark.jobs.orders import Order, Ranking, Share
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import features
 from benchmark.jobs.stages.measures import over_splits, scores
@@ -100,10 +100,10 @@ def test_ranking_tells_which_draw_is_under_way(tmp_path):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     specs = select(("identity",), methods())
     (job,) = make_plan(galleries((), [str(rods)]), ["mesh"], specs, Store.open(Scope.results))
-    order = Order.of(job, Scope)
+    spec = JobSpec.of(job, Scope)
     told = []
-    runner.work(Share((order,), order.identifiers), lambda *_: None)
-    runner.work(Ranking((order,)), lambda key, steps, shape="": told.append((key, shape)))
+    runner.work(ShapeBatch((spec,), spec.identifiers), lambda *_: None)
+    runner.work(ScoringTask((spec,)), lambda key, steps, shape="": told.append((key, shape)))
     record = Store.open(Scope.results).records.read(job.key)
     assert record["status"] == "ok"
     said = [shape for key, shape in told if key == job.key]

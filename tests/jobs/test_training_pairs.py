@@ -12,7 +12,7 @@ from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
-from benchmark.jobs.pairs import animals, beyond, training_data
+from benchmark.jobs.pairs import animals, synthetic, training_data
 from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.storage.store import Store
@@ -35,7 +35,7 @@ class Rods:
 
     def load(self, entry):
         if entry.identifier == self.broken:
-            raise InvalidMesh("a hole", "mend it")
+            raise InvalidMesh("a hole", "correct it")
         subject, pose = map(int, entry.identifier.split("-"))
         return rod(0.1 + 0.01 * subject, 0.1 * pose, rings=8, sides=8)
 
@@ -105,7 +105,7 @@ def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch, store
     data = made(monkeypatch, store, "humans-fold-2", Rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in data.pairs()] == ["0-0", "0-1", "1-0"]
     assert data.n_pairs == 3
-    assert said == ["skipped 1-1: a hole; mend it"]
+    assert said == ["skipped 1-1: a hole; correct it"]
     without_target = made(monkeypatch, store, "humans-fold-2", Rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in without_target.pairs()] == ["0-0", "0-1"]
 
@@ -160,7 +160,7 @@ def test_a_sampled_body_that_leaves_the_frame_is_drawn_again_and_told(monkeypatc
     assert first[0] != again[0]
     leaving = {1: [humans.human_mesh(*pose_of(first, place)) for place in range(7)]}
     monkeypatch.setattr(
-        beyond, "_leaves_frame", lambda mesh, *_: any(np.array_equal(mesh.vertices, m.vertices) for m in leaving[1])
+        synthetic, "_leaves_frame", lambda mesh, *_: any(np.array_equal(mesh.vertices, m.vertices) for m in leaving[1])
     )
     said = []
     data = training_data(TRAININGS["humans-sampled"], store, None, said.append, n_sampled=3)
@@ -181,7 +181,7 @@ def test_a_body_leaves_the_frame_exactly_where_it_cannot_be_rendered():
     mesh = rod(0.1, 0.0, rings=8, sides=8)
     half_width = float(np.abs(mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2).max())
     for factor, leaves in ((1.001, False), (1.0, True), (0.999, True)):
-        assert beyond._leaves_frame(mesh, FRONT, half_width * factor) == leaves
+        assert synthetic._leaves_frame(mesh, FRONT, half_width * factor) == leaves
         if leaves:
             with pytest.raises(UnsupportedShape, match="the shape extends to"):
                 render_depth(mesh, FRONT, half_width * factor)

@@ -6,11 +6,11 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.execution import crews, executors, worker
+from benchmark.jobs.execution import executors, pools, worker
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import ProcessExecutor
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
-from benchmark.jobs.orders import Order, Ranking
+from benchmark.jobs.job_specs import JobSpec, ScoringTask
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
@@ -40,9 +40,9 @@ class Scripted:
         self.task, self.number, self.looked, self.trace = task, number, 0.0, "in a method"
         self.status_at_end = self.status
         self.sentinel = progress.open()
-        if self.status.is_done and isinstance(task, Ranking):
-            for order in task.orders:
-                Store.open(order.results).write_record(record(method=order.facts["method"]))
+        if self.status.is_done and isinstance(task, ScoringTask):
+            for job in task.jobs:
+                Store.open(job.results).write_record(record(method=job.facts["method"]))
 
     def end(self):
         self.sentinel.close()
@@ -55,7 +55,7 @@ def run(tmp_path, monkeypatch):
     def run_(*script):
         monkeypatch.setattr(Scripted, "script", list(script))
         monkeypatch.setattr(
-            crews,
+            pools,
             "TaskWorker",
             lambda task, number, progress, memory: Scripted(task, number, tmp_path / "sentinel", memory),
         )
@@ -66,7 +66,7 @@ def run(tmp_path, monkeypatch):
             made = record(method=spec.name)
             told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
             orders.append(
-                Order(
+                JobSpec(
                     key=made["key"], facts={name: made[name] for name in told}, dataset="rods", data_root=None,
                     identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path,
                     recipe=made["recipe"], all_unseen=False,
@@ -166,7 +166,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
-        worker._do(Ranking(()), tmp_path / "status", tmp_path / "absent" / "trace", fingerprints.knowledge())
+        worker._do(ScoringTask(()), tmp_path / "status", tmp_path / "absent" / "trace", fingerprints.export_cache())
     assert left.value.code == UNWRITTEN
 
 

@@ -32,7 +32,7 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import gallery, runner
-from benchmark.jobs.orders import Order, Ranking, Share
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.rekey.sampling import decimated, make_small
 from benchmark.jobs.stages import distances, measures
@@ -47,7 +47,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Machinery that calls stages.
 CALLERS = frozenset(
-    {"benchmark.jobs.preparation", "benchmark.jobs.treatment", "benchmark.jobs.execution.gallery",
+    {"benchmark.jobs.preparation", "benchmark.jobs.method_run", "benchmark.jobs.execution.gallery",
      "benchmark.jobs.execution.runner", "benchmark.storage.costs", "benchmark.storage.store", "benchmark.system.arrays",
      "benchmark.storage.environment"}
 )  # fmt: skip
@@ -287,10 +287,10 @@ def _run(
     (job,) = make_plan([gallery], [input_], [spec], store, scorer=scorer)
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
-    order = Order.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
+    order = JobSpec.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
     order = dataclasses.replace(order, method=job.method)  # a plugin, too, is traced in this process
-    runner.work(Share((order,), order.identifiers), lambda *_: None)
-    runner.work(Ranking((order,)), lambda *_: None)
+    runner.work(ShapeBatch((order,), order.identifiers), lambda *_: None)
+    runner.work(ScoringTask((order,)), lambda *_: None)
     record = store.records.read(order.key) or {}
     if record.get("status") != "ok":
         raise SystemExit(f"{job.name}: {record.get('reason')}\n{record.get('traceback')}")

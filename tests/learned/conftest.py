@@ -15,7 +15,7 @@ from tests.learned.toy import OPTIONS, TINY, quiet, toy_data
 
 @pytest.fixture(scope="package", autouse=True)
 def settings_of_torch() -> Iterator[None]:
-    """Compute on one thread; leave neither threads nor the treatment of denormal numbers to other tests."""
+    """Compute on one thread; leave neither threads nor the method_run of denormal numbers to other tests."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield

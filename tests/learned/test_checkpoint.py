@@ -102,7 +102,7 @@ def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
     assert caught.value.problem.endswith(
         "was made by other code: learned.paired.network, learned.paired.schedule changed"
     )
-    assert caught.value.mend == "delete it to begin anew, or go on with the code that made it"
+    assert caught.value.hint == "delete it to begin anew, or go on with the code that made it"
     assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
 
 

@@ -32,10 +32,10 @@ def of_package(names: object) -> set[str]:
     return found - ROOMS
 
 
-def below(room: str) -> set[str]:
-    """Modules that lie in a room."""
-    prefix = f"{room}." if room else ""
-    return {f"{prefix}{path.stem}" for path in (PACKAGE / room).glob("*.py")} - {f"{prefix}__init__"}
+def below(package: str) -> set[str]:
+    """Modules that lie in a package."""
+    prefix = f"{package}." if package else ""
+    return {f"{prefix}{path.stem}" for path in (PACKAGE / package).glob("*.py")} - {f"{prefix}__init__"}
 
 
 def test_forms_need_nothing_that_only_trains() -> None:

@@ -370,7 +370,7 @@ def test_all_methods_of_a_file_are_checked_and_one_fault_fails_it(tmp_path, in_t
     path = tmp_path / "pair_of_methods.py"
     path.write_text(
         "from benchmark.contracts import canonical_form\n"
-        "@canonical_form(name='kept', title='Kept')\ndef kept(shape):\n    return shape.mesh.vertices\n"
+        "@canonical_form(name='kept', title='ArtefactReader')\ndef kept(shape):\n    return shape.mesh.vertices\n"
         "@canonical_form(name='flat', title='Flat')\ndef flat(shape):\n    return shape.mesh.vertices * [1, 1, 0]\n"
     )
     report = conformance.check_target(str(path))

@@ -16,7 +16,7 @@ from tests.plugins import write_plugin
 @pytest.mark.parametrize(
     ("faults", "message"),
     [
-        ({"on_import": "raises"}, "cannot be imported: ZeroDivisionError: division by zero; mend the file"),
+        ({"on_import": "raises"}, "cannot be imported: ZeroDivisionError: division by zero; correct the file"),
         ({"on_import": "sys-exits"}, "cannot be imported: SystemExit: 0"),
         ({"on_import": "import no_such_module"}, "install 'no_such_module', or put no_such_module.py beside the file"),
         (
@@ -68,10 +68,10 @@ def test_a_method_whose_packages_are_missing_need_not_be_made(tmp_path):
 @pytest.mark.parametrize(
     ("faults", "said"),
     [
-        ({"on_import": "exits"}, "ended its process (exit code 0); mend the file"),
-        ({"on_import": "crashes"}, "ended its process (SIGSEGV); mend the file"),
-        ({"on_making": "hangs"}, "does not end: stopped after 1 s; mend the file"),
-        ({"on_import": "interrupts"}, "raises KeyboardInterrupt; mend the file"),
+        ({"on_import": "exits"}, "ended its process (exit code 0); correct the file"),
+        ({"on_import": "crashes"}, "ended its process (SIGSEGV); correct the file"),
+        ({"on_making": "hangs"}, "does not end: stopped after 1 s; correct the file"),
+        ({"on_import": "interrupts"}, "raises KeyboardInterrupt; correct the file"),
         ({"on_import": "os.close(2)"}, "closes or replaces a standard stream; leave input and output open"),
         ({"on_making": "sys.stdout = None"}, "closes or replaces a standard stream; leave input and output open"),
     ],
@@ -90,7 +90,7 @@ def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
     path = write_plugin(tmp_path / "tried.py", on_import=once + "seen or os.kill(os.getpid(), signal.SIGKILL)")
     inspect([path])
     path = write_plugin(tmp_path / "always.py", on_import="os.kill(os.getpid(), signal.SIGKILL)")
-    with pytest.raises(ConfigurationError, match="ended its process .SIGKILL.; mend the file"):
+    with pytest.raises(ConfigurationError, match="ended its process .SIGKILL.; correct the file"):
         inspect([path])
 
 

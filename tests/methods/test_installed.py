@@ -60,7 +60,7 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
         "installed package patches-it, patches-it: package patches-it changes numpy.asarray, which the suite relies on",
     ]
     assert registry.variant("works", registry.methods()).create()
-    with pytest.raises(ConfigurationError, match="ends-it ended its process .exit code 0.; mend the package"):
+    with pytest.raises(ConfigurationError, match="ends-it ended its process .exit code 0.; correct the package"):
         registry.variant("ends-it", registry.methods())
     assert not {"ends_it", "holds_it", "patches_it"} & set(sys.modules)
 
@@ -70,9 +70,9 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
     [
         (
             {"on_import": "raises"},
-            "odd: method 'odd' cannot be imported: ZeroDivisionError: division by zero; mend odd",
+            "odd: method 'odd' cannot be imported: ZeroDivisionError: division by zero; hint odd",
         ),
-        ({"on_import": "sys-exits"}, "odd: method 'odd' cannot be imported: SystemExit: 0; mend odd"),
+        ({"on_import": "sys-exits"}, "odd: method 'odd' cannot be imported: SystemExit: 0; hint odd"),
         ({"on_import": "import no_such_module"}, "odd: method 'odd' cannot be imported: No module named 'no_such_"),
         ({"on_making": "raises"}, "odd: odd cannot be made: ZeroDivisionError: .*give every parameter a default"),
         ({"info": "title=5"}, "odd: title 5 is not a text of one line"),

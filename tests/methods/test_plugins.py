@@ -117,7 +117,7 @@ def test_two_plugins_that_bring_other_modules_of_one_name_are_refused(tmp_path, 
         caught.value.problem
         == f"plugin {second} brings a module 'toy_helper' ({own}), but that name is taken by {taken}"
     )
-    assert caught.value.mend == "rename one of them"
+    assert caught.value.hint == "rename one of them"
 
 
 def test_a_module_that_the_second_plugin_does_not_import_does_no_harm(tmp_path):
@@ -144,7 +144,7 @@ def test_a_module_that_is_nowhere_is_named(tmp_path):
     with pytest.raises(ConfigurationError) as caught:
         registry.methods([write(tmp_path)])
     assert "cannot be imported: ModuleNotFoundError: No module named 'toy_helper'" in caught.value.problem
-    assert caught.value.mend == "install 'toy_helper', or put toy_helper.py beside the file"
+    assert caught.value.hint == "install 'toy_helper', or put toy_helper.py beside the file"
 
 
 def test_another_process_finds_it_too(tmp_path):

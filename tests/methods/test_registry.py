@@ -277,7 +277,7 @@ def test_a_value_outside_of_the_constraint_is_refused_before_anything_runs(name,
     with pytest.raises(ConfigurationError) as caught:
         registry.variant(f"{name}[{parameter}={text}]", known)
     assert f"{parameter} of {name}" in caught.value.problem
-    assert caught.value.mend.startswith(("write ", "did you mean ", "choose one of "))
+    assert caught.value.hint.startswith(("write ", "did you mean ", "choose one of "))
     assert "\n" not in str(caught.value)
     with pytest.raises(ConfigurationError):
         known[name].load()(**{parameter: text})

@@ -139,12 +139,12 @@ def forms(table: str, input_: str) -> dict[str, dict[str, float]]:
 
 
 def test_the_classical_rows_of_tosca_come_out_again():
-    verdicts = {
+    outcomes = {
         name: sum(int(cell) for cell in line.split("|")[4:5])
         for line in REPRODUCTION.partition("## In claims")[0].splitlines()
         if (name := "|".join(line.split("|")[1:3]).strip()).startswith("III | mesh")
     }
-    assert list(verdicts.values()) == [25]
+    assert list(outcomes.values()) == [25]
     assert "25 of 32 figures within .05" in README
     near = [
         abs(row.values["III"][measure] - forms("III", "mesh")[name][measure]) <= 0.05 + 5e-7

@@ -19,9 +19,9 @@ Point = Mapping[str, Any]
 
 
 def halves(input_: str, points: Iterable[Point]) -> dict[tuple[str, str], float]:
-    """First amount at which a method has less than half of its clean NN, by method and nuisance."""
+    """First amount at which a method has less than half of its clean NN, by method and perturbation."""
     return {
-        (each["method"], each["nuisance"]): each["half_at"]
+        (each["method"], each["perturbation"]): each["half_at"]
         for each in points
         if each["input"] == input_ and each["half_at"] is not None
     }
@@ -64,6 +64,6 @@ def test_what_breaks_the_rows_of_single_views() -> None:
 
 
 def test_how_far_scale_moves_what_it_does_not_change() -> None:
-    moved = [abs(each["NN"] - each["clean_NN"]) for each in forms() if each["nuisance"] == "scale"]
+    moved = [abs(each["NN"] - each["clean_NN"]) for each in forms() if each["perturbation"] == "scale"]
     assert max(moved) == pytest.approx(0.28, abs=0.005)
     assert "up to .28" in PAGE

@@ -177,7 +177,7 @@ def test_ways_to_write_a_default_are_the_default(ways: tuple[Any, ...]) -> None:
     assert [non_default_values(Sample, {"whole": way}) for way in ways] == [{}] * len(ways)
 
 
-def test_departures_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
+def test_non_default_settings_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
     given = {"solver": DEFAULT_SOLVER, "share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
     assert list(non_default_values(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
 

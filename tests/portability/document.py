@@ -150,10 +150,10 @@ def document(found: Mapping[str, Any]) -> str:
         cells = [row["method"], row["input"], *(f"{span:.4f}" for span in spans)]
         lines.append(" | ".join([*cells, f"{row['same']} of {row['shapes']}", f"{row['form_moves']:.0e}"]))
     table = "\n".join(f"| {line} |" for line in lines)
-    verdict = f"Beyond the goal: {', '.join(missed)}." if missed else "Every row keeps the goal."
+    outcome = f"Beyond the goal: {', '.join(missed)}." if missed else "Every row keeps the goal."
     if absent := absent_methods(found):
-        verdict += f" Not yet measured: {', '.join(absent)}."
-    return f"{TEXT}\n{words}\n{table}\n\n{verdict}\n"
+        outcome += f" Not yet measured: {', '.join(absent)}."
+    return f"{TEXT}\n{words}\n{table}\n\n{outcome}\n"
 
 
 def absent_methods(found: Mapping[str, Any]) -> list[str]:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from benchmark.protocols.tables import Table
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents, file_stem
 from benchmark.report.escaping import csv_cell, html_line, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
@@ -22,7 +23,6 @@ from benchmark.report.html.pages import forms_page, index_page, queries_page, ta
 from benchmark.report.html.scripts import data_script
 from benchmark.report.html.site import overview, pages_of
 from benchmark.report.html.table import score_table
-from benchmark.report.kept import Kept
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from benchmark.storage.store import Store
@@ -39,7 +39,7 @@ HOSTILE = "\n".join(
     ["|<script>alert(1)</script>", "&amp;_%\\$#~^{}\x1b[31m\x00\ud800", "=1+1 \\end{table} **x** [a](b)"]
 )
 
-NOTHING_KEPT = Kept(Store(Path("nowhere")), {})
+NOTHING_KEPT = ArtefactReader(Store(Path("nowhere")), {})
 
 MARKDOWN = MarkdownIt("commonmark", {"html": True}).enable("table").enable("strikethrough")
 

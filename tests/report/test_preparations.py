@@ -79,12 +79,12 @@ def test_rows_that_differ_by_less_than_the_noise_of_preparation_are_not_told_apa
     steady = of_rows(with_repeats("gps", best, best, best), with_repeats("pca", other, other, other))
     noisy = of_rows(with_repeats("gps", best, 0.7, 1.0), with_repeats("pca", other, 0.5, 0.8))
     place = ("pca", "mesh", "NN")
-    assert not before.judgements[place].is_inseparable
-    assert steady.judgements[place] == before.judgements[place]
-    assert noisy.judgements[place].is_inseparable
+    assert not before.significance[place].is_inseparable
+    assert steady.significance[place] == before.significance[place]
+    assert noisy.significance[place].is_inseparable
     assert "*0.65*" in markdown(noisy)
     assert "*0.65*" not in markdown(before)
-    assert noisy.judgements[place].low < before.judgements[place].low
+    assert noisy.significance[place].low < before.significance[place].low
 
 
 def test_intervals_add_independent_noise():

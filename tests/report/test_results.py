@@ -28,7 +28,7 @@ EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
 @pytest.fixture(autouse=True)
 def fresh():
     yield
-    fingerprints.forget()
+    fingerprints.clear_cache()
     fingerprints._versions.cache_clear()
 
 
@@ -58,7 +58,7 @@ def of_job(job, *, code=None, finished=EARLIER, make=made_up.record, **more):
 def another_version(monkeypatch, name, version):
     real = importlib.metadata.version
     monkeypatch.setattr(importlib.metadata, "version", lambda asked: version if asked == name else real(asked))
-    fingerprints.forget()
+    fingerprints.clear_cache()
     fingerprints._versions.cache_clear()
 
 

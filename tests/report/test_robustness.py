@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, disturbed_name
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, perturbed_name
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.results import Result
 from benchmark.report.robustness.curves import robustness
@@ -20,8 +20,8 @@ from tests.records import failed, record
 from tests.toy import write_rods
 
 
-def disturbed(nuisance, strength, **more):
-    name = disturbed_name("rods", nuisance, strength)
+def perturbed(perturbation, strength, **more):
+    name = perturbed_name("rods", perturbation, strength)
     return record(gallery=name, **more)
 
 
@@ -31,13 +31,13 @@ def collected(*records):
 
 
 def noisy(*values, **more):
-    return [disturbed("noise", k, nn=value, **more) for k, value in enumerate(values, start=1)]
+    return [perturbed("noise", k, nn=value, **more) for k, value in enumerate(values, start=1)]
 
 
 def test_a_method_fails_where_nn_is_first_below_half_of_its_clean_value():
     found = collected(record(nn=1.0), *noisy(0.9, 0.75, 0.5, 0.25, 0.5))
     curve = found.curves["noise"]["classic-mds"]
-    assert curve.half_at == NUISANCES["noise"].amounts[3]  # a half is not below a half
+    assert curve.half_at == PERTURBATIONS["noise"].amounts[3]  # a half is not below a half
     assert "| Classic-Mds | 1.00 | 0.008 |" in markdown(found)
     assert "Classic-Mds & 1.00 & 0.008" in latex(found)
     rows = list(csv.DictReader(io.StringIO(as_csv([found]))))
@@ -46,8 +46,8 @@ def test_a_method_fails_where_nn_is_first_below_half_of_its_clean_value():
 
 def test_destroyed_shapes_are_queries_without_success():
     lost = [["cat9", "gone"], ["cat8", "gone"], ["cat7", "gone"], ["cat6", "gone"]]
-    gone = failed(status="unsupported", gallery=disturbed_name("rods", "noise", 2))
-    found = collected(record(nn=1.0), disturbed("noise", 1, nn=0.75, unsupported=lost), gone)
+    gone = failed(status="unsupported", gallery=perturbed_name("rods", "noise", 2))
+    found = collected(record(nn=1.0), perturbed("noise", 1, nn=0.75, unsupported=lost), gone)
     assert found.curves["noise"]["classic-mds"].values[:3] == (0.375, 0.0, None)
     assert "| *Shapes destroyed, at most* | 0 | 4 |" in markdown(found)
 
@@ -57,7 +57,7 @@ def test_what_survives_is_told_apart_from_what_was_not_run_or_could_not_fall():
     assert "| > 0.016 |" in markdown(survives)
     partly = collected(record(nn=1.0), *noisy(1, 1))
     assert "| 1.00 | -- |" in markdown(partly)
-    holed = collected(record(nn=1.0), disturbed("noise", 3, nn=0.0))
+    holed = collected(record(nn=1.0), perturbed("noise", 3, nn=0.0))
     assert "| 1.00 | -- |" in markdown(holed)  # nobody knows whether a weaker one is enough
     hopeless = collected(record(nn=0.5), *noisy(0.1, 0.1, 0.1, 0.1, 0.1))  # chance is 0.25
     assert "| n/a |" in markdown(hopeless)
@@ -93,13 +93,13 @@ def test_tables_write_the_curves_beside_the_other_tables_and_disturbed_sets_have
     assert "Table rods" not in alone
 
 
-def test_a_plan_of_robustness_has_each_nuisance_under_the_inputs_that_it_is_made_for(tmp_path):
+def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_made_for(tmp_path):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     options = ["-d", str(rods), "-m", "pca", "-t", "robustness", "--results", str(tmp_path / "results")]
     lines = CliRunner().invoke(cli, ["plan", *options]).output.splitlines()
     expected = {f"rods {input_} pca" for input_ in INPUTS} | {
-        f"{disturbed_name('rods', nuisance, strength)} {input_} pca"
-        for nuisance, known in NUISANCES.items()
+        f"{perturbed_name('rods', perturbation, strength)} {input_} pca"
+        for perturbation, known in PERTURBATIONS.items()
         for input_ in known.inputs
         for strength in STRENGTHS
     }
@@ -110,11 +110,11 @@ def test_a_plan_of_robustness_has_each_nuisance_under_the_inputs_that_it_is_made
 
 @pytest.mark.slow
 def test_the_table_of_robustness_of_a_folder_through_the_command_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmark.protocols.disturbed.STRENGTHS", (4,))  # one will do
+    monkeypatch.setattr("benchmark.protocols.perturbed.STRENGTHS", (4,))  # one will do
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     common = ["-d", str(rods), "-m", "pca", "--scorer", "spherical-harmonics", "--results", str(tmp_path / "results")]
     options = [*common, "-t", "robustness", "--executor", "serial"]
-    n_mesh = sum("mesh" in known.inputs for known in NUISANCES.values())
+    n_mesh = sum("mesh" in known.inputs for known in PERTURBATIONS.values())
     done = CliRunner().invoke(cli, ["run", *options, "--input", "mesh"])
     assert "What breaks the methods: rods" in done.output, done.output
     again = CliRunner().invoke(cli, ["plan", *options[:-2], "--input", "mesh"]).output
@@ -126,6 +126,8 @@ def test_the_table_of_robustness_of_a_folder_through_the_command_line(tmp_path, 
         p.name for p in (tmp_path / "out").iterdir()
     }
     rows = json.loads((tmp_path / "out" / "robustness.json").read_text())
-    assert {row["nuisance"] for row in rows} == {name for name, known in NUISANCES.items() if "mesh" in known.inputs}
+    assert {row["perturbation"] for row in rows} == {
+        name for name, known in PERTURBATIONS.items() if "mesh" in known.inputs
+    }
     # A straight rod has no two parts to be glued: such shapes are counted.
-    assert all(row["unsupported"] >= 2 for row in rows if row["nuisance"] == "shortcuts" and row["strength"] == 4)
+    assert all(row["unsupported"] >= 2 for row in rows if row["perturbation"] == "shortcuts" and row["strength"] == 4)

@@ -150,7 +150,7 @@ def test_files_of_all_formats():
     files = render([table()], ("latex", "markdown", "csv", "json"))
     alone = [f"{prefix}table-III-beasts-{name}.tex" for prefix in ("", "paper-") for name in ("mesh", "view")]
     both = ["table-III-beasts.md", "table-III-beasts.tex"]
-    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json", "verdict.md"])
+    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json", "reproduction.md"])
     assert json.loads(files["tables.json"]) == rows_as_json([table()])
 
 
@@ -161,7 +161,7 @@ def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
     own = {
         "references.bib": "@article{elad2003bending,\n",
         "tables.csv": "a,b\n",
-        "verdict.md": "",
+        "reproduction.md": "",
         "tables.json": "[]\n",
     }
     for name, text in own.items():

@@ -38,7 +38,7 @@ def written(folder: Path) -> FrameFiles:
     centred = body.vertices - [*(body.vertices.min(axis=0) + body.vertices.max(axis=0))[:2] / 2, 0]
     scene = Scene(body.with_vertices(centred - [0, 0, centred[:, 2].min()]), Pose((0.2, -2.5, 1.2), (0, 0, 0.8), 3.0))
     depths, mask = scene.drawn(KINECT)
-    measured = DepthFaults().disturbed(depths, np.random.default_rng(0))
+    measured = DepthFaults().perturbed(depths, np.random.default_rng(0))
     Image.fromarray(np.round(1000 * measured).astype(np.uint16)).save(folder / "0.png")
     Image.fromarray(mask).save(folder / "mask.png")
     return FrameFiles(folder / "0.png", KINECT, folder / "mask.png")

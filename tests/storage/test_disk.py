@@ -1,4 +1,4 @@
-"""A disk that is full, and a results folder that cannot be used: one line with the mend, and nothing half written."""
+"""A disk that is full, and a results folder that cannot be used: one line with the hint, and nothing half written."""
 
 import json
 import shutil

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from benchmark.cli.verbs.results import _explain_record
 from benchmark.jobs.plan import difference
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.files import render
@@ -17,11 +18,10 @@ from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import index_page, table_page
 from benchmark.report.html.scripts import data_script
 from benchmark.report.html.site import overview, pages_of
-from benchmark.report.kept import Kept
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
+from benchmark.storage.record_schema import fault_of
 from benchmark.storage.records import Records, as_text, by_place, outcome, portable
-from benchmark.storage.soundness import fault_of
 from benchmark.storage.store import Store
 from tests.records import MEASURES, failed, record
 
@@ -211,7 +211,7 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
         return
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
-    found = measured(table, Kept(Store(Path("nowhere")), {}))
+    found = measured(table, ArtefactReader(Store(Path("nowhere")), {}))
     pages = pages_of(table, found)
     data_script("table", found.data)
     table_page(pages, [pages])

@@ -67,7 +67,7 @@ def main(minutes: float, only: Sequence[str], bodies: int, workers: int) -> None
     compare(
         [STREAMED[name] for name in only or STREAMED],
         60 * minutes,
-        Kept(Sampler(TRAINED), FOLDER / "bodies"),
+        ArtefactReader(Sampler(TRAINED), FOLDER / "bodies"),
         Sampler(RANKED, poses=POSES),
         bodies,
         workers,
@@ -127,7 +127,7 @@ def _found() -> list[Row]:
     return json.loads(FIGURES.read_text()) if FIGURES.is_file() else []
 
 
-class Kept:
+class ArtefactReader:
     """Batches that were made once, for whoever trains on them next; as foregrounds, a fifth of the bytes.
 
     Parameters
@@ -148,9 +148,9 @@ class Kept:
         """Batch of a number, made or read."""
         path = self._folder / f"{size}-{bodies}" / f"{number}.npz"
         if path.is_file():
-            with np.load(path, allow_pickle=False) as kept:
-                images, fronts, backs = (_unpacked(kept, name) for name in ("images", "fronts", "backs"))
-                names, drawn = tuple(map(str, kept["identifiers"])), json.loads(str(kept["drawn_again"]))
+            with np.load(path, allow_pickle=False) as artefacts:
+                images, fronts, backs = (_unpacked(artefacts, name) for name in ("images", "fronts", "backs"))
+                names, drawn = tuple(map(str, artefacts["identifiers"])), json.loads(str(artefacts["drawn_again"]))
             return Fresh(identifiers=names, images=images, fronts=fronts, backs=backs, drawn_again=drawn)
         fresh = self._make(number, bodies, size)
         arrays = {**_packed("images", fresh.images), **_packed("fronts", fresh.fronts), **_packed("backs", fresh.backs)}
@@ -168,11 +168,11 @@ def _packed(name: str, images: NDArray[np.float32]) -> dict[str, NDArray]:
     }
 
 
-def _unpacked(kept: Mapping[str, NDArray], name: str) -> NDArray[np.float32]:
-    shape = tuple(kept[f"{name} shape"])
-    foreground = np.unpackbits(kept[f"{name} foreground"], count=int(np.prod(shape))).astype(bool)
+def _unpacked(artefacts: Mapping[str, NDArray], name: str) -> NDArray[np.float32]:
+    shape = tuple(artefacts[f"{name} shape"])
+    foreground = np.unpackbits(artefacts[f"{name} foreground"], count=int(np.prod(shape))).astype(bool)
     images = np.zeros(foreground.size, np.float32)
-    images[foreground] = kept[f"{name} depth"]
+    images[foreground] = artefacts[f"{name} depth"]
     return images.reshape(shape)
 
 

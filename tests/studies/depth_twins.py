@@ -22,7 +22,7 @@ from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.jobs.preparation import shape_of
 from benchmark.jobs.stages.features import extract
 from benchmark.jobs.stages.view import seen
-from benchmark.methods.answers import form_of
+from benchmark.methods.output_checks import form_of
 from benchmark.methods.scorers import ScorerSpec
 
 LONG_LENS = Intrinsics(10500.0, 10500.0, 319.5, 239.5, (640, 480))

@@ -97,20 +97,20 @@ def of_set(name: str, data_root: Path | None) -> Iterator[Source]:
 
 
 def measured(source: Source, input_: str, specs: Sequence[MethodSpec], seed: int) -> Iterator[Row]:
-    """Compare the forms of a shape with those of the disturbed shape."""
+    """Compare the forms of a shape with those of the perturbed shape."""
     name, mesh, camera, first = source
     usual, *others = SIZES[input_]
     surface, places = surface_of(mesh, camera, input_, usual)
-    disturbed = {"jitter": surface_of(jittered(mesh, seed), camera, input_, usual)}
+    perturbed = {"jitter": surface_of(jittered(mesh, seed), camera, input_, usual)}
     turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    disturbed["rotation"] = surface.with_vertices(surface.vertices @ turn.T), places
-    disturbed |= {f"{count} vertices": surface_of(mesh, camera, input_, count) for count in others}
+    perturbed["rotation"] = surface.with_vertices(surface.vertices @ turn.T), places
+    perturbed |= {f"{count} vertices": surface_of(mesh, camera, input_, count) for count in others}
     if first is not None and input_ == "mesh":
         posed, there = surface_of(first, camera, input_, usual)
-        disturbed["pose"] = posed, mesh.vertices[cKDTree(first.vertices).query(there)[1]]
+        perturbed["pose"] = posed, mesh.vertices[cKDTree(first.vertices).query(there)[1]]
     for spec in specs:
         form = form_of(spec, surface, name)
-        for perturbation, (other, there) in disturbed.items():
+        for perturbation, (other, there) in perturbed.items():
             found = form_of(spec, other, name)
             if form is not None and found is not None:
                 weights = vertex_areas(other)

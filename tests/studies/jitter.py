@@ -28,7 +28,7 @@ from benchmark.contracts import FloatArray, Mesh, Shape  # noqa: E402
 from benchmark.datasets.base import Entry  # noqa: E402
 from benchmark.jobs.preparation import Preparation  # noqa: E402
 from benchmark.methods.registry import methods  # noqa: E402
-from benchmark.report.kept import Kept  # noqa: E402
+from benchmark.report.artefact_reader import ArtefactReader  # noqa: E402
 from benchmark.report.results import Result, Results  # noqa: E402
 from benchmark.storage.records import Record, scorer_name  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
@@ -75,12 +75,12 @@ class Change:
 def main(folder: Path, data_root: Path | None, shapes: int) -> None:
     """Print what jitter changes of each row with repeats, stage by stage, as Markdown."""
     store, known = Store.open(folder), methods()
-    kept = Kept(store, known, data_root)
+    artefacts = ArtefactReader(store, known, data_root)
     rows = [result for result in Results(store, known, data_root).all() if len(result.repeats) > 1]
     head = ("gallery", "input", "method", "shapes", *(field.name for field in fields(Change)), "matrix", "same NN")
     print("\n".join([_line(head), "|---|---|---|" + "---:|" * (len(head) - 3)]))
     for result in rows:
-        print(_line(stages(result, kept, shapes)), flush=True)
+        print(_line(stages(result, artefacts, shapes)), flush=True)
     measured = ("gallery", "input", "method", "jitters", *PRINTED, *(f"sd {name}" for name in PRINTED))
     print("\n" + "\n".join([_line(measured), "|---|---|---|" + "---:|" * (len(measured) - 3)]))
     for result in rows:
@@ -97,26 +97,26 @@ def scores(result: Result) -> list[str]:
     ]  # fmt: skip
 
 
-def stages(result: Result, kept: Kept, shapes: int) -> list[str]:
+def stages(result: Result, artefacts: ArtefactReader, shapes: int) -> list[str]:
     """Return the cells of a row: medians over shapes and jitters, and the largest in brackets; shares of jumps."""
     record = result.record
     wanted = record["shapes"][:: max(1, len(record["shapes"]) // shapes)]
-    found = [change for other in result.repeats.values() for change in changes(record, other, kept, wanted)]
+    found = [change for other in result.repeats.values() for change in changes(record, other, artefacts, wanted)]
     cells = [_place(result), [f"{len(wanted)}"]]
     for name in ("prepared", "geodesics", "form"):
         values = [getattr(change, name) for change in found]
         cells.append([f"{np.nanmedian(values):.4f} ({np.nanmax(values):.3f})" if values else "--"])
     cells += [[_mean(getattr(change, name) for change in found)] for name in ("mirrored", "pose")]
-    matrices = [compared_distances(record, other, kept) for other in result.repeats.values()]
+    matrices = [compared_distances(record, other, artefacts) for other in result.repeats.values()]
     cells += [[_mean(each[k] for each in matrices if each)] for k in range(2)]
     return [cell for part in cells for cell in part]
 
 
-def changes(clean: Record, jittered: Record, kept: Kept, shapes: Iterable[str]) -> Iterator[Change]:
+def changes(clean: Record, jittered: Record, artefacts: ArtefactReader, shapes: Iterable[str]) -> Iterator[Change]:
     """Compare the shapes of two records that are kept in both."""
-    places = [(kept.preparation(record), _entries(kept.preparation(record))) for record in (clean, jittered)]
+    places = [(artefacts.preparation(record), _entries(artefacts.preparation(record))) for record in (clean, jittered)]
     for name in shapes:
-        forms = [kept.form(record, of[name]) for record, (_, of) in zip((clean, jittered), places, strict=True)]
+        forms = [artefacts.form(record, of[name]) for record, (_, of) in zip((clean, jittered), places, strict=True)]
         if not isinstance(forms[0], str) and not isinstance(forms[1], str):
             yield compared(*(each.shape(of[name]) for each, of in places), *forms)
 
@@ -184,9 +184,9 @@ def _cube() -> Iterator[FloatArray]:
                     yield found
 
 
-def compared_distances(clean: Record, jittered: Record, kept: Kept) -> tuple[float, float] | None:
+def compared_distances(clean: Record, jittered: Record, artefacts: ArtefactReader) -> tuple[float, float] | None:
     """Mean change of the distances over their mean, and the share of queries with the nearest neighbour of before."""
-    here, there = (np.stack(list(kept.distances(record)) or [np.empty((0, 0))]) for record in (clean, jittered))
+    here, there = (np.stack(list(artefacts.distances(record)) or [np.empty((0, 0))]) for record in (clean, jittered))
     if here.shape != there.shape or not here.size:
         return None
     here, there = here.mean(axis=0).astype(float), there.mean(axis=0).astype(float)

@@ -126,7 +126,7 @@ def main() -> None:
         random = np.random.default_rng([7, number])
         made, camera = scene(random, sets)
         depths, mask = made.drawn(camera, camera.size or (0, 0))
-        measured = DepthFaults().disturbed(depths, random)
+        measured = DepthFaults().perturbed(depths, random)
         try:
             given = observe(measured, camera, half_width=5.0).mask
             found.append(overlap(given, mask & (measured > 0)))

@@ -44,7 +44,7 @@ from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS, keep_snapshot  # 
 from learned.training.measures import measures  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
-from tests.studies.architectures import RANKED, Kept  # noqa: E402
+from tests.studies.architectures import RANKED, ArtefactReader  # noqa: E402
 
 BODIES, POSES = 60, 5
 DRAWS = 2000
@@ -76,7 +76,7 @@ def main(folder: Path, shipped: bool, newest: bool) -> None:
     torch.set_num_threads(1)
     if newest:
         keep_newest(folder)
-    measure_missing(folder, Kept(Sampler(RANKED, poses=POSES), GALLERY), shipped)
+    measure_missing(folder, ArtefactReader(Sampler(RANKED, poses=POSES), GALLERY), shipped)
     found = rows(folder)
     draw(found, PICTURE)
     print(table(found))

@@ -19,9 +19,9 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(autouse=True)
 def fresh():
-    fingerprints.forget()
+    fingerprints.clear_cache()
     yield
-    fingerprints.forget()
+    fingerprints.clear_cache()
 
 
 @pytest.fixture
@@ -46,10 +46,10 @@ def package(tmp_path, monkeypatch):
 
 def changes(path, text, *names, **options):
     """Whether a file with another text changes a fingerprint."""
-    fingerprints.forget()
+    fingerprints.clear_cache()
     before = fingerprints.fingerprint(*names, **options)
     path.write_text(text)
-    fingerprints.forget()
+    fingerprints.clear_cache()
     return before != fingerprints.fingerprint(*names, **options)
 
 
@@ -101,7 +101,7 @@ def test_what_is_imported_for_type_checking_alone_is_left_out_and_the_other_bran
     (package / "method.py").write_text(
         "import typing\n\nif not typing.TYPE_CHECKING:\n    from toyparty import helper\n"
     )
-    fingerprints.forget()
+    fingerprints.clear_cache()
     assert "toyparty.helper" in fingerprints.code_of("toyparty.method")
 
 
@@ -144,7 +144,7 @@ def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
 
 
 def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
-    """The same on a copy of the real room, by an edit."""
+    """The same on a copy of the real package, by an edit."""
     from shutil import copytree, ignore_patterns
 
     for name in fingerprints.FIRST_PARTY:
@@ -251,7 +251,7 @@ def test_another_version_of_a_package_is_another_recipe(monkeypatch):
     before = fingerprints.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
     real = importlib.metadata.version
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "9.9" if name == "libigl" else real(name))
-    fingerprints.forget()
+    fingerprints.clear_cache()
     fingerprints._versions.cache_clear()
     after = fingerprints.fingerprint("benchmark.geometry.geodesics", "retrieval.cmbof")
     fingerprints._versions.cache_clear()
@@ -299,12 +299,12 @@ def test_the_build_of_a_package_is_no_part_of_its_version(monkeypatch):
 
 def test_what_another_process_has_parsed_is_not_parsed_again_but_an_edit_is_noticed(package, monkeypatch):
     before = fingerprints.fingerprint("toyparty.method", "benchmark.geometry.geodesics")
-    known = pickle.loads(pickle.dumps(fingerprints.knowledge()))  # noqa: S301
+    known = pickle.loads(pickle.dumps(fingerprints.export_cache()))  # noqa: S301
     monkeypatch.setattr(fingerprints, "_PARSED", {})
     monkeypatch.setattr(fingerprints, "_BRINGERS", {})
-    fingerprints.forget()
+    fingerprints.clear_cache()
     fingerprints._versions.cache_clear()
-    fingerprints.learn(known)
+    fingerprints.import_cache(known)
     with monkeypatch.context() as patch:
         patch.setattr(fingerprints.ast, "parse", None)
         patch.setattr(fingerprints, "_distributions", None)
@@ -338,7 +338,7 @@ def test_fields_that_only_some_versions_of_python_have_change_nothing(monkeypatc
 
         monkeypatch.setattr(ast, "iter_fields", with_new_fields)
         monkeypatch.setattr(fingerprints, "_PARSED", {})
-        fingerprints.forget()
+        fingerprints.clear_cache()
         found[fields] = fingerprints.fingerprint("baselines.classic_mds").digest
         monkeypatch.setattr(ast, "iter_fields", real)
     assert len(set(found.values())) == 1

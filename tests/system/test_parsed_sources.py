@@ -14,9 +14,9 @@ def source(tmp_path, monkeypatch):
     monkeypatch.setattr(fingerprints, "_PARSED", {})
     path = tmp_path / "module.py"
     path.write_text("x = 1\n")
-    fingerprints.forget()
+    fingerprints.clear_cache()
     yield path
-    fingerprints.forget()
+    fingerprints.clear_cache()
 
 
 def parsed(source, monkeypatch):
@@ -25,7 +25,7 @@ def parsed(source, monkeypatch):
     real = fingerprints._parse
     monkeypatch.setattr(fingerprints, "_parse", lambda *words: count.append(words) or real(*words))
     fingerprints._PARSED.clear()
-    fingerprints.forget()
+    fingerprints.clear_cache()
     with kept_parses(source.parent):
         digest = fingerprints.fingerprint(str(source)).digest
     return len(count), digest

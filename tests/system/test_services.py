@@ -128,4 +128,4 @@ def test_a_closed_process_imports_no_plugin(tmp_path):
 def test_an_error_of_another_kind_is_plain():
     from benchmark.errors import from_facts
 
-    assert type(from_facts({"kind": "one_line", "problem": "x", "mend": ""})) is BenchmarkError
+    assert type(from_facts({"kind": "one_line", "problem": "x", "hint": ""})) is BenchmarkError

@@ -41,7 +41,7 @@ def nothing():
 def starts_others(notes):
     """In a session of their own, before and after a process of its own has come and gone."""
     before = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
-    call_apart(nothing, what="this", mend="mend it")
+    call_apart(nothing, what="this", hint="correct it")
     after = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
     notes.write_text(f"{before} {after}")
 

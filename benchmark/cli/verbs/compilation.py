@@ -123,8 +123,8 @@ def compile_methods() -> None:
 
 def _treat(folder: Path, input_: Input, rows: Iterable[MethodSpec]) -> None:
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.jobs.method_run import MethodRun
     from benchmark.jobs.preparation import Preparation
-    from benchmark.jobs.treatment import Treatment
     from benchmark.storage.store import Store
 
     store = Store.open(folder / "results")
@@ -132,7 +132,7 @@ def _treat(folder: Path, input_: Input, rows: Iterable[MethodSpec]) -> None:
     preparation = Preparation(dataset, input_, store)
     for row in rows:
         with suppress(ShapeError):
-            Treatment(preparation, store, row).answer(dataset.entries[0])
+            MethodRun(preparation, store, row).answer(dataset.entries[0])
 
 
 PARTS: dict[str, Callable[[], None]] = {

@@ -105,7 +105,13 @@ def export(
 )
 @click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
 @click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
-@click.option("--nuisances", metavar="SHAPE", help="This shape alone, under each nuisance.")
+@click.option(
+    "--perturbations",
+    "--nuisances",
+    "perturbations",
+    metavar="SHAPE",
+    help="This shape alone, under each perturbation.",
+)
 @plugin_option
 @data_root_option
 def sheet(
@@ -113,13 +119,13 @@ def sheet(
     output: Path | None,
     subjects: int | None,
     poses: int,
-    nuisances: str | None,
+    perturbations: str | None,
     plugins: tuple[Path, ...],
     data_root: Path | None,
 ) -> None:
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
     problems, target = _on_data(
-        _drawn, name, plugins, data_root, str(output) if output else "", subjects, poses, nuisances
+        _drawn, name, plugins, data_root, str(output) if output else "", subjects, poses, perturbations
     )
     for problem in problems:
         say(f"not drawn: {problem}", err=True)
@@ -139,8 +145,8 @@ def _on_data(
     root = str(data_root) if data_root else None
     if not is_own(source):
         return work(source, root, *arguments)
-    what, mend = f"data set '{name}'", "mend the file: 'check' says more"
-    return call_apart(work, source, root, *arguments, what=what, mend=mend)
+    what, hint = f"data set '{name}'", "correct the file: 'check' says more"
+    return call_apart(work, source, root, *arguments, what=what, hint=hint)
 
 
 def _checked(source: str, root: str | None, name: str) -> tuple[list[str], bool]:
@@ -171,16 +177,16 @@ def _exported(source: str, root: str | None, name: str, output: str, layout: str
 
 
 def _drawn(
-    source: str, root: str | None, output: str, subjects: int | None, poses: int, nuisances: str | None
+    source: str, root: str | None, output: str, subjects: int | None, poses: int, perturbations: str | None
 ) -> tuple[list[str], str]:
     """What could not be drawn, and the file that was written."""
     from benchmark.datasets.catalogue import open_dataset
-    from benchmark.datasets.nuisances.overview import overview
+    from benchmark.datasets.perturbations.overview import overview
     from benchmark.report.pictures.contact_sheet import contact_sheet
 
     dataset: Dataset = open_dataset(source, Path(root) if root else None)
-    if nuisances is not None:
-        dataset = overview(dataset, nuisances)
+    if perturbations is not None:
+        dataset = overview(dataset, perturbations)
     drawn = contact_sheet(dataset, subjects, poses)
     target = Path(output or f"sheet-{dataset.name}.png")
     drawn.save(target)

@@ -69,7 +69,7 @@ def retrieve(
         [str(path) for path in plugins], str(results), str(data_root or ""), seed,
     )  # fmt: skip
     lines: list[str] = call_apart(
-        retrieved, asked.plain(), what=f"method '{method}' on {query}", mend="try another shape, or mend the method",
+        retrieved, asked.plain(), what=f"method '{method}' on {query}", hint="try another shape, or correct the method",
         limit=timeout,
     )  # fmt: skip
     for line in lines:

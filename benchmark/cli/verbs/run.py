@@ -86,8 +86,8 @@ def run(
     else:
         for table in made:
             say_lines("\n" + markdown(table))
-    for disturbed in robustness(shown):
-        say_lines("\n" + robustness_markdown(disturbed))
+    for perturbed in robustness(shown):
+        say_lines("\n" + robustness_markdown(perturbed))
     sys.exit(OK if ok else NOT_OK)
 
 

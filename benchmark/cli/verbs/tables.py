@@ -78,8 +78,8 @@ def tables(
         say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)
-    disturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
-    if not content and not disturbed:
+    perturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
+    if not content and not perturbed:
         raise no_table(selection)
     is_screen = output is None and not formats
     if is_screen and selection.is_narrow and len(content) > _FEW and not everything:
@@ -90,20 +90,20 @@ def tables(
         from benchmark.cli.terminal import draw
 
         draw(content)
-        for text in rendered(disturbed, ("markdown",)).values():
+        for text in rendered(perturbed, ("markdown",)).values():
             say_lines(text)
         return
     if output is None:
-        for text in (render(content, chosen := formats or ("markdown",), notes) | rendered(disturbed, chosen)).values():
+        for text in (render(content, chosen := formats or ("markdown",), notes) | rendered(perturbed, chosen)).values():
             say_lines(text)
         return
-    files = render(content, formats or FORMATS, notes) | rendered(disturbed, formats or FORMATS)
+    files = render(content, formats or FORMATS, notes) | rendered(perturbed, formats or FORMATS)
     if not check:
         write(files, output, force=force)
-        if disturbed and "markdown" in (formats or FORMATS):
+        if perturbed and "markdown" in (formats or FORMATS):
             from benchmark.report.pictures.curves import draw_curves
 
-            draw_curves(disturbed, output)
+            draw_curves(perturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
         return
     different = stale(files, output)

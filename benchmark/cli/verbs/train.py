@@ -78,7 +78,7 @@ def train(
         say(f"{spec.name}, {training.name}")
         call_apart(
             train_one, spec, training, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
-            what=f"training {spec.name}", mend="mend the method, then train again: checkpoints are kept",
+            what=f"training {spec.name}", hint="correct the method, then train again: checkpoints are kept",
             all_memory=True, say=say,
         )  # fmt: skip
         say(f"the model is in {store.models / training.name / learner.model_name}")

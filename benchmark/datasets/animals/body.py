@@ -183,7 +183,7 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
     Raises
     ------
     InvalidMesh
-        If the surface is not one closed piece without handles, so that the proportions have to be mended.
+        If the surface is not one closed piece without handles, so that the proportions have to be corrected.
     """
     import igl
 
@@ -198,7 +198,7 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
     pieces = int(igl.connected_components(igl.adjacency_matrix(mesh.faces.astype(np.int64)))[0])
     if pieces != 1 or euler != 2:
         raise InvalidMesh(
-            f"the body has {pieces} pieces and Euler number {euler}", "mend the proportions of the species"
+            f"the body has {pieces} pieces and Euler number {euler}", "correct the proportions of the species"
         )
     _, owner = field.evaluate(mesh.vertices)
     return mesh, field.bones[owner]

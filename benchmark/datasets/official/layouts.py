@@ -289,9 +289,9 @@ def _check_copies(paths: Iterable[Path]) -> None:
 
 
 def _renumber(expected: Iterable[int], found: Iterable[int]) -> str:
-    """How to mend numbers that are all one too high or too low; "" if they are not."""
+    """How to correct numbers that are all one too high or too low; "" if they are not."""
     wanted, given = sorted(expected), sorted(found)
-    for step, mend in (1, "subtract 1 from"), (-1, "add 1 to"):
+    for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
         if [number + step for number in wanted] == given and wanted:
-            return f"the numbers begin with {given[0]}: {mend} each"
+            return f"the numbers begin with {given[0]}: {hint} each"
     return ""

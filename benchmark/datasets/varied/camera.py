@@ -19,7 +19,7 @@ _LEAST_DEPTH = 1e-3
 
 
 @dataclass(frozen=True)
-class Nuisances:
+class Perturbations:
     """What is wrong with one image.
 
     Parameters
@@ -47,7 +47,7 @@ class Nuisances:
     holes: int = 0
 
 
-def drawn_nuisances(random: np.random.Generator) -> Nuisances:
+def drawn_perturbations(random: np.random.Generator) -> Perturbations:
     """Draw them; about one image in six has none, so that clean views stay familiar.
 
     Parameters
@@ -56,7 +56,7 @@ def drawn_nuisances(random: np.random.Generator) -> Nuisances:
         Source of the choice.
     """
     elevated, seen_badly, torn = random.random(3) < (0.5, 0.5, 0.3)
-    return Nuisances(
+    return Perturbations(
         elevation=float(np.clip(random.normal(0, 10), -LARGEST_ELEVATION, LARGEST_ELEVATION)) if elevated else 0.0,
         roll=float(np.clip(random.normal(0, 2), -LARGEST_ROLL, LARGEST_ROLL)) if elevated else 0.0,
         missing=(bool(random.random() < 0.06), bool(random.random() < 0.06)),
@@ -67,17 +67,17 @@ def drawn_nuisances(random: np.random.Generator) -> Nuisances:
     )
 
 
-def turned(vertices: Points, nuisances: Nuisances) -> Points:
+def turned(vertices: Points, perturbations: Perturbations) -> Points:
     """Vertices in coordinates of the camera: right, up, towards it, centred on the bounding box.
 
     Parameters
     ----------
     vertices
         Shape (n, 3), z up, facing -y.
-    nuisances
+    perturbations
         Where the camera stands.
     """
-    up, askew = np.radians([nuisances.elevation, nuisances.roll])
+    up, askew = np.radians([perturbations.elevation, perturbations.roll])
     seen = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
     look = np.array([[1, 0, 0], [0, np.cos(up), -np.sin(up)], [0, np.sin(up), np.cos(up)]])
     hold = np.array([[np.cos(askew), -np.sin(askew), 0], [np.sin(askew), np.cos(askew), 0], [0, 0, 1]])
@@ -121,38 +121,38 @@ def _drawn(points: Points, faces: Faces, half_width: float, size: int, behind: D
     return np.where(np.isfinite(distance), 1 - distance, 0).astype(np.float32)
 
 
-def disturbed(image: DepthImage, nuisances: Nuisances, random: np.random.Generator) -> DepthImage:
+def perturbed(image: DepthImage, perturbations: Perturbations, random: np.random.Generator) -> DepthImage:
     """The image with noise, steps, holes and pixels that see nothing; at least half of the surface stays.
 
     Parameters
     ----------
     image
         Depth image, shape (size, size).
-    nuisances
+    perturbations
         What is wrong with it.
     random
         Source of the noise, and of the places of holes.
     """
     seen = image > 0
     result = image.astype(np.float64)
-    if nuisances.noise:
-        result = result + nuisances.noise * random.standard_normal(image.shape)
-    if nuisances.step:
-        result = np.round(result / nuisances.step) * nuisances.step
-    kept = seen & ~_lost(seen, nuisances, random)
+    if perturbations.noise:
+        result = result + perturbations.noise * random.standard_normal(image.shape)
+    if perturbations.step:
+        result = np.round(result / perturbations.step) * perturbations.step
+    kept = seen & ~_lost(seen, perturbations, random)
     if np.count_nonzero(kept) < np.count_nonzero(seen) / 2:
         kept = seen
     return np.where(kept, np.clip(result, _LEAST_DEPTH, 1), 0).astype(np.float32)
 
 
-def _lost(seen: NDArray[np.bool_], nuisances: Nuisances, random: np.random.Generator) -> NDArray[np.bool_]:
+def _lost(seen: NDArray[np.bool_], perturbations: Perturbations, random: np.random.Generator) -> NDArray[np.bool_]:
     lost = np.zeros(seen.shape, dtype=bool)
-    if nuisances.dropped:
-        lost |= random.random(seen.shape) < nuisances.dropped
+    if perturbations.dropped:
+        lost |= random.random(seen.shape) < perturbations.dropped
     rows, columns = np.nonzero(seen)
-    if nuisances.holes and len(rows):
+    if perturbations.holes and len(rows):
         grid = np.arange(len(seen))
-        for _ in range(nuisances.holes):
+        for _ in range(perturbations.holes):
             place = random.integers(len(rows))
             radius = random.uniform(0.01, 0.04) * len(seen)
             lost |= (grid[:, None] - rows[place]) ** 2 + (grid - columns[place]) ** 2 < radius**2

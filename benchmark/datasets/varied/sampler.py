@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmark.datasets.human_poses import Pose
 from benchmark.datasets.varied.bodies import varied_body
-from benchmark.datasets.varied.camera import Nuisances, both_sides, disturbed, drawn_nuisances, rendered, turned
+from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, perturbed, rendered, turned
 from benchmark.datasets.varied.model import CANONICAL, BodyModel, Shaped, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import varied_pose
@@ -47,13 +47,13 @@ class Sampler:
         Seed of the stream; streams of different seeds share no body.
     poses
         Poses of each body.
-    nuisances
+    perturbations
         Whether the images have the faults of a camera.
     """
 
     seed: int
     poses: int = 2
-    nuisances: bool = True
+    perturbations: bool = True
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
         """Make one batch."""
@@ -62,8 +62,8 @@ class Sampler:
         images = np.zeros((bodies, self.poses, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
         for place, random in enumerate(randoms):
-            wrong = [drawn_nuisances(random) if self.nuisances else Nuisances() for _ in range(self.poses)]
-            target = turned(shapes[place], Nuisances())
+            wrong = [drawn_perturbations(random) if self.perturbations else Perturbations() for _ in range(self.poses)]
+            target = turned(shapes[place], Perturbations())
             inputs = [turned(vertices, each) for vertices, each in zip(posed[place], wrong, strict=True)]
             extent = max(float(np.abs(points).max()) for points in (target, *inputs))
             half_width = extent / random.uniform(*SHARES)
@@ -71,7 +71,7 @@ class Sampler:
             for row, (points, each) in enumerate(zip(inputs, wrong, strict=True)):
                 hidden = [hand for hand, gone in zip(model.hands, each.missing, strict=True) if gone]
                 faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
-                images[place, row] = disturbed(rendered(points, faces, half_width, size), each, random)
+                images[place, row] = perturbed(rendered(points, faces, half_width, size), each, random)
         return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.human_poses import Arm, Column, Leg, Pose
 from benchmark.datasets.varied.bodies import varied_body
-from benchmark.datasets.varied.camera import Nuisances, both_sides, drawn_nuisances, rendered, turned
+from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, rendered, turned
 from benchmark.datasets.varied.coarse import CoarseModel, Resting, coarse_model
 from benchmark.datasets.varied.model import CANONICAL
 from benchmark.datasets.varied.overlap import doubled_share
@@ -100,7 +100,7 @@ class WideSampler:
         pixels = np.empty((bodies, self.poses * self.views, count, 2), dtype=np.float32)
         places = np.empty((bodies, count, 3), dtype=np.float32)
         for place, random in enumerate(randoms):
-            target = turned(shapes[place], Nuisances())
+            target = turned(shapes[place], Perturbations())
             half_width = _half_width(target, random)
             fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
             height = _height(shapes[place])
@@ -176,7 +176,7 @@ class WideSampler:
         self, model: CoarseModel, vertices: Points, height: float, size: int, random: np.random.Generator
     ) -> tuple[DepthImage, NDArray[np.float32]]:
         """Depth image of a posed body from a side that is drawn, with faults that are drawn; where its vertices are."""
-        count, wrong = len(vertices), drawn_nuisances(random)
+        count, wrong = len(vertices), drawn_perturbations(random)
         hidden = [hand for hand, gone in zip(model.hands, wrong.missing, strict=True) if gone]
         faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
         if random.random() < self.held:
@@ -190,7 +190,7 @@ class WideSampler:
             points[:, :2] *= distance / (distance - points[:, 2:])
         half_width = _half_width(points, random)
         image = rendered(points, _facing(points, faces), half_width, size)
-        return _disturbed(image, wrong, random), _seen_at(points[:count], image, half_width)
+        return _perturbed(image, wrong, random), _seen_at(points[:count], image, half_width)
 
 
 def _holding(
@@ -220,7 +220,7 @@ def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
     standing = model.posed(
         model.shaped([varied_body(random) for _ in range(AVERAGED)]), np.tile(CANONICAL.angles(), (AVERAGED, 1))
     )
-    places = _some(np.stack([turned(vertices, Nuisances()) / _height(vertices) for vertices in standing]))
+    places = _some(np.stack([turned(vertices, Perturbations()) / _height(vertices) for vertices in standing]))
     mean = places.mean(axis=0)
     return mean, float(np.sqrt(np.mean((places - mean) ** 2)))
 
@@ -242,7 +242,7 @@ def _facing(points: Points, faces: Faces) -> Faces:
     return np.asarray(faces[(x1 - x) * (y2 - y) > (y1 - y) * (x2 - x)])
 
 
-def _disturbed(image: DepthImage, wrong: Nuisances, random: np.random.Generator) -> DepthImage:
+def _perturbed(image: DepthImage, wrong: Perturbations, random: np.random.Generator) -> DepthImage:
     """The image with noise, steps, holes and lost pixels, drawn for the pixels that see the body alone."""
     rows, columns = np.nonzero(image)
     depths = image[rows, columns].astype(np.float64)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Run, Watch
-from benchmark.jobs.orders import Order
+from benchmark.jobs.job_specs import JobSpec
 from benchmark.storage.records import Record
 
 
@@ -45,7 +45,7 @@ class DaskExecutor:
                 "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
             )
 
-    def execute(self, orders: Sequence[Order], watch: Watch) -> Iterator[tuple[Order, Record]]:
+    def execute(self, jobs: Sequence[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
         """Do the jobs, handing back each record as soon as its job ends.
 
         Raises
@@ -55,9 +55,9 @@ class DaskExecutor:
         BenchmarkError
             If the scheduler is gone, or no worker comes for long.
         """
-        if not orders:
+        if not jobs:
             return
-        from benchmark.jobs.cluster.crew import DaskCrew
+        from benchmark.jobs.cluster.dask_pool import DaskWorkerPool
 
-        with DaskCrew(self.url, orders, self.most) as crew:
-            yield from Run(list(orders), crew, self.claims, self.timeout, watch).records()
+        with DaskWorkerPool(self.url, jobs, self.most) as pool:
+            yield from Run(list(jobs), pool, self.claims, self.timeout, watch).records()

@@ -1,4 +1,4 @@
-"""Does one task beside a dask worker: ``python -m benchmark.jobs.cluster.supervisor``, run by :mod:`.station`.
+"""Does one task beside a dask worker: ``python -m benchmark.jobs.cluster.supervisor``, run by :mod:`.dask_worker`.
 
 It reads lines of JSON from its standard input and answers in lines of JSON. The first line that it reads is the task,
 or a question. When the input ends, whoever asked is gone, and so goes the work. A process of its own for each task,
@@ -31,27 +31,27 @@ _CHUNK = 2**16
 Answer = Callable[[Mapping[str, Any]], None]
 
 
-def do(letter: Mapping[str, Any], commands: Iterator[str | None], answer: Answer) -> None:
+def do(message: Mapping[str, Any], commands: Iterator[str | None], answer: Answer) -> None:
     """Do a task, telling how far it is and how it ended.
 
     Parameters
     ----------
-    letter
-        ``task`` as :func:`benchmark.jobs.cluster.letters.written` makes it, and ``workers``, the number of tasks that
-        share the memory of this machine.
+    message
+        ``task`` as :func:`benchmark.jobs.cluster.task_messages.written` makes it, and ``workers``, the
+        number of tasks that share the memory of this machine.
     commands
         Lines that have come in since, None where there is none just now; ``"stop"`` ends the work with a traceback, the
         end of the lines ends it without a word.
     answer
         Told ``{"status": ...}`` on the way and ``{"exit_code": ..., "status": ..., "trace": ...}`` at the end.
     """
-    from benchmark.jobs.cluster.letters import Letter
+    from benchmark.jobs.cluster.task_messages import TaskMessage
     from benchmark.jobs.execution.worker import TaskWorker
     from benchmark.system.workers import memory_per_worker
 
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        memory = memory_per_worker(letter["workers"])
-        worker = TaskWorker(Letter(json.dumps(letter["task"])), 0, Path(folder), memory)
+        memory = memory_per_worker(message["workers"])
+        worker = TaskWorker(TaskMessage(json.dumps(message["task"])), 0, Path(folder), memory)
         told, when = None, 0.0
         try:
             for command in commands:
@@ -69,13 +69,13 @@ def do(letter: Mapping[str, Any], commands: Iterator[str | None], answer: Answer
         answer({"exit_code": worker.exit_code, "status": asdict(worker.status_at_end), "trace": worker.trace})
 
 
-def inspect(letter: Mapping[str, Any]) -> dict[str, Any]:
+def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
     """Look at what is here: the folder of results, and why this machine would do other work than was planned.
 
     Parameters
     ----------
-    letter
-        ``orders``, each with one shape at most; ``proof``, a file in the results folder, and what is ``written`` in it.
+    message
+        ``jobs``, each with one shape at most; ``proof``, a file in the results folder, and what is ``written`` in it.
 
     Returns
     -------
@@ -84,20 +84,20 @@ def inspect(letter: Mapping[str, Any]) -> dict[str, Any]:
     """
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.jobs import recipes
-    from benchmark.jobs.cluster.letters import model_folder, read_method, read_scorer
+    from benchmark.jobs.cluster.task_messages import model_folder, read_method, read_scorer
     from benchmark.jobs.plan import difference
     from benchmark.learning import card_digest, read_card
 
     problems: dict[str, None] = {}
-    for order in letter["orders"]:
+    for job in message["jobs"]:
         try:
-            planned, input_ = order["recipe"]["code"], order["input"]
-            module = order["facts"]["data"]["module"]
-            found = recipes.job_code(module, input_, read_method(order["method"]), read_scorer(order["scorer"]))
+            planned, input_ = job["recipe"]["code"], job["input"]
+            module = job["facts"]["data"]["module"]
+            found = recipes.job_code(module, input_, read_method(job["method"]), read_scorer(job["scorer"]))
             if {"code": planned} != {"code": found}:
                 problems[difference({"code": planned}, {"code": found})] = None
-            open_dataset(order["dataset"], None if order["data_root"] is None else Path(order["data_root"]))
-            for digest, model in order["models"].items():
+            open_dataset(job["dataset"], None if job["data_root"] is None else Path(job["data_root"]))
+            for digest, model in job["models"].items():
                 kind = model["place"][0]
                 if kind == "results":
                     continue  # it comes along where it is not here
@@ -108,7 +108,7 @@ def inspect(letter: Mapping[str, Any]) -> dict[str, Any]:
         except Exception as error:  # a plugin may raise anything
             problems[one_line(error)] = None
     try:
-        shares_folder = Path(letter["proof"]).read_text(encoding="utf-8") == letter["written"]
+        shares_folder = Path(message["proof"]).read_text(encoding="utf-8") == message["written"]
     except (OSError, ValueError):
         shares_folder = False
     return {"shares_folder": shares_folder, "problems": list(problems)}
@@ -145,11 +145,11 @@ def main() -> None:
         first = next((line for line in lines if line is not None), None)
         if first is None:
             return
-        letter = json.loads(first)
-        if "proof" in letter:
-            answer(inspect(letter))
+        message = json.loads(first)
+        if "proof" in message:
+            answer(inspect(message))
         else:
-            do(letter, lines, answer)
+            do(message, lines, answer)
 
 
 if __name__ == "__main__":

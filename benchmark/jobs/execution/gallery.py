@@ -19,8 +19,8 @@ from benchmark.errors import ShapeError
 from benchmark.jobs import recipes
 from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.foreign.specs import Foreign
+from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of
 from benchmark.jobs.stages import distances
-from benchmark.jobs.treatment import Treated, Treatment, features_of
 from benchmark.scoring import Scorer
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
@@ -49,7 +49,7 @@ class Signatures:
     environments: Mapping[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, found: Iterable[Treated]) -> Signatures:
+    def of(cls, found: Iterable[ShapeResult]) -> Signatures:
         """Gather the facts about the signatures of shapes; none where no signature was read."""
         made = [each.features for each in found if each.features is not None]
         if not made:
@@ -72,7 +72,7 @@ class RankedGallery:
 
     Parameters
     ----------
-    store, treatment
+    store, method_run
         Where the shapes are, and what makes their forms.
     scorer
         What compares the forms; None for descriptors.
@@ -87,30 +87,30 @@ class RankedGallery:
     """
 
     store: Store
-    treatment: Treatment
+    method_run: MethodRun
     scorer: Scorer | None
     tell: Callable[[str], object]
     entries: list[Entry] = field(default_factory=list)
-    found: dict[str, Treated] = field(default_factory=dict)
+    found: dict[str, ShapeResult] = field(default_factory=dict)
     refused: list[tuple[str, str]] = field(default_factory=list)
     unprepared: list[str] = field(default_factory=list)
     recipes: dict[int | None, recipes.Recipe] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, store: Store, treatment: Treatment, entries: Sequence[Entry], tell: Callable[[str], object]
+        cls, store: Store, method_run: MethodRun, entries: Sequence[Entry], tell: Callable[[str], object]
     ) -> RankedGallery:
         """Look for the forms, and for the signatures unless all distances are kept."""
-        gallery = cls(store, treatment, None if treatment.describes else treatment.scorer, tell)
-        gallery._keep(entries, treatment.found)
-        if not (treatment.describes or all(map(store.digest_under, gallery.keys))):
+        gallery = cls(store, method_run, None if method_run.describes else method_run.scorer, tell)
+        gallery._keep(entries, method_run.found)
+        if not (method_run.describes or all(map(store.digest_under, gallery.keys))):
             found = dict(gallery.found)
-            gallery._keep(gallery.entries, lambda entry: treatment.with_signature(entry, found[entry.identifier]))
+            gallery._keep(gallery.entries, lambda entry: method_run.with_signature(entry, found[entry.identifier]))
         order = {entry.identifier: number for number, entry in enumerate(entries)}
         gallery.refused.sort(key=lambda each: order[each[0]])
         return gallery
 
-    def _keep(self, entries: Iterable[Entry], find: Callable[[Entry], Treated]) -> None:
+    def _keep(self, entries: Iterable[Entry], find: Callable[[Entry], ShapeResult]) -> None:
         """Keep the shapes of which something is found, in their order."""
         self.entries, self.found = [], {}
         for entry in list(entries):
@@ -119,11 +119,11 @@ class RankedGallery:
                 self.entries.append(entry)
             except ShapeError as error:
                 self.refused.append((entry.identifier, str(error)))
-                if not self.treatment.preparation.is_prepared(entry):
+                if not self.method_run.preparation.is_prepared(entry):
                     self.unprepared.append(entry.identifier)
-        forms = [self.treatment.recipe(entry) for entry in self.entries]
-        scorer = self.treatment.scorer_spec
-        draws = recipes.draws_of(self.treatment.spec, scorer)
+        forms = [self.method_run.recipe(entry) for entry in self.entries]
+        scorer = self.method_run.scorer_spec
+        draws = recipes.draws_of(self.method_run.spec, scorer)
         self.recipes = {draw: recipes.distances_recipe(forms, scorer, draw) for draw in draws}
 
     @property
@@ -139,7 +139,7 @@ class RankedGallery:
         """Distances of one draw; they are written with what is told of the signatures."""
 
         def compute() -> Mapping[str, NDArray[Any]]:
-            method = self.treatment.method
+            method = self.method_run.method
             if len(self.entries) == 1:
                 return {"distances": np.zeros((1, 1))}
             if draw is None or self.scorer is None:
@@ -152,7 +152,7 @@ class RankedGallery:
                 }
             self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
             # Distances that are kept need no signatures, but those whose file is damaged do.
-            signed = [self.treatment.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
+            signed = [self.method_run.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
             about = json.dumps(asdict(Signatures.of(signed)), sort_keys=True)
             scorer, number = self.scorer, draw
             matrix = self._compared(
@@ -171,7 +171,7 @@ class RankedGallery:
     @cached_property
     def signatures(self) -> Signatures:
         """Facts about the signatures, from themselves or from beside the distances."""
-        if self.treatment.describes or any(each.features is not None for each in self.found.values()):
+        if self.method_run.describes or any(each.features is not None for each in self.found.values()):
             return Signatures.of(self.found.values())
         first = self.store.find(next(iter(self.recipes.values())), wanted=_SIGNATURES.__eq__)
         return Signatures(**json.loads(str(first.arrays[_SIGNATURES]))) if first else Signatures()

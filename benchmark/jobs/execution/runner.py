@@ -1,4 +1,4 @@
-"""What a worker does: treat the shapes of a share, or rank a gallery and write its record."""
+"""What a worker does: treat the shapes of a batch, or rank a gallery and write its record."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
-from benchmark.jobs.orders import Order, Ranking, Share, Task
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task
+from benchmark.jobs.method_run import MethodRun, ShapeResult
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import measures
-from benchmark.jobs.treatment import Treated, Treatment
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.records import Record
@@ -52,20 +52,20 @@ def work(task: Task, tell: Tell) -> None:
     tell
         Told before each step.
     """
-    if isinstance(task, Ranking):
-        for done, order in enumerate(task.orders):
-            tell(order.key, done)
-            _rank(order, lambda said, key=order.key, done=done: tell(key, done, said))  # type: ignore[misc]
+    if isinstance(task, ScoringTask):
+        for done, job in enumerate(task.jobs):
+            tell(job.key, done)
+            _rank(job, lambda said, key=job.key, done=done: tell(key, done, said))  # type: ignore[misc]
     else:
         _treat(task, tell)
 
 
-def keep(order: Order, store: Store, content: Mapping[str, Any]) -> Record:
+def keep(job: JobSpec, store: Store, content: Mapping[str, Any]) -> Record:
     """Complete a record with what every record tells, and write it."""
     record = {
-        **order.facts,
-        "key": order.key,
-        "recipe": keys.plain(order.recipe),
+        **job.facts,
+        "key": job.key,
+        "recipe": keys.plain(job.recipe),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": commit(),
         **content,
@@ -82,144 +82,142 @@ def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
 # Shapes --------------------------------------------------------------------------------------------------------------
 
 
-def _treat(share: Share, tell: Tell) -> None:
-    """Treat each shape by all methods in turn; a job that has failed, here or in another share, is left alone."""
-    first = share.orders[0]
+def _treat(batch: ShapeBatch, tell: Tell) -> None:
+    """Treat each shape by all methods in turn; a job that has failed, here or in another batch, is left alone."""
+    first = batch.jobs[0]
     store = Store.open(first.results)
-    treatments: dict[str, Treatment] = {}
-    made: dict[str, list[str]] = {order.key: [] for order in share.orders}
+    method_runs: dict[str, MethodRun] = {}
+    made: dict[str, list[str]] = {job.key: [] for job in batch.jobs}
     tell(first.key, 0)
     try:
         dataset = open_dataset(first.dataset, first.data_root)
     except Exception:
-        for order in share.orders:
-            with _guarded(order, store):
+        for job in batch.jobs:
+            with _guarded(job, store):
                 raise
         return
     by_identifier = _by_identifier(dataset)
     preparation = Preparation(dataset, first.input, store)
-    wanted = {order.key: frozenset(order.identifiers) for order in share.orders}
-    for order in share.orders:
-        tell(order.key, 0)
-        with _guarded(order, store):
-            _require_same_code(order, dataset)
-            treatments[order.key] = _treatment(order, preparation, store)
-    for done, identifier in enumerate(share.identifiers):
-        for order in share.orders:
-            if identifier not in wanted[order.key] or order.key not in treatments or order.key in store.records:
+    wanted = {job.key: frozenset(job.identifiers) for job in batch.jobs}
+    for job in batch.jobs:
+        tell(job.key, 0)
+        with _guarded(job, store):
+            _require_same_code(job, dataset)
+            method_runs[job.key] = _method_run(job, preparation, store)
+    for done, identifier in enumerate(batch.identifiers):
+        for job in batch.jobs:
+            if identifier not in wanted[job.key] or job.key not in method_runs or job.key in store.records:
                 continue
-            tell(order.key, done, identifier)
-            with _guarded(order, store, identifier):
+            tell(job.key, done, identifier)
+            with _guarded(job, store, identifier):
                 try:
-                    found = treatments[order.key].treat(by_identifier[identifier])
+                    found = method_runs[job.key].treat(by_identifier[identifier])
                 except ShapeError:
                     continue  # ranking finds the reason in the store
-                made[order.key] += [
+                made[job.key] += [
                     a.key for a in (found.prepared, found.answer, found.features) if a and not a.was_cached
                 ]
-    fingerprints.forget()
-    for order in share.orders:
-        if order.key in store.records:
+    fingerprints.clear_cache()
+    for job in batch.jobs:
+        if job.key in store.records:
             continue
-        tell(order.key, len(share.identifiers))
-        with _guarded(order, store):
+        tell(job.key, len(batch.identifiers))
+        with _guarded(job, store):
             try:
-                _require_same_code(order, dataset)
+                _require_same_code(job, dataset)
             except _CodeChanged:
-                for key in made[order.key]:
+                for key in made[job.key]:
                     store.discard(key)  # nobody knows which of the two codes made it
                 raise
 
 
-def _treatment(order: Order, preparation: Preparation, store: Store) -> Treatment:
-    treatment = Treatment(preparation, store, order.method, order.seed, order.models, order.scorer)
-    if not isinstance(treatment.method, Method):
-        return treatment
-    seen = treatment.seen(_entries(order, preparation.dataset), preparation.dataset.name)
-    if seen and order.all_unseen:
+def _method_run(job: JobSpec, preparation: Preparation, store: Store) -> MethodRun:
+    method_run = MethodRun(preparation, store, job.method, job.seed, job.models, job.scorer)
+    if not isinstance(method_run.method, Method):
+        return method_run
+    seen = method_run.seen(_entries(job, preparation.dataset), preparation.dataset.name)
+    if seen and job.all_unseen:
         raise ConfigurationError(
             f"{len(seen)} shapes were seen in training: {', '.join(seen[:3])}{' ...' if len(seen) > 3 else ''}",
             "test on shapes that the model has not been trained on, or take another training",
         )
-    return treatment
+    return method_run
 
 
 class _CodeChanged(BenchmarkError):
     """Somebody edited the code while a run was under way."""
 
 
-def _require_same_code(order: Order, dataset: Dataset) -> None:
+def _require_same_code(job: JobSpec, dataset: Dataset) -> None:
     """Raise unless this process reads the code that the plan was made for."""
-    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), order.input, order.method, order.scorer))
-    planned = keys.plain(order.recipe["code"])
+    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), job.input, job.method, job.scorer))
+    planned = keys.plain(job.recipe["code"])
     if found != planned:
         changed = difference({"code": planned}, {"code": found})
         raise _CodeChanged(f"the code changed during the run ({changed})", "run again")
 
 
 @contextmanager
-def _guarded(order: Order, store: Store, identifier: str = "") -> Iterator[None]:
+def _guarded(job: JobSpec, store: Store, identifier: str = "") -> Iterator[None]:
     """Turn whatever the body raises into the record of the job."""
     where = f"{identifier}: " if identifier else ""
     try:
         yield
     except MemoryError:
-        keep(
-            order, store, failure("memory", f"{where}out of memory; run with fewer jobs (-j 1) or on a larger machine")
-        )
+        keep(job, store, failure("memory", f"{where}out of memory; run with fewer jobs (-j 1) or on a larger machine"))
     except _CodeChanged as error:
-        keep(order, store, failure(CHANGED, str(error)))
+        keep(job, store, failure(CHANGED, str(error)))
     except StorageError as error:
-        keep(order, store, failure(UNSAVED, f"{where}{error}"))
+        keep(job, store, failure(UNSAVED, f"{where}{error}"))
     except BenchmarkError as error:
-        keep(order, store, failure("failed", f"{where}{message(error)}"))
+        keep(job, store, failure("failed", f"{where}{message(error)}"))
     except ForeignError as error:
-        keep(order, store, failure("failed", f"{where}{error}", error.trace))
+        keep(job, store, failure("failed", f"{where}{error}", error.trace))
     except BaseException as error:  # also what ends a program: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
             raise  # somebody interrupts jobs that are done in this process
         said = message(error)
         reason = f"{where}{type(error).__name__}: {said}" if said else f"{where}{type(error).__name__}"
-        keep(order, store, failure("failed", reason, traceback.format_exc()))
+        keep(job, store, failure("failed", reason, traceback.format_exc()))
 
 
-def make_forms(order: Order, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
+def make_forms(job: JobSpec, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
     """Make the forms of some shapes of a job and keep them; of a shape that cannot be treated, the reason is kept.
 
     Parameters
     ----------
-    order
+    job
         The job.
     identifiers
         The shapes.
     say
         Told each shape when it is done.
     """
-    store = Store.open(order.results)
-    dataset = open_dataset(order.dataset, order.data_root)
-    treatment = _treatment(order, Preparation(dataset, order.input, store), store)
+    store = Store.open(job.results)
+    dataset = open_dataset(job.dataset, job.data_root)
+    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
     by_identifier = _by_identifier(dataset)
     for identifier in identifiers:
         with suppress(ShapeError):
-            treatment.answer(by_identifier[identifier])
+            method_run.answer(by_identifier[identifier])
         say(identifier)
 
 
 # Galleries -----------------------------------------------------------------------------------------------------------
 
 
-def _rank(order: Order, tell: Callable[[str], object]) -> None:
-    store = Store.open(order.results)
-    with _guarded(order, store):
-        keep(order, store, ranked(order, store, tell))
+def _rank(job: JobSpec, tell: Callable[[str], object]) -> None:
+    store = Store.open(job.results)
+    with _guarded(job, store):
+        keep(job, store, ranked(job, store, tell))
 
 
-def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
+def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
     """Return the content of the record of a job whose shapes are treated.
 
     Parameters
     ----------
-    order
+    job
         The job.
     store
         Where its forms and signatures are; what is missing is made.
@@ -227,22 +225,22 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
         Told which part of the ranking is under way.
     """
     start = time.perf_counter()
-    dataset = open_dataset(order.dataset, order.data_root)
-    _require_same_code(order, dataset)
-    entries = _entries(order, dataset)
-    treatment = _treatment(order, Preparation(dataset, order.input, store), store)
-    gallery = RankedGallery.of(store, treatment, entries, tell)
+    dataset = open_dataset(job.dataset, job.data_root)
+    _require_same_code(job, dataset)
+    entries = _entries(job, dataset)
+    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
+    gallery = RankedGallery.of(store, method_run, entries, tell)
     refused, names = gallery.refused, [entry.identifier for entry in entries]
     if not gallery.found:
         reason = f"none of {len(entries)} shapes could be treated; first: {refused[0][1]}"
         return failure("unsupported", reason) | {"unsupported": refused}
     labels = [entry.subject for entry in entries]
     answered = [place for place, name in enumerate(names) if name in gallery.found] if refused else None
-    treated = list(gallery.found.values())
+    results = list(gallery.found.values())
     return {
         "status": "ok",
         **measures.scores(gallery.matrices(), labels, answered),
-        **(measures.over_splits(gallery.matrices(), labels, order.split_size, answered) if order.split_size else {}),
+        **(measures.over_splits(gallery.matrices(), labels, job.split_size, answered) if job.split_size else {}),
         "shapes": names,
         "labels": labels,
         "n_shapes": len(entries),
@@ -251,30 +249,30 @@ def ranked(order: Order, store: Store, tell: Callable[[str], object] = lambda sa
         "unprepared": gallery.unprepared,
         "coverage": len(gallery.found) / max(len(entries) - len(gallery.unprepared), 1),
         "digests": gallery.digests,
-        "notes": _summary(each.notes for each in treated),
-        **_costs(treated, gallery.signatures),
+        "notes": _summary(each.notes for each in results),
+        **_costs(results, gallery.signatures),
         "wall_seconds": round(time.perf_counter() - start, 3),
-        "environments": _environments(treated, gallery.signatures),
+        "environments": _environments(results, gallery.signatures),
         "artefacts": sorted(
-            {a.key for t in treated for a in (t.prepared, t.answer)}
-            | {key for key in (*gallery.keys, treatment.preparation.frame_key) if key}
+            {a.key for t in results for a in (t.prepared, t.answer)}
+            | {key for key in (*gallery.keys, method_run.preparation.frame_key) if key}
         ),
-        **_learning(order, treatment, entries, dataset.name),
+        **_learning(job, method_run, entries, dataset.name),
     }
 
 
-def _learning(order: Order, treatment: Treatment, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
+def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
     """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
-    if not order.models:
+    if not job.models:
         return {}
-    models = {model.training: model.summary() for model in order.models.values()}
-    return {"models": list(models.values()), "seen": treatment.seen(entries, dataset)}
+    models = {model.training: model.summary() for model in job.models.values()}
+    return {"models": list(models.values()), "seen": method_run.seen(entries, dataset)}
 
 
-def _costs(treated: Sequence[Treated], signatures: Signatures) -> dict[str, Any]:
+def _costs(results: Sequence[ShapeResult], signatures: Signatures) -> dict[str, Any]:
     """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
     phases: dict[str, list[Cost]] = {}
-    for each in treated:
+    for each in results:
         phases.setdefault("prepare", []).append(each.prepared.cost)
         for stage, cost in each.answer.cost.shared.items():
             phases.setdefault(stage, []).append(cost)
@@ -289,9 +287,9 @@ def _costs(treated: Sequence[Treated], signatures: Signatures) -> dict[str, Any]
     }
 
 
-def _environments(treated: Sequence[Treated], signatures: Signatures) -> list[dict[str, Any]]:
+def _environments(results: Sequence[ShapeResult], signatures: Signatures) -> list[dict[str, Any]]:
     """Where the artefacts were made: each environment with the number of artefacts."""
-    counts = Counter(a.environment for t in treated for a in (t.prepared, t.answer)) + Counter(signatures.environments)
+    counts = Counter(a.environment for t in results for a in (t.prepared, t.answer)) + Counter(signatures.environments)
     return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
 
 
@@ -317,6 +315,6 @@ def _by_identifier(dataset: Dataset) -> dict[str, Entry]:
     return {entry.identifier: entry for entry in dataset.entries}
 
 
-def _entries(order: Order, dataset: Dataset) -> list[Entry]:
+def _entries(job: JobSpec, dataset: Dataset) -> list[Entry]:
     by_identifier = _by_identifier(dataset)
-    return [by_identifier[identifier] for identifier in order.identifiers]
+    return [by_identifier[identifier] for identifier in job.identifiers]

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark.jobs.cluster.letters import Letter
-from benchmark.jobs.orders import Task
+from benchmark.jobs.cluster.task_messages import TaskMessage
+from benchmark.jobs.job_specs import Task
 from benchmark.storage.store import StorageError
 from benchmark.system import fingerprints, plugins, services
 from benchmark.system.workers import Worker
@@ -33,7 +33,7 @@ class Status:
     job
         Key of the job that it is at; "" before the first one.
     steps
-        Shapes of its share that are behind it.
+        Shapes of its batch that are behind it.
     shape
         Identifier of the shape that it is at; "" between shapes.
     is_done
@@ -52,7 +52,7 @@ class TaskWorker:
     Parameters
     ----------
     task
-        What to do, or the letter that says so.
+        What to do, or the message that says so.
     number
         Place among the workers that run at the same time.
     progress
@@ -66,7 +66,7 @@ class TaskWorker:
         If the system starts no further process.
     """
 
-    def __init__(self, task: Task | Letter, number: int, progress: Path, memory: int) -> None:
+    def __init__(self, task: Task | TaskMessage, number: int, progress: Path, memory: int) -> None:
         self.task = task
         self.number = number
         self.looked = time.monotonic()
@@ -76,7 +76,7 @@ class TaskWorker:
         self._status_file = progress / f"{os.getpid()}-{number}"
         self._trace_file = self._status_file.with_name(f"{self._status_file.name}-trace")
         self._clear()
-        known = fingerprints.knowledge()
+        known = fingerprints.export_cache()
         self._worker = Worker(_do, task, self._status_file, self._trace_file, known, memory=memory)
 
     @property
@@ -120,10 +120,10 @@ def _beside(status_file: Path) -> Path:
     return status_file.with_name(f"{status_file.name}-next")
 
 
-def _do(task: Task | Letter, status_file: Path, trace_file: Path, known: fingerprints.Knowledge) -> None:
+def _do(task: Task | TaskMessage, status_file: Path, trace_file: Path, known: fingerprints.ImportCache) -> None:
     """Do the task, in its process."""
     plugins.close_process()
-    fingerprints.learn(known)
+    fingerprints.import_cache(known)
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
         services.trace_to(trace_file)
         trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
@@ -143,7 +143,7 @@ def _do(task: Task | Letter, status_file: Path, trace_file: Path, known: fingerp
             beside.replace(status_file)  # so that no reader finds half of it
 
     try:
-        work(task.open() if isinstance(task, Letter) else task, tell)
+        work(task.open() if isinstance(task, TaskMessage) else task, tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

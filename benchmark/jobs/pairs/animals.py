@@ -13,7 +13,7 @@ from benchmark.datasets.varied_animals import AnimalSampler
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.jobs.pairs.beyond import Beyond
+from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import dataset_module, source_code
 from benchmark.learning import MakesPairs, TrainingData
 from benchmark.protocols.trainings import ANIMAL_POSES
@@ -35,7 +35,7 @@ _IMAGES = 1 + ANIMAL_POSES
 _CODE = ("benchmark.datasets.varied_animals.sampler", "benchmark.datasets.varied.sampler")
 
 
-def sampled_animals(asked: Beyond, unseen: MakesPairs) -> TrainingData:
+def sampled_animals(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingData:
     """Pairs of sampled bodies, people and animals by turns.
 
     Parameters

@@ -9,7 +9,7 @@ from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.pairs.beyond import Beyond
+from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import dataset_module, source_code
 from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import SAMPLED_POSES
@@ -20,7 +20,7 @@ _IMAGES = 1 + SAMPLED_POSES
 """Images of a body: the canonical pose and its own."""
 
 
-def sampled_people(asked: Beyond, unseen: MakesPairs) -> TrainingData:
+def sampled_people(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingData:
     """Pairs of sampled people.
 
     Parameters
@@ -41,7 +41,7 @@ def sampled_people(asked: Beyond, unseen: MakesPairs) -> TrainingData:
     )
 
 
-def _pairs(bodies: Sequence[_Body], asked: Beyond, start: int) -> Iterator[TrainingPair]:
+def _pairs(bodies: Sequence[_Body], asked: SyntheticTraining, start: int) -> Iterator[TrainingPair]:
     # Bodies in a row are posed together, which is faster.
     in_turn = _in_all_poses(bodies[start // _IMAGES :])
 

@@ -16,9 +16,9 @@ from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.jobs.pairs.animals import sampled_animals
-from benchmark.jobs.pairs.beyond import Beyond, Say
 from benchmark.jobs.pairs.people import sampled_people
 from benchmark.jobs.pairs.stream import varied_data
+from benchmark.jobs.pairs.synthetic import Say, SyntheticTraining
 from benchmark.jobs.preparation import Preparation
 from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import ANIMALS_SAMPLED, SAMPLED, SAMPLED_BODIES, VARIED, Training
@@ -27,7 +27,7 @@ from benchmark.storage.store import Store
 
 __all__ = ["training_data"]
 
-_BEYOND_SETS: Mapping[str, Callable[[Beyond, MakesPairs], TrainingData]] = {
+_SYNTHETIC_SETS: Mapping[str, Callable[[SyntheticTraining, MakesPairs], TrainingData]] = {
     SAMPLED: sampled_people,
     ANIMALS_SAMPLED: sampled_animals,
     VARIED: varied_data,
@@ -67,8 +67,8 @@ def training_data(
     def unseen(start: int = 0) -> Iterator[TrainingPair]:
         return _pairs(_renderable(tested, preparation, say)[start:], preparation)
 
-    if beyond := _BEYOND_SETS.get(training.name):
-        data = beyond(Beyond(training, dataset, preparation.half_width, n_sampled, say), unseen)
+    if synthetic := _SYNTHETIC_SETS.get(training.name):
+        data = synthetic(SyntheticTraining(training, dataset, preparation.half_width, n_sampled, say), unseen)
     else:
         pairs = _renderable(training.trained.of(dataset), preparation, say)
         shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())

@@ -9,7 +9,7 @@ from dataclasses import replace
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
-from benchmark.jobs.pairs.beyond import Beyond
+from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import source_code
 from benchmark.learning import MakesPairs, TrainingPair
 from benchmark.storage import keys
@@ -25,7 +25,7 @@ SAMPLE = 1024
 """Pairs for a learner that keeps all of its pairs in memory."""
 
 
-def varied_data(asked: Beyond, unseen: MakesPairs) -> StreamedData:
+def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedData:
     """The streams of one protocol.
 
     Parameters

@@ -2,6 +2,6 @@
 
 In the order to read it: ``sampling`` (the stages of a few shapes, made by one of the two trees), ``reached`` (which
 parts of the code ran meanwhile), ``trees`` (a commit beside the working tree, and requests answered by either),
-``syntax`` and ``changes`` (which parts of the code differ), ``verdicts`` (which rows may move), ``moving`` (records
+``syntax`` and ``changes`` (which parts of the code differ), ``candidates`` (which rows may move), ``moving`` (records
 under new keys).
 """

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import ConfigurationError
+from benchmark.jobs.rekey.candidates import Candidate
 from benchmark.jobs.rekey.changes import NEW, OLD, Change, changes
 from benchmark.jobs.rekey.reached import Region
 from benchmark.jobs.rekey.sampling import Row, sample_of
 from benchmark.jobs.rekey.trees import Tree, ask, checked_out, working_tree
-from benchmark.jobs.rekey.verdicts import Candidate
 from benchmark.storage.environment import environment
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record, Records

@@ -36,13 +36,13 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, ShapeError, one_line
 from benchmark.jobs.execution.runner import ranked
-from benchmark.jobs.orders import Order
+from benchmark.jobs.job_specs import JobSpec
+from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.pairs import training_data
 from benchmark.jobs.plan import Job, data_recipe, job_recipe
 from benchmark.jobs.preparation import REFUSED, Preparation
 from benchmark.jobs.recipes import distances_recipe, draws_of, source_recipe, training_code
 from benchmark.jobs.rekey.reached import Reached
-from benchmark.jobs.treatment import Treatment
 from benchmark.learning import CARD, WEIGHTS, TrainingData, TrainingPair, read_card
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
@@ -296,14 +296,14 @@ class _Tools:
         place = (job.gallery.source, job.input)
         if place not in self._preparations:
             self._preparations[place] = Preparation(job.gallery.dataset, job.input, self.store)
-        treatment = self._treatment(job, self._preparations[place])
+        method_run = self._method_run(job, self._preparations[place])
         forms = []
         for entry in job.gallery.entries:
-            forms.append(treatment.recipe(entry))
-            yield digest(treatment.preparation.recipe(entry))
+            forms.append(method_run.recipe(entry))
+            yield digest(method_run.preparation.recipe(entry))
             yield digest(forms[-1])
         yield from (digest(distances_recipe(forms, job.scorer, draw)) for draw in draws_of(job.method, job.scorer))
-        yield treatment.preparation.frame_key
+        yield method_run.preparation.frame_key
 
     def _dataset(self, source: str) -> Dataset:
         if source not in self._datasets:
@@ -315,8 +315,8 @@ class _Tools:
         table = Table("sample", "", dataset.name, all_unseen=False, split_size=row.split_size)
         return Gallery(table, row.source, dataset, entries, data_root=self.data_root)
 
-    def _treatment(self, job: Job, preparation: Preparation) -> Treatment:
-        return Treatment(preparation, self.store, job.method, job.recipe["seed"], job.models, job.scorer)
+    def _method_run(self, job: Job, preparation: Preparation) -> MethodRun:
+        return MethodRun(preparation, self.store, job.method, job.recipe["seed"], job.models, job.scorer)
 
     def _made(
         self, rows: Mapping[int, Row], jobs: Mapping[int, Job], tell: Callable[[int], None]
@@ -324,7 +324,7 @@ class _Tools:
         """Make the samples of rows of one data set, input and seed: outcomes by row, stage and shape."""
         first = jobs[next(iter(rows))]
         preparation = Preparation(first.gallery.dataset, first.input, self.store)
-        treatments = {number: self._treatment(jobs[number], preparation) for number in rows}
+        method_runs = {number: self._method_run(jobs[number], preparation) for number in rows}
         found: dict[int, dict[str, dict[str, Outcome]]] = {number: {} for number in rows}
         wanted = dict.fromkeys(name for row in rows.values() for name in row.sample)
         by_identifier = {entry.identifier: entry for entry in first.gallery.dataset.entries}
@@ -336,7 +336,7 @@ class _Tools:
             }
             for number, row in rows.items():
                 if name in row.sample:
-                    for stage, outcome in _until(row.last, shared, treatments[number], entry):
+                    for stage, outcome in _until(row.last, shared, method_runs[number], entry):
                         found[number].setdefault(stage, {})[name] = outcome
             tell(sum(name in row.sample for row in rows.values()))
         for number, row in rows.items():
@@ -390,12 +390,12 @@ class _Tools:
         small = self.job(replace(row, identifiers=names, split_size=n_classes if row.split_size else 0))
         scope = SimpleNamespace(results=self.store.root.parent, data_root=self.data_root, seed=row.seed)
         try:
-            content = ranked(Order.of(small, scope), self.store)
+            content = ranked(JobSpec.of(small, scope), self.store)
         except Exception as error:  # a plug-in may raise anything
             return {"measures": {"": (f"raises {type(error).__name__}", "")}}
-        treatment = self._treatment(small, Preparation(small.gallery.dataset, small.input, self.store))
+        method_run = self._method_run(small, Preparation(small.gallery.dataset, small.input, self.store))
         refused = {name for name, _ in content["unsupported"]}
-        forms = [treatment.recipe(entry) for entry in entries if entry.identifier not in refused]
+        forms = [method_run.recipe(entry) for entry in entries if entry.identifier not in refused]
         draws = draws_of(small.method, small.scorer)
         keys = {str(draw): digest(distances_recipe(forms, small.scorer, draw)) for draw in draws}
         measures = {name: content[name] for name in _MEASURES if name in content}
@@ -407,19 +407,19 @@ class _Tools:
 
 
 def _until(
-    last: str, shared: Mapping[str, Outcome], treatment: Treatment, entry: Entry
+    last: str, shared: Mapping[str, Outcome], method_run: MethodRun, entry: Entry
 ) -> Iterator[tuple[str, Outcome]]:
     """Outcomes of the stages of one shape, up to the last one that is wanted, or the first that refuses it."""
     made: dict[str, Callable[[], Outcome]] = {
         "mesh": lambda: shared["mesh"],
         "prepared": lambda: shared["prepared"],
-        "form": lambda: _attempt(lambda: treatment.answer(entry)),
-        "signature": lambda: _attempt(lambda: cast(Artefact, treatment.treat(entry).features)),
+        "form": lambda: _attempt(lambda: method_run.answer(entry)),
+        "signature": lambda: _attempt(lambda: cast(Artefact, method_run.treat(entry).features)),
     }
     for stage, make in made.items():
         outcome = make()
         yield stage, outcome
-        if stage == last or not outcome[1] or (stage == "form" and treatment.describes):
+        if stage == last or not outcome[1] or (stage == "form" and method_run.describes):
             return
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.methods.answers import distances_of, real_numbers
+from benchmark.methods.output_checks import distances_of, real_numbers
 
 if TYPE_CHECKING:
     from benchmark.contracts import Descriptor
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Matrix = NDArray[np.float64]
 
-_MEND = "return the distances of all pairs as a symmetric matrix of finite numbers"
+_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
 
 
 def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> Matrix:
@@ -28,7 +28,7 @@ def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: 
         If the scorer returns anything but a square matrix of finite real numbers.
     """
     count = len(signatures)
-    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), _MEND)
+    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), _HINT)
 
 
 def descriptor_distances(method: Descriptor, descriptors: Sequence[Matrix]) -> Matrix:

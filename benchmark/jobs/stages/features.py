@@ -12,7 +12,7 @@ from benchmark.errors import InvalidSignature
 from benchmark.geometry.mesh import Mesh
 from benchmark.scoring import Scorer
 
-_MEND = "return a mapping from names to arrays of finite numbers"
+_HINT = "return a mapping from names to arrays of finite numbers"
 
 
 def extract(scorer: Scorer, form: Mesh) -> Mapping[str, NDArray[Any]]:
@@ -28,12 +28,12 @@ def extract(scorer: Scorer, form: Mesh) -> Mapping[str, NDArray[Any]]:
     answer: object = scorer.signature(form)
     who = f"scorer '{scorer.info.name}'"
     if not isinstance(answer, Mapping) or not answer:
-        raise InvalidSignature(f"{who} returned {type(answer).__name__}, not named arrays", _MEND)
+        raise InvalidSignature(f"{who} returned {type(answer).__name__}, not named arrays", _HINT)
     found: dict[str, NDArray[Any]] = {}
     for name, value in answer.items():
         if not (isinstance(name, str) and name.isidentifier()):
             raise InvalidSignature(f"{who} returned an array called {name!r:.80}", "name it like a variable")
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
-            raise InvalidSignature(f"{who} returned '{name}', which is no array of finite numbers", _MEND)
+            raise InvalidSignature(f"{who} returned '{name}', which is no array of finite numbers", _HINT)
         found[name] = value
     return found

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from benchmark.methods.conformance.case import ConformanceCase, Skipped, Warned, explain
 from benchmark.methods.conformance.checks import (
     OF_THE_ANSWER,
     OF_THE_CLASS,
@@ -20,12 +21,11 @@ from benchmark.methods.conformance.checks import (
     check_parameters,
     check_requirements,
 )
-from benchmark.methods.conformance.datasets import OF_DATA_SETS, DatasetTrial
+from benchmark.methods.conformance.datasets import OF_DATA_SETS, DatasetCase
 from benchmark.methods.conformance.learners import NAME, trained
-from benchmark.methods.conformance.scorers import OF_REQUIREMENTS, OF_SCORERS, OF_SIGNATURES, ScorerTrial
+from benchmark.methods.conformance.scorers import OF_REQUIREMENTS, OF_SCORERS, OF_SIGNATURES, ScorerCase
 from benchmark.methods.conformance.shapes import figure
 from benchmark.methods.conformance.targets import Target
-from benchmark.methods.conformance.trial import Skipped, Trial, Warned, explain
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
@@ -51,7 +51,7 @@ class Finding:
         ``"skipped"`` where the method declares that the check does not apply; ``"warning"`` for what breaks no contract
         but makes scores that differ from run to run or from machine to machine.
     explanation
-        One line: what was seen, and the mend if it failed.
+        One line: what was seen, and the hint if it failed.
     """
 
     name: str
@@ -95,7 +95,7 @@ def check_target(name: str) -> Report:
     for scorer in target.scorers():
         found[_titled(scorer.name, "scorer")] = tuple(_of_scorer(scorer, lambda _: None))
     for name, source in target.data_sets().items():
-        found[_titled(name)] = tuple(_found(OF_DATA_SETS, DatasetTrial(source), lambda _: None))
+        found[_titled(name)] = tuple(_found(OF_DATA_SETS, DatasetCase(source), lambda _: None))
     return Report(found)
 
 
@@ -126,12 +126,12 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
     inspect([path for path in (target.file,) if path], made=False)
-    what, mend = f"checking {target.name}", "mend the file: what it cannot treat, it refuses"
+    what, hint = f"checking {target.name}", "correct the file: what it cannot treat, it refuses"
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:
                 call_apart(
-                    _check_apart, target, list(findings), folder, what=what, mend=mend, limit=limit, say=hear
+                    _check_apart, target, list(findings), folder, what=what, hint=hint, limit=limit, say=hear
                 )  # fmt: skip
             except BrokenCall as error:
                 if not at:
@@ -158,7 +158,7 @@ def _check_apart(target: Target, without: Sequence[str], folder: str, say: Calla
             tell(titled, _of_scorer(scorer, partial(_say_begun, say, titled)))
     for name, source in target.data_sets().items():
         if (titled := _titled(name)) not in without:
-            tell(titled, _found(OF_DATA_SETS, DatasetTrial(source), partial(_say_begun, say, titled)))
+            tell(titled, _found(OF_DATA_SETS, DatasetCase(source), partial(_say_begun, say, titled)))
 
 
 def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None:
@@ -172,13 +172,13 @@ def _titled(name: str, kind: str = "data set") -> str:
 
 def _of_scorer(spec: ScorerSpec, begins: Callable[[str], None]) -> Iterator[Finding]:
     """Check a scorer; one whose packages are not installed, or that has no signatures, is not checked further."""
-    trial = ScorerTrial(spec)
+    case = ScorerCase(spec)
     for checks in (OF_REQUIREMENTS, _OF_THEIR_CLASS, OF_SIGNATURES):
-        for finding in _found(checks, trial, begins):
+        for finding in _found(checks, case, begins):
             yield finding
             if finding.outcome != "ok" and checks is not _OF_THEIR_CLASS:
                 return
-    yield from _found(OF_SCORERS, trial, begins)
+    yield from _found(OF_SCORERS, case, begins)
 
 
 def check(spec: MethodSpec) -> list[Finding]:
@@ -197,42 +197,44 @@ def _findings(
 ) -> Iterator[Finding]:
     """Check a method; ``begins`` is told the name of each check before it is made, models are put into ``folder``."""
     models = Path(tempfile.mkdtemp(dir=folder))
-    trial = Trial(spec, models if options and spec.learns else None)  # it is trained below, so none need be there yet
-    for finding in _found({"requirements": check_requirements}, trial, begins):
+    case = ConformanceCase(
+        spec, models if options and spec.learns else None
+    )  # it is trained below, so none need be there yet
+    for finding in _found({"requirements": check_requirements}, case, begins):
         yield finding
         if finding.outcome != "ok":
             return
-    yield from _found(OF_THE_CLASS | ({"learner": check_learner} if spec.learns else {}), trial, begins)
+    yield from _found(OF_THE_CLASS | ({"learner": check_learner} if spec.learns else {}), case, begins)
     if spec.learns and (options or not hasattr(spec.load(), "model_folder")):
 
-        def train(trial: Trial) -> str:
+        def train(case: ConformanceCase) -> str:
             trained(spec, models, options)
-            trial.model = models / NAME / getattr(spec.create(), "model_name")  # noqa: B009
+            case.model = models / NAME / getattr(spec.create(), "model_name")  # noqa: B009
             return "makes a model of a few images, leaves a finished one alone, and loads it"
 
-        for finding in _found({"training": train}, trial, begins):
+        for finding in _found({"training": train}, case, begins):
             yield finding
             if finding.outcome != "ok":
                 yield from (Finding(name, "skipped", "there is no model") for name in ("answer", *OF_THE_ANSWER))
                 return
-    for finding in _found({"answer": check_answer}, trial, begins):
+    for finding in _found({"answer": check_answer}, case, begins):
         yield finding
         if finding.outcome != "ok":
             yield from (Finding(name, "skipped", "there is no answer to compare") for name in OF_THE_ANSWER)
             return
-    yield from _found(OF_THE_ANSWER, trial, begins)
+    yield from _found(OF_THE_ANSWER, case, begins)
 
 
-def _found(checks: Mapping[str, Callable[[Any], str]], trial: Any, begins: Callable[[str], None]) -> Iterator[Finding]:
+def _found(checks: Mapping[str, Callable[[Any], str]], case: Any, begins: Callable[[str], None]) -> Iterator[Finding]:
     for name, function in checks.items():
         begins(name)
-        yield _find(name, function, trial)
+        yield _find(name, function, case)
 
 
-def _find(name: str, function: Callable[[Any], str], trial: Any) -> Finding:
+def _find(name: str, function: Callable[[Any], str], case: Any) -> Finding:
     outcome: Outcome
     try:
-        outcome, explanation = "ok", function(trial)
+        outcome, explanation = "ok", function(case)
     except Skipped as reason:
         outcome, explanation = "skipped", str(reason)
     except Warned as warning:

@@ -14,18 +14,18 @@ from benchmark.errors import BenchmarkError
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.methods.conformance.trial import Failed, Warned
+from benchmark.methods.conformance.case import Failed, Warned
 from benchmark.system.calls import BrokenCall, call_apart
 
-__all__ = ["OF_DATA_SETS", "DatasetCheck", "DatasetTrial"]
+__all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]
 
 #: Anomalies that are told in one line.
 _MOST_TOLD = 3
 
 
 @dataclass
-class DatasetTrial:
-    """A data set on trial; ``source`` is what :func:`benchmark.datasets.own.open_own` takes."""
+class DatasetCase:
+    """A data set under test; ``source`` is what :func:`benchmark.datasets.own.open_own` takes."""
 
     source: str
 
@@ -40,20 +40,20 @@ class DatasetTrial:
         return list({entry.subject: entry for entry in reversed(self.dataset.entries)}.values())[::-1]
 
 
-DatasetCheck = Callable[[DatasetTrial], str]
+DatasetCheck = Callable[[DatasetCase], str]
 
 
-def _check_entries(trial: DatasetTrial) -> str:
-    dataset = trial.dataset
+def _check_entries(case: DatasetCase) -> str:
+    dataset = case.dataset
     check_retrievable(dataset)
-    if open_own(trial.source).entries != dataset.entries:
+    if open_own(case.source).entries != dataset.entries:
         raise Failed("'entries' lists other shapes when it is asked again; always list the same ones in one order")
     classes = {entry.subject for entry in dataset.entries}
     return f"{len(dataset.entries)} shapes, {len(classes)} classes, always the same"
 
 
-def _check_meshes(trial: DatasetTrial) -> str:
-    report = checking.check(trial.dataset)
+def _check_meshes(case: DatasetCase) -> str:
+    report = checking.check(case.dataset)
     told = [str(anomaly) for anomaly in report.anomalies]
     further = f" and {len(told) - _MOST_TOLD} more" if len(told) > _MOST_TOLD else ""
     said = " | ".join(told[:_MOST_TOLD]) + further
@@ -64,38 +64,38 @@ def _check_meshes(trial: DatasetTrial) -> str:
     return "every mesh can be made and is sound"
 
 
-def _check_repeatable(trial: DatasetTrial) -> str:
-    dataset, again = trial.dataset, open_own(trial.source)
-    before = {entry.identifier: _digest(dataset.load(entry)) for entry in trial.first_of_each}
-    for entry in reversed(trial.first_of_each):
+def _check_repeatable(case: DatasetCase) -> str:
+    dataset, again = case.dataset, open_own(case.source)
+    before = {entry.identifier: _digest(dataset.load(entry)) for entry in case.first_of_each}
+    for entry in reversed(case.first_of_each):
         if _digest(again.load(entry)) != before[entry.identifier]:
             raise Failed(f"the mesh of '{entry.identifier}' changes from time to time; keep nothing between shapes")
     return "the same whatever was loaded before"
 
 
-def _check_fresh_process(trial: DatasetTrial) -> str:
+def _check_fresh_process(case: DatasetCase) -> str:
     try:
-        found = call_apart(_described, trial.source, what="the data set", mend="find the crash")
+        found = call_apart(_described, case.source, what="the data set", hint="find the crash")
     except BrokenCall as error:
         raise Failed(str(error)) from error
-    if found != _described(trial.source):
+    if found != _described(case.source):
         raise Failed("another process finds other shapes; do not depend on hashes, globals, the clock or the folder")
     return "another process finds the same shapes, recipes, cameras and meshes"
 
 
 def _described(source: str) -> list[list[str]]:
     """What determines the set, in plain values; the mesh of the first shape of each class."""
-    trial = DatasetTrial(source)
+    case = DatasetCase(source)
     listed = [
-        [entry.identifier, entry.subject, entry.pose, trial.dataset.recipe(entry), repr(trial.dataset.camera(entry))]
-        for entry in trial.dataset.entries
+        [entry.identifier, entry.subject, entry.pose, case.dataset.recipe(entry), repr(case.dataset.camera(entry))]
+        for entry in case.dataset.entries
     ]
-    return [*listed, [_digest(trial.dataset.load(entry)) for entry in trial.first_of_each]]
+    return [*listed, [_digest(case.dataset.load(entry)) for entry in case.first_of_each]]
 
 
-def _check_inputs(trial: DatasetTrial) -> str:
-    dataset, problems = trial.dataset, []
-    loaded = [(entry, dataset.load(entry)) for entry in trial.first_of_each]
+def _check_inputs(case: DatasetCase) -> str:
+    dataset, problems = case.dataset, []
+    loaded = [(entry, dataset.load(entry)) for entry in case.first_of_each]
     widths = [fit_half_width([mesh], dataset.camera(entry)) for entry, mesh in loaded]
     half_width = dataset.half_width or common_half_width(widths)
     for entry, mesh in loaded:

@@ -10,17 +10,17 @@ from typing import Any
 
 from benchmark.contracts import Method
 from benchmark.learning import CARD, Learner, TrainingData, TrainingPair, checked_weights, read_card
+from benchmark.methods.conformance.case import Failed
 from benchmark.methods.conformance.shapes import BENDS, view
-from benchmark.methods.conformance.trial import Failed
 from benchmark.methods.registry import MethodSpec
 
-__all__ = ["trained", "trial_data"]
+__all__ = ["case_data", "trained"]
 
 #: Name of the training, and so of the folder that holds the models.
-NAME = "trial"
+NAME = "case"
 
 
-def trial_data() -> TrainingData:
+def case_data() -> TrainingData:
     """Depth images of the figure in its poses, the first of which is the canonical one; all that training may see."""
 
     def pairs(start: int = 0) -> Iterator[TrainingPair]:
@@ -50,7 +50,7 @@ def trial_data() -> TrainingData:
 
 
 def trained(spec: MethodSpec, folder: Path, options: Mapping[str, Any] | None = None) -> Method:
-    """Train a learner on :func:`trial_data` and load the model.
+    """Train a learner on :func:`case_data` and load the model.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def trained(spec: MethodSpec, folder: Path, options: Mapping[str, Any] | None = 
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise Failed("has 'train' but is no learner; see 'A learner' in docs/reference/plugins.md")
-    place, data = folder / NAME / learner.model_name, trial_data()
+    place, data = folder / NAME / learner.model_name, case_data()
     learner.train(data, place, dict(options or {}), lambda _: None)
     card = _card(place)
     learner.train(data, place, dict(options or {}), lambda _: None)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from benchmark.contracts import FloatArray
-from benchmark.methods.conformance.trial import (
+from benchmark.methods.conformance.case import (
     REPEAT_TOLERANCE,
+    ConformanceCase,
     Failed,
     Skipped,
-    Trial,
     Warned,
     explain,
     relative_difference,
@@ -33,14 +33,14 @@ KERNEL = "OPENBLAS_CORETYPE"
 OLD_KERNEL = "Nehalem"
 
 
-def check_fresh_process(trial: Trial) -> str:
+def check_fresh_process(case: ConformanceCase) -> str:
     """Whether another process answers the same, and to the last bit."""
-    found = _elsewhere(trial)
-    same(trial.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
-    if found.tobytes() == trial.reference.tobytes():
+    found = _elsewhere(case)
+    same(case.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
+    if found.tobytes() == case.reference.tobytes():
         return "made again elsewhere, it answers the same to the last bit"
     # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
-    again = _elsewhere(trial)
+    again = _elsewhere(case)
     if found.tobytes() == again.tobytes():
         return "every fresh process answers the same to the last bit"
     raise Warned(
@@ -49,18 +49,18 @@ def check_fresh_process(trial: Trial) -> str:
     )
 
 
-def check_other_processor(trial: Trial) -> str:
+def check_other_processor(case: ConformanceCase) -> str:
     """Whether the answer survives other rounding errors: those of the BLAS kernel of another processor."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise Skipped("the kernel of another processor can be chosen on x86-64 only")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
-    found = _elsewhere(trial, kernel=kernel)
+    found = _elsewhere(case, kernel=kernel)
     called = f"the BLAS kernel {kernel}" if kernel else "the processor's own BLAS kernel"
-    if found.shape != trial.reference.shape:
-        raise Warned(f"{called} makes {found.shape} of {trial.reference.shape}; a choice hangs on the last bits")
-    if found.tobytes() == trial.reference.tobytes():
+    if found.shape != case.reference.shape:
+        raise Warned(f"{called} makes {found.shape} of {case.reference.shape}; a choice hangs on the last bits")
+    if found.tobytes() == case.reference.tobytes():
         return f"{called} changes no bit"
-    difference = relative_difference(trial.reference, found)
+    difference = relative_difference(case.reference, found)
     if difference <= REPEAT_TOLERANCE:
         return f"{called} changes {difference:.1e} of the largest number, too little to be seen by the scorer"
     raise Warned(
@@ -69,11 +69,11 @@ def check_other_processor(trial: Trial) -> str:
     )
 
 
-def _elsewhere(trial: Trial, kernel: str | None = None) -> FloatArray:
+def _elsewhere(case: ConformanceCase, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
     try:
         with _environment(kernel):
-            found = call_apart(_answer, trial.spec, trial.model, what="the method", mend="find the crash")
+            found = call_apart(_answer, case.spec, case.model, what="the method", hint="find the crash")
     except BrokenCall as error:
         raise Failed(
             "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
@@ -87,7 +87,7 @@ def _answer(spec: MethodSpec, model: Path | None) -> dict[str, Any]:
     """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
     hide_data()
     try:
-        return {"numbers": Trial(spec, model).reference.tolist()}
+        return {"numbers": ConformanceCase(spec, model).reference.tolist()}
     except BaseException as error:  # also what ends a program
         return {"fault": explain(error)}
 

@@ -12,20 +12,20 @@ from scipy.spatial.transform import Rotation
 from benchmark.contracts import FloatArray
 from benchmark.errors import ShapeError
 from benchmark.geometry.mesh import Mesh
+from benchmark.methods.conformance.case import REPEAT_TOLERANCE, Failed, Skipped, explain, relative_difference
 from benchmark.methods.conformance.shapes import BENDS, awkward, figure, view
-from benchmark.methods.conformance.trial import REPEAT_TOLERANCE, Failed, Skipped, explain, relative_difference
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.scoring import SignatureArrays
 from benchmark.system.calls import BrokenCall, call_apart
 
-__all__ = ["OF_REQUIREMENTS", "OF_SCORERS", "OF_SIGNATURES", "ScorerCheck", "ScorerTrial"]
+__all__ = ["OF_REQUIREMENTS", "OF_SCORERS", "OF_SIGNATURES", "ScorerCase", "ScorerCheck"]
 
 #: Largest dissimilarity of a form and the same form moved, as a share of the smallest one of two different forms.
 _SHARE = 0.1
 
 
 @dataclass
-class ScorerTrial:
+class ScorerCase:
     """A scorer, and the forms that it is tried on."""
 
     spec: ScorerSpec
@@ -52,7 +52,7 @@ class ScorerTrial:
         return found.astype(np.float64)
 
 
-ScorerCheck = Callable[[ScorerTrial], str]
+ScorerCheck = Callable[[ScorerCase], str]
 
 
 def _looked_at(signature: Any) -> SignatureArrays:
@@ -66,91 +66,91 @@ def _looked_at(signature: Any) -> SignatureArrays:
     return signature
 
 
-def _check_requirements(trial: ScorerTrial) -> str:
-    if missing := trial.spec.missing_packages():
+def _check_requirements(case: ScorerCase) -> str:
+    if missing := case.spec.missing_packages():
         raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
-    return f"{', '.join(trial.spec.info.requires)} installed" if trial.spec.info.requires else "nothing beyond the core"
+    return f"{', '.join(case.spec.info.requires)} installed" if case.spec.info.requires else "nothing beyond the core"
 
 
-def _check_signature(trial: ScorerTrial) -> str:
-    found = trial.signatures(trial.forms)
+def _check_signature(case: ScorerCase) -> str:
+    found = case.signatures(case.forms)
     size = sum(array.nbytes for array in found[0].values()) / 1024
     return f"{', '.join(found[0])}: {size:.0f} KiB a form"
 
 
-def _check_dissimilarities(trial: ScorerTrial) -> str:
-    for draw in range(trial.spec.info.draws):
-        found = trial.distances(trial.forms, draw)
+def _check_dissimilarities(case: ScorerCase) -> str:
+    for draw in range(case.spec.info.draws):
+        found = case.distances(case.forms, draw)
         if not found.max() > 0:
             raise Failed("tells no two forms of six apart; compare what differs")
         if np.abs(found - found.T).max() > 1e-9 * found.max() or np.abs(np.diag(found)).max() > 1e-6 * found.max():
             raise Failed("'compare' is not symmetric with a zero diagonal; make it so")
         # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
-        turned = np.roll(trial.distances([*trial.forms[1:], trial.forms[0]], draw), 1, axis=(0, 1))
-        if trial.spec.info.draws == 1 and relative_difference(found, turned) > REPEAT_TOLERANCE:
+        turned = np.roll(case.distances([*case.forms[1:], case.forms[0]], draw), 1, axis=(0, 1))
+        if case.spec.info.draws == 1 and relative_difference(found, turned) > REPEAT_TOLERANCE:
             raise Failed("'compare' depends on the order of the signatures; treat all pairs alike")
     return f"symmetric, zero diagonal, largest {found.max():.3g}"
 
 
-def _check_repeatable(trial: ScorerTrial) -> str:
-    forms = trial.forms
-    _require_same(trial.signatures(forms), trial.signatures(forms[::-1])[::-1], "depends on what was seen before")
-    first, again = (trial.distances(forms, trial.spec.info.draws - 1) for _ in range(2))
+def _check_repeatable(case: ScorerCase) -> str:
+    forms = case.forms
+    _require_same(case.signatures(forms), case.signatures(forms[::-1])[::-1], "depends on what was seen before")
+    first, again = (case.distances(forms, case.spec.info.draws - 1) for _ in range(2))
     if relative_difference(first, again) > REPEAT_TOLERANCE:
         raise Failed("'compare' answers differently when it is asked again; draw from a generator seeded by 'draw'")
     return "the same whatever was seen before"
 
 
-def _check_fresh_process(trial: ScorerTrial) -> str:
+def _check_fresh_process(case: ScorerCase) -> str:
     try:
-        found = call_apart(_answer, trial.spec, what="the scorer", mend="find the crash")
+        found = call_apart(_answer, case.spec, what="the scorer", hint="find the crash")
     except BrokenCall as error:
         raise Failed(str(error)) from error
-    if relative_difference(_flat(trial.signatures(trial.forms[:1])[0]), np.array(found)) > REPEAT_TOLERANCE:
+    if relative_difference(_flat(case.signatures(case.forms[:1])[0]), np.array(found)) > REPEAT_TOLERANCE:
         raise Failed("another process answers differently; do not depend on hashes, globals or the clock")
     return "made again elsewhere, it answers the same"
 
 
 def _answer(spec: ScorerSpec) -> list[float]:
-    trial = ScorerTrial(spec)
-    values: list[float] = _flat(trial.signatures(trial.forms[:1])[0]).tolist()
+    case = ScorerCase(spec)
+    values: list[float] = _flat(case.signatures(case.forms[:1])[0]).tolist()
     return values
 
 
-def _check_relabelling(trial: ScorerTrial) -> str:
+def _check_relabelling(case: ScorerCase) -> str:
     def relabelled(form: Mesh) -> Mesh:
         order = np.random.default_rng(0).permutation(form.n_vertices)
         return Mesh(form.vertices[order], np.argsort(order).astype(np.int32)[form.faces[::-1]])
 
-    return _alike(trial, relabelled, "depends on the numbering of vertices or faces")
+    return _alike(case, relabelled, "depends on the numbering of vertices or faces")
 
 
-def _check_motion(trial: ScorerTrial) -> str:
-    if not trial.spec.info.invariant:
+def _check_motion(case: ScorerCase) -> str:
+    if not case.spec.info.invariant:
         raise Skipped("declares that it undoes motions only where a pose is well defined")
     rotation = 2.5 * Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
-    mend = "depends on position or size of the form; measure in a frame of its own, or declare invariant=False"
-    return _alike(trial, lambda form: form.with_vertices(form.vertices @ rotation.T + [0.7, -1.1, 0.4]), mend)
+    hint = "depends on position or size of the form; measure in a frame of its own, or declare invariant=False"
+    return _alike(case, lambda form: form.with_vertices(form.vertices @ rotation.T + [0.7, -1.1, 0.4]), hint)
 
 
-def _alike(trial: ScorerTrial, change: Callable[[Mesh], Mesh], mend: str) -> str:
+def _alike(case: ScorerCase, change: Callable[[Mesh], Mesh], hint: str) -> str:
     """Whether a form is much more like itself after a change that should not matter than like any other one."""
-    forms = trial.forms[: len(BENDS)]
-    found = trial.distances([*forms, *map(change, forms)])
+    forms = case.forms[: len(BENDS)]
+    found = case.distances([*forms, *map(change, forms)])
     count = len(forms)
     between = found[:count, :count][~np.eye(count, dtype=bool)].min()
     itself = np.diag(found[:count, count:]).max()
     if not itself <= _SHARE * between:
-        raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {mend}")
+        raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
     return f"{itself / between if between else 0.0:.1e} of the least difference of two forms"
 
 
-def _check_awkward_forms(trial: ScorerTrial) -> str:
+def _check_awkward_forms(case: ScorerCase) -> str:
     refused, problems = [], []
     forms = {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
     for name, form in forms.items():
         try:
-            trial.signatures([form])
+            case.signatures([form])
         except ShapeError as reason:
             refused.append(name)
             if not str(reason):
@@ -162,10 +162,10 @@ def _check_awkward_forms(trial: ScorerTrial) -> str:
     return f"refuses {', '.join(refused)}, each with a reason" if refused else "all compared"
 
 
-def _require_same(first: Sequence[SignatureArrays], second: Sequence[SignatureArrays], mend: str) -> None:
+def _require_same(first: Sequence[SignatureArrays], second: Sequence[SignatureArrays], hint: str) -> None:
     for one, other in zip(first, second, strict=True):
         if one.keys() != other.keys() or relative_difference(_flat(one), _flat(other)) > REPEAT_TOLERANCE:
-            raise Failed(f"'signature' {mend}; keep nothing between forms")
+            raise Failed(f"'signature' {hint}; keep nothing between forms")
 
 
 def _flat(signature: SignatureArrays) -> FloatArray:

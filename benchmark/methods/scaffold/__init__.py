@@ -78,8 +78,8 @@ def _check_name(kind: str, name: str) -> None:
         )
     if not is_name(name):
         words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
-        mend = "join lower-case words by hyphens" + (f": {'-'.join(words)}" if words and words[0].isalpha() else "")
-        raise ConfigurationError(f"'{name}' cannot be the name of a {what}", mend)
+        hint = "join lower-case words by hyphens" + (f": {'-'.join(words)}" if words and words[0].isalpha() else "")
+        raise ConfigurationError(f"'{name}' cannot be the name of a {what}", hint)
     known: dict[str, tuple[str, Container[str]]] = {
         "dataset": ("data set", CATALOGUE),
         "scorer": ("scorer", scorers()),

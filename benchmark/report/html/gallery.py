@@ -15,10 +15,10 @@ from benchmark.datasets.files import FolderDataset
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.protocols.tables import INPUTS
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.scripts import data_script
 from benchmark.report.html.surfaces import Thinned, thinned
-from benchmark.report.kept import Kept
 from benchmark.report.pictures.contact_sheet import select
 from benchmark.report.pictures.painting import painted
 from benchmark.report.pictures.posing import centred, reach, upright
@@ -85,7 +85,13 @@ class _Column:
 
 
 def make_gallery(
-    stem: str, records: Sequence[Record], kept: Kept, folder: Folder, *, most_shapes: int, poses: int = POSES
+    stem: str,
+    records: Sequence[Record],
+    artefacts: ArtefactReader,
+    folder: Folder,
+    *,
+    most_shapes: int,
+    poses: int = POSES,
 ) -> Gallery | None:
     """Write pictures and surfaces of some shapes of one data set under all methods that make forms.
 
@@ -109,21 +115,21 @@ def make_gallery(
     Gallery
         What was written; None if no form is kept here.
     """
-    chosen = _chosen(records, kept, most_shapes, poses)
+    chosen = _chosen(records, artefacts, most_shapes, poses)
     inputs: dict[Input, dict[str, Any]] = {}
     heroes: list[Image.Image] = []
     n_forms = 0
     for input_ in INPUTS:
         of_input = [record for record in records if record["input"] == input_]
         rows = {record["method"]: brief(record["title"]) for record in of_input}
-        columns = [[_column(entry, of_input, kept) for entry in of_subject] for of_subject in chosen]
+        columns = [[_column(entry, of_input, artefacts) for entry in of_subject] for of_subject in chosen]
         found = sum(len(column.meshes) for of_subject in columns for column in of_subject)
         if not found:
             continue
         n_forms += found
         number = 0
         for of_subject in columns:
-            _turn(of_subject, kept, of_input)
+            _turn(of_subject, artefacts, of_input)
             widths = _widths(of_subject)
             for column in of_subject:
                 _write(f"{stem}-{input_}-{number}", column, list(rows), widths, folder)
@@ -140,14 +146,14 @@ def make_gallery(
     return Gallery(stem, names, inputs, n_forms, bool(heroes))
 
 
-def _chosen(records: Sequence[Record], kept: Kept, most_shapes: int, poses: int) -> list[list[Entry]]:
+def _chosen(records: Sequence[Record], artefacts: ArtefactReader, most_shapes: int, poses: int) -> list[list[Entry]]:
     """Shapes that are shown: of subjects and poses spread over those that were ranked, the canonical pose first."""
     dataset = None
     ranked: set[str] = set()
     for record in records:
         ranked.update(record["shapes"])
         try:
-            dataset = kept.dataset(record)
+            dataset = artefacts.dataset(record)
         except BenchmarkError:
             continue
     if dataset is None:
@@ -173,7 +179,7 @@ class _Part:
         return self.whole.name
 
 
-def _column(entry: Entry, records: Iterable[Record], kept: Kept) -> _Column:
+def _column(entry: Entry, records: Iterable[Record], artefacts: ArtefactReader) -> _Column:
     column = _Column(entry)
     for record in records:
         if entry.identifier not in record["shapes"]:
@@ -181,8 +187,8 @@ def _column(entry: Entry, records: Iterable[Record], kept: Kept) -> _Column:
             continue
         name = record["method"]
         if column.surface is None:
-            column.surface = kept.surface(record, entry)
-        found = kept.form(record, entry)
+            column.surface = artefacts.surface(record, entry)
+        found = artefacts.form(record, entry)
         if isinstance(found, str):
             column.missing.setdefault(name, brief(found))
         elif name not in column.meshes:
@@ -199,13 +205,13 @@ def _told(column: _Column, method: str) -> str:
 INPUT_ROW = ""
 
 
-def _turn(columns: Sequence[_Column], kept: Kept, records: Sequence[Record]) -> None:
+def _turn(columns: Sequence[_Column], artefacts: ArtefactReader, records: Sequence[Record]) -> None:
     """Turn the surfaces as the camera sees them, and the forms as their surfaces stand, all poses alike."""
     models: dict[str, Points] = {}
     for column in columns:
         if column.surface is None:
             continue
-        seen = kept.seen(records[0], column.entry, column.surface)
+        seen = artefacts.seen(records[0], column.entry, column.surface)
         column.points[INPUT_ROW] = centred(seen)
         column.thin = thinned(column.surface)
         for name, form in column.meshes.items():

@@ -10,10 +10,9 @@ import numpy as np
 
 from benchmark.contracts import Input
 from benchmark.errors import BenchmarkError
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
-from benchmark.report.kept import Kept
-from benchmark.report.statistics.judgement import CONTROL
 from benchmark.report.statistics.pareto import pareto_front
 from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.rankings import (
@@ -26,6 +25,7 @@ from benchmark.report.statistics.rankings import (
     mean_distances,
     ranking,
 )
+from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.storage.records import Record, answered_labels, answered_shapes
 from retrieval.measures import PRINTED
 
@@ -66,7 +66,7 @@ class Measured:
         return sum(each.ranking is not None for each in self.ranked)
 
 
-def measured(table: TableContent, kept: Kept, *, most_kinds: int = 400) -> Measured:
+def measured(table: TableContent, artefacts: ArtefactReader, *, most_kinds: int = 400) -> Measured:
     """Collect what the charts of a table show.
 
     Parameters
@@ -96,7 +96,7 @@ def measured(table: TableContent, kept: Kept, *, most_kinds: int = 400) -> Measu
         }
     )
     poses: dict[str, None] = {}
-    rows = [_row(table, row, shown, kept, found, poses) for row in table.rows]
+    rows = [_row(table, row, shown, artefacts, found, poses) for row in table.rows]
     found.data["poses"] = list(poses) if len(poses) <= most_kinds else []
     number = {SUBJECTS: {name: k for k, name in enumerate(shown)}, POSES: {name: k for k, name in enumerate(poses)}}
     for row in rows:
@@ -129,13 +129,13 @@ def _fronts(table: TableContent) -> dict[str, dict[str, dict[str, list[str]]]]:
 _SAME_POSES = 0.9
 
 
-def poses_of(record: Record, kept: Kept) -> dict[str, str]:
+def poses_of(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
     """Pose of each shape, where the data set is here and its subjects take the same poses; empty otherwise.
 
     Poses that are merely numbered differ from subject to subject, and so does how many there are.
     """
     try:
-        entries = kept.dataset(record).entries
+        entries = artefacts.dataset(record).entries
     except BenchmarkError:
         return {}
     poses, subjects = {entry.pose for entry in entries}, {entry.subject for entry in entries}
@@ -157,7 +157,7 @@ def _row(
     table: TableContent,
     row: Row,
     classes: Sequence[str],
-    kept: Kept,
+    artefacts: ArtefactReader,
     found: Measured,
     poses: dict[str, None],
 ) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _row(
     for input_, cell in row.cells.items():
         if not cell.scores:
             continue
-        judged = {name: table.judgements.get((row.method, input_, name)) for name in PRINTED}
+        judged = {name: table.significance.get((row.method, input_, name)) for name in PRINTED}
         told: dict[str, Any] = {
             "scores": {name: cell.scores[name] for name in PRINTED},
             "intervals": {name: [j.low, j.high] for name, j in judged.items() if j is not None},
@@ -173,9 +173,9 @@ def _row(
             **_cost(cell),
             "classes": _by_class(cell, classes),
         }
-        ranked = [_ranked(record, input_, row.method, kept) for record in _one_each(cell)]
+        ranked = [_ranked(record, input_, row.method, artefacts) for record in _one_each(cell)]
         found.ranked += ranked
-        inputs[input_] = told | _of_rankings(ranked, kept, found, poses)
+        inputs[input_] = told | _of_rankings(ranked, artefacts, found, poses)
     return {"method": row.method, "title": row.label, "family": row.family, "inputs": inputs}
 
 
@@ -208,8 +208,8 @@ def _by_class(cell: Cell, classes: Sequence[str]) -> dict[str, list[float | None
     return means
 
 
-def _ranked(record: Record, input_: Input, method: str, kept: Kept) -> Ranked:
-    matrix = mean_distances(kept.distances(record))
+def _ranked(record: Record, input_: Input, method: str, artefacts: ArtefactReader) -> Ranked:
+    matrix = mean_distances(artefacts.distances(record))
     try:
         found = None if matrix is None else ranking(matrix, answered_labels(record))
     except BenchmarkError:
@@ -217,7 +217,9 @@ def _ranked(record: Record, input_: Input, method: str, kept: Kept) -> Ranked:
     return Ranked(input_, method, record, found)
 
 
-def _of_rankings(ranked: Sequence[Ranked], kept: Kept, found: Measured, poses: dict[str, None]) -> dict[str, Any]:
+def _of_rankings(
+    ranked: Sequence[Ranked], artefacts: ArtefactReader, found: Measured, poses: dict[str, None]
+) -> dict[str, Any]:
     known = [each for each in ranked if each.ranking is not None]
     told: dict[str, Any] = {"precision": None, "attraction": None, SUBJECTS: {}, POSES: {}}
     if not known or len(known) < len(ranked):
@@ -231,7 +233,7 @@ def _of_rankings(ranked: Sequence[Ranked], kept: Kept, found: Measured, poses: d
             continue
         nearest, subjects = each.ranking.nearest, answered_labels(each.record)
         _add(told[SUBJECTS], confusion(nearest, subjects))
-        pose_of = poses_of(each.record, kept)
+        pose_of = poses_of(each.record, artefacts)
         shown = [pose_of.get(shape, "") for shape in answered_shapes(each.record)]
         share, expected = attraction(nearest, subjects, shown), expected_attraction(subjects, shown)
         if all(shown) and share is not None and expected is not None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
 from benchmark.report.html.scripts import data_script
-from benchmark.report.kept import Kept
 from benchmark.storage.records import answered_shapes
 from retrieval.measures import PRINTED
 
@@ -26,7 +26,7 @@ def write_queries(
     ranked: Sequence[Ranked],
     titles: Mapping[str, str],
     pictures: Mapping[str, int],
-    kept: Kept,
+    artefacts: ArtefactReader,
     folder: Folder,
     most_bytes: int = MOST_BYTES,
 ) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def write_queries(
         for each in here:
             labels |= zip(each.record["shapes"], each.record["labels"], strict=True)
         names = list(labels)
-        pose_of = poses_of(here[0].record, kept)
+        pose_of = poses_of(here[0].record, artefacts)
         chosen = np.unique(np.linspace(0, len(names) - 1, min(room, len(names))).astype(int)).tolist()
         for part in range(0, len(chosen), PART):
             queries = [names[k] for k in chosen[part : part + PART]]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 
 from benchmark.errors import ConfigurationError
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.html import pages as html
 from benchmark.report.html.folder import Folder, Progress
@@ -16,7 +17,6 @@ from benchmark.report.html.measured import Measured, measured
 from benchmark.report.html.queries import write_queries
 from benchmark.report.html.scripts import data_script
 from benchmark.report.html.thumbnails import write_thumbnails
-from benchmark.report.kept import Kept
 from benchmark.storage.environment import in_words
 from benchmark.storage.keys import digest
 from benchmark.storage.records import Record
@@ -53,7 +53,11 @@ class Written:
 
 
 def write_report(
-    tables: Sequence[TableContent], kept: Kept, folder: Folder, command: str, say: Progress = lambda _: None
+    tables: Sequence[TableContent],
+    artefacts: ArtefactReader,
+    folder: Folder,
+    command: str,
+    say: Progress = lambda _: None,
 ) -> Written:
     """Write the report into its folder.
 
@@ -84,19 +88,19 @@ def write_report(
     pictures: dict[str, dict[str, int]] = {}
     for stem, records in sets.items():
         say(f"drawing {records[0]['data']['name']}")
-        galleries[stem] = make_gallery(stem, records, kept, folder, most_shapes=per_set)
-        pictures[stem] = write_thumbnails(stem, records, kept, folder)
+        galleries[stem] = make_gallery(stem, records, artefacts, folder, most_shapes=per_set)
+        pictures[stem] = write_thumbnails(stem, records, artefacts, folder)
     made: list[tuple[html.TablePages, Measured]] = []
     for table in tables:
         say(f"ranking {table.data['name']}")
-        found = measured(table, kept)
+        found = measured(table, artefacts)
         made.append((pages_of(table, found, galleries.get(_stem(table))), found))
     all_pages = [pages for pages, _ in made]
     for pages, found in made:
         stem, set_stem = pages.stem, _stem(pages.table)
         folder.write(f"parts/data/{stem}.js", data_script(stem, found.data))
         titles = {row.method: row.label for row in pages.table.rows}
-        browser = write_queries(stem, found.ranked, titles, pictures.get(set_stem, {}), kept, folder)
+        browser = write_queries(stem, found.ranked, titles, pictures.get(set_stem, {}), artefacts, folder)
         folder.write(f"parts/data/{stem}-queries.js", data_script(f"{stem}-queries", browser))
         gallery = galleries.get(set_stem)
         folder.write(f"{stem}.html", html.table_page(pages, all_pages))

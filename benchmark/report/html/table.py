@@ -68,5 +68,5 @@ def _classes(first: bool, blank: bool = False) -> str:
 
 def _interval(table: TableContent, method: str, input_: Input | None, column: int) -> str:
     """The interval of a figure, told where it is pointed at."""
-    judged = table.judgements.get((method, input_, PRINTED[column % len(PRINTED)])) if input_ else None
+    judged = table.significance.get((method, input_, PRINTED[column % len(PRINTED)])) if input_ else None
     return f" title='95 %: {number(judged.low)} to {number(judged.high)}'" if judged else ""

@@ -9,8 +9,8 @@ from PIL import Image
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
-from benchmark.report.kept import Kept
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach
 from benchmark.storage.records import Record
@@ -24,7 +24,7 @@ MOST_PICTURES = 1000
 _MARGIN = 1.05
 
 
-def write_thumbnails(stem: str, records: Sequence[Record], kept: Kept, folder: Folder) -> dict[str, int]:
+def write_thumbnails(stem: str, records: Sequence[Record], artefacts: ArtefactReader, folder: Folder) -> dict[str, int]:
     """Draw the shapes of some records whose surfaces are kept.
 
     Returns
@@ -36,13 +36,13 @@ def write_thumbnails(stem: str, records: Sequence[Record], kept: Kept, folder: F
     for record in sorted(records, key=lambda each: each["input"] != "mesh"):  # whole surfaces where they are there
         for shape in record["shapes"]:
             source.setdefault(shape, record)
-    entries = _entries(records, kept)
+    entries = _entries(records, artefacts)
     wanted = [name for name in source if name in entries]
     chosen = np.unique(np.linspace(0, max(len(wanted) - 1, 0), min(MOST_PICTURES, len(wanted))).astype(int)).tolist()
     places: dict[str, int] = {}
     sheet: Image.Image | None = None
     for name in (wanted[k] for k in chosen):
-        picture = _picture(entries[name], source[name], kept)
+        picture = _picture(entries[name], source[name], artefacts)
         if picture is None:
             continue
         number, k = divmod(len(places), ON_SHEET)
@@ -58,18 +58,18 @@ def write_thumbnails(stem: str, records: Sequence[Record], kept: Kept, folder: F
     return places
 
 
-def _entries(records: Sequence[Record], kept: Kept) -> dict[str, Entry]:
+def _entries(records: Sequence[Record], artefacts: ArtefactReader) -> dict[str, Entry]:
     for record in records:
         try:
-            return {entry.identifier: entry for entry in kept.dataset(record).entries}
+            return {entry.identifier: entry for entry in artefacts.dataset(record).entries}
         except BenchmarkError:
             continue
     return {}
 
 
-def _picture(entry: Entry, record: Record, kept: Kept) -> Image.Image | None:
-    surface = kept.surface(record, entry)
+def _picture(entry: Entry, record: Record, artefacts: ArtefactReader) -> Image.Image | None:
+    surface = artefacts.surface(record, entry)
     if surface is None:
         return None
-    points = centred(kept.seen(record, entry, surface))
+    points = centred(artefacts.seen(record, entry, surface))
     return painted(points, surface.faces, outwardness(surface), SIDE, _MARGIN * reach(points))

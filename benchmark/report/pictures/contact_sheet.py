@@ -171,7 +171,7 @@ class _Sight:
         """The pictures, shape (size, size, 3) each, in [0, 1]."""
         fine = size * SUPERSAMPLING
         image = render_depth(self.mesh, self.camera, self.half_width, fine)
-        depth = depth_picture(image if self.sensor is None else self.sensor.disturbed(image), fine)
+        depth = depth_picture(image if self.sensor is None else self.sensor.perturbed(image), fine)
         depth = depth.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3).mean(axis=(1, 3))
         return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), depth]
 

@@ -8,8 +8,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
-from benchmark.report.statistics.judgement import CONTROL
 from benchmark.report.statistics.pareto import pareto_front
+from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.system.text import clean
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def _points(table: TableContent, input_: str, measure: str) -> dict[str, tuple[f
 def _panel(place: Axes, table: TableContent, input_: str, measure: str) -> None:
     points = _points(table, input_, measure)
     rows = {row.method: row for row in table.rows}
-    judged = {key[0]: each for key, each in table.judgements.items() if key[1:] == (input_, measure)}
+    judged = {key[0]: each for key, each in table.significance.items() if key[1:] == (input_, measure)}
     front = pareto_front({name: point for name, point in points.items() if rows[name].family != CONTROL})
     if front:
         place.step(

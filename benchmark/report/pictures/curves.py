@@ -1,4 +1,4 @@
-"""Curves of robustness: one panel per nuisance, one line per method."""
+"""Curves of robustness: one panel per perturbation, one line per method."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from benchmark.datasets.nuisances.dataset import NUISANCES
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.report.pictures.forms import save
 from benchmark.report.robustness.curves import Robustness
 
@@ -25,7 +25,7 @@ def draw_curves(found: Sequence[Robustness], folder: Path) -> list[Path]:
 
 
 def curves_figure(found: Robustness) -> Figure:
-    """NN over the strength of each nuisance, from clean on the left."""
+    """NN over the strength of each perturbation, from clean on the left."""
     columns = min(_COLUMNS, len(found.curves) + 1)
     rows = -(-(len(found.curves) + 1) // columns)
     figure = Figure(figsize=(3.2 * columns, 2.8 * rows), layout="constrained")
@@ -35,8 +35,8 @@ def curves_figure(found: Robustness) -> Figure:
         method: {"color": colours[k % len(colours)], "marker": _MARKERS[k % len(_MARKERS)]}
         for k, method in enumerate(found.titles)
     }
-    for place, (nuisance, curves) in zip(axes, found.curves.items(), strict=False):
-        known = NUISANCES[nuisance]
+    for place, (perturbation, curves) in zip(axes, found.curves.items(), strict=False):
+        known = PERTURBATIONS[perturbation]
         for method, curve in curves.items():
             values = [float("nan") if value is None else value for value in (curve.clean, *curve.values)]
             place.plot(range(len(values)), values, markersize=3, linewidth=1, **looks[method])

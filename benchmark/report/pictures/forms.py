@@ -15,10 +15,10 @@ from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.execution.runner import make_forms
-from benchmark.jobs.orders import Order, Scope
+from benchmark.jobs.job_specs import JobSpec, Scope
+from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.treatment import Treatment
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
@@ -285,19 +285,19 @@ def _made(
     """The form of each shape, or the reason why there is none."""
     if job.state in ("unavailable", "unsupported", "failed") or preparation.store is None:
         return [job.reason] * len(entries)
-    treatment = Treatment(preparation, preparation.store, job.method, selection.seed, job.models)
-    order = Order.of(job, selection)
-    recipes = {entry.identifier: treatment.recipe(entry) for entry in entries}
+    method_run = MethodRun(preparation, preparation.store, job.method, selection.seed, job.models)
+    order = JobSpec.of(job, selection)
+    recipes = {entry.identifier: method_run.recipe(entry) for entry in entries}
     missing = [name for name, recipe in recipes.items() if preparation.store.find(recipe, wanted=_nothing) is None]
     reason = "it cannot be kept"
     if missing:
         try:
             call_apart(
-                make_forms, order, missing, what=job.name, mend="run it to see more", limit=limit, say=lambda _: None
+                make_forms, order, missing, what=job.name, hint="run it to see more", limit=limit, say=lambda _: None
             )
         except BenchmarkError as error:
             reason = str(error)
-    return [_found(treatment, entry) or reason for entry in entries]
+    return [_found(method_run, entry) or reason for entry in entries]
 
 
 def _nothing(_: str) -> bool:
@@ -305,9 +305,9 @@ def _nothing(_: str) -> bool:
     return False
 
 
-def _found(treatment: Treatment, entry: Entry) -> Mesh | str | None:
+def _found(method_run: MethodRun, entry: Entry) -> Mesh | str | None:
     """The form of a shape, or why the shape cannot be treated; None if there is no answer."""
     try:
-        return treatment.found_form(entry)
+        return method_run.found_form(entry)
     except ShapeError as error:
         return str(error)

@@ -1,4 +1,4 @@
-"""What breaks which method: curves over the strength of each nuisance, a pure function of records."""
+"""What breaks which method: curves over the strength of each perturbation, a pure function of records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmark.contracts import Input
-from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, parsed
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
@@ -18,12 +18,12 @@ __all__ = ["Curve", "Robustness", "robustness"]
 
 @dataclass(frozen=True)
 class Curve:
-    """A method under one nuisance.
+    """A method under one perturbation.
 
     Parameters
     ----------
     clean
-        Its NN without the nuisance.
+        Its NN without the perturbation.
     values
         Its NN at each strength; None where there is no result. A shape that was destroyed counts as a query without
         success.
@@ -82,7 +82,7 @@ class Robustness:
     titles
         Title of each method by its name, in the order of the tables.
     curves
-        By nuisance and method.
+        By perturbation and method.
     """
 
     data: str
@@ -99,27 +99,27 @@ class Robustness:
 
 
 def robustness(results: Iterable[Result]) -> list[Robustness]:
-    """Collect the curves of each data set and input that has results under some nuisance, and clean ones.
+    """Collect the curves of each data set and input that has results under some perturbation, and clean ones.
 
     Parameters
     ----------
     results
-        Records of clean and disturbed galleries, among others.
+        Records of clean and perturbed galleries, among others.
     """
     clean: dict[tuple[str, str, str], Record] = {}
-    disturbed: dict[tuple[str, str], dict[tuple[str, int, str], Record]] = {}
+    perturbed: dict[tuple[str, str], dict[tuple[str, int, str], Record]] = {}
     for result in results:
         record = result.record
         if found := parsed(record["data"]["name"]):
-            base, nuisance, strength = found
+            base, perturbation, strength = found
             if record["data"]["quick"]:
                 base += " (quick)"
-            disturbed.setdefault((base, record["input"]), {})[nuisance, strength, record["method"]] = record
+            perturbed.setdefault((base, record["input"]), {})[perturbation, strength, record["method"]] = record
         else:
             clean[record["gallery"], record["input"], record["method"]] = record
     made = (
-        _of_set(base, input_, disturbed[base, input_], clean)
-        for base, input_ in sorted(disturbed, key=lambda place: (place[0], INPUTS.index(place[1])))
+        _of_set(base, input_, perturbed[base, input_], clean)
+        for base, input_ in sorted(perturbed, key=lambda place: (place[0], INPUTS.index(place[1])))
     )
     return [found for found in made if found.curves]
 
@@ -133,11 +133,11 @@ def _of_set(
     of_methods = {method: clean[base, input_, method] for _, _, method in records if (base, input_, method) in clean}
     ok = {name: of_methods[name] for name in sorted(of_methods, key=_table_order) if of_methods[name]["status"] == "ok"}
     curves: dict[str, dict[str, Curve]] = {}
-    for nuisance, known in NUISANCES.items():
+    for perturbation, known in PERTURBATIONS.items():
         for method, record in ok.items():
-            found = [records.get((nuisance, strength, method)) for strength in STRENGTHS]
+            found = [records.get((perturbation, strength, method)) for strength in STRENGTHS]
             if any(found):
-                curves.setdefault(nuisance, {})[method] = Curve(
+                curves.setdefault(perturbation, {})[method] = Curve(
                     _counted(record) or 0.0,
                     tuple(_counted(each) for each in found),
                     tuple(len(each.get("unsupported", ())) if each else None for each in found),
@@ -168,7 +168,7 @@ def _counted(record: Record | None) -> float | None:
     return float(record["scores"]["NN"]) * (1.0 if "coverage" in record else coverage_of(record))
 
 
-def worst(found: Robustness, nuisance: str) -> Sequence[int]:
+def worst(found: Robustness, perturbation: str) -> Sequence[int]:
     """Largest number of destroyed shapes at each strength, over the methods."""
-    curves = found.curves[nuisance].values()
+    curves = found.curves[perturbation].values()
     return [max(curve.unsupported[k] or 0 for curve in curves) for k in range(len(STRENGTHS))]

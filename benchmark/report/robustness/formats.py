@@ -6,16 +6,16 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from benchmark.datasets.nuisances.dataset import NUISANCES
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.report.columns import BLANK, number
 from benchmark.report.escaping import csv_text, latex_text, markdown_row, markdown_rule, markdown_text
 from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
 from benchmark.report.robustness.curves import Curve, Robustness, worst
 
 _LEGEND = (
-    "Smallest tested amount of each nuisance at which NN is below half of its clean value; a shape that the nuisance "
-    "destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean value is not "
-    f"above chance. {BLANK}: not all strengths were run."
+    "Smallest tested amount of each perturbation at which NN is below half of its clean value; a shape that the "
+    "perturbation destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean "
+    f"value is not above chance. {BLANK}: not all strengths were run."
 )
 
 
@@ -36,7 +36,7 @@ def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, s
 
 def markdown(found: Robustness) -> str:
     """The amounts at which each method fails, then NN at each strength."""
-    header = ["Method", "clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
+    header = ["Method", "clean NN", *(PERTURBATIONS[perturbation].title for perturbation in found.curves)]
     lines = [
         f"**What breaks the methods: {markdown_text(_title(found))}.**",
         "",
@@ -46,14 +46,14 @@ def markdown(found: Robustness) -> str:
         markdown_rule(len(header)),
     ]
     lines += [markdown_row([markdown_text(title), *_halves(found, method)]) for method, title in found.titles.items()]
-    for nuisance, curves in found.curves.items():
-        known = NUISANCES[nuisance]
+    for perturbation, curves in found.curves.items():
+        known = PERTURBATIONS[perturbation]
         header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
         lines += ["", f"NN under {known.title} ({known.unit}):", "", markdown_row(header), markdown_rule(len(header))]
         for method, curve in curves.items():
             values = [number(value) for value in (curve.clean, *curve.values)]
             lines.append(markdown_row([markdown_text(found.titles[method]), *values]))
-        lost = worst(found, nuisance)
+        lost = worst(found, perturbation)
         if any(lost):
             lines.append(markdown_row(["*Shapes destroyed, at most*", "0", *map(str, lost)]))
     return "\n".join(lines) + "\n"
@@ -61,7 +61,7 @@ def markdown(found: Robustness) -> str:
 
 def latex(found: Robustness) -> str:
     r"""The amounts at which each method fails, for ``\input``."""
-    header = ["clean NN", *(NUISANCES[nuisance].title for nuisance in found.curves)]
+    header = ["clean NN", *(PERTURBATIONS[perturbation].title for perturbation in found.curves)]
     rows = {title: _halves(found, method) for method, title in found.titles.items()}
     columns = zip(*rows.values(), strict=True)
     blocks = [_block(head, column) for head, column in zip(header, columns, strict=True)]
@@ -78,8 +78,8 @@ def _block(head: str, column: Iterable[str]) -> Block:
 
 
 def as_csv(found: Sequence[Robustness]) -> str:
-    """One line per data set, input, method, nuisance and strength."""
-    names = ["dataset", "input", "scorer", "method", "nuisance", "strength", "amount"]
+    """One line per data set, input, method, perturbation and strength."""
+    names = ["dataset", "input", "scorer", "method", "perturbation", "strength", "amount"]
     names += ["clean_NN", "NN", "unsupported", "half_at"]
     return csv_text(names, _rows(found))
 
@@ -92,7 +92,7 @@ def _rows(found: Sequence[Robustness]) -> list[dict[str, Any]]:
             "scorer": each.scorer or None,
             "method": method,
             "title": each.titles[method],
-            "nuisance": nuisance,
+            "perturbation": perturbation,
             "strength": strength,
             "amount": amount,
             "clean_NN": round(curve.clean, 6),
@@ -101,7 +101,7 @@ def _rows(found: Sequence[Robustness]) -> list[dict[str, Any]]:
             "half_at": curve.half_at,
         }
         for each in found
-        for nuisance, curves in each.curves.items()
+        for perturbation, curves in each.curves.items()
         for method, curve in curves.items()
         for strength, (amount, value, lost) in enumerate(
             zip(curve.amounts, curve.values, curve.unsupported, strict=True), start=1

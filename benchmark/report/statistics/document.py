@@ -5,14 +5,14 @@ from __future__ import annotations
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
 from benchmark.report.statistics.intervals import DRAWS
-from benchmark.report.statistics.judgement import Judgement
 from benchmark.report.statistics.significance import RESAMPLES
+from benchmark.report.statistics.table_significance import FigureSignificance
 from retrieval.measures import PRINTED
 
 
 def has_intervals(table: TableContent) -> bool:
     """Whether some figure of ours can be judged."""
-    return bool(table.judgements)
+    return bool(table.significance)
 
 
 def intervals_markdown(table: TableContent) -> str:
@@ -27,7 +27,7 @@ def intervals_markdown(table: TableContent) -> str:
     ]
     for input_ in table.inputs:
         for row in table.rows:
-            judged = [table.judgements.get((row.method, input_, name)) for name in PRINTED]
+            judged = [table.significance.get((row.method, input_, name)) for name in PRINTED]
             scores = row.cells[input_].scores if input_ in row.cells else None
             if scores is None or None in judged:
                 continue
@@ -52,7 +52,7 @@ def intervals_markdown(table: TableContent) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _probability(judged: Judgement) -> str:
+def _probability(judged: FigureSignificance) -> str:
     if judged.is_best:
         return "best"
     return "--" if judged.probability is None else f"{judged.probability:.4f}"

@@ -31,7 +31,7 @@ TARGETS = ("worker", "worker", "worker", "harness", "session", "child")
 #: Exit codes of a run that was struck: a plugin file is refused if all processes that look at it are killed.
 _ENDS = (OK, NOT_OK, USAGE)
 
-#: Repetitions after which jobs that nobody disturbs must be done.
+#: Repetitions after which jobs that nobody perturbs must be done.
 _REPETITIONS = 3
 
 

@@ -58,7 +58,7 @@ def damage_and_read() -> None:
     told: set[str] = set()
 
     def tell(kind: str, said: str) -> None:
-        if kind not in told:  # once is enough to mend it
+        if kind not in told:  # once is enough to correct it
             told.add(kind)
             print(f"{kind}: {said}")
 
@@ -76,8 +76,8 @@ def damage_and_read() -> None:
                 ):
                     tell("a mesh that is not whole", _short(contents))
             except ShapeError as error:
-                if not error.mend or not any(path.with_suffix(part).name in str(error) for part in contents):
-                    tell("neither file nor mend", f"{str(error)!r:.200}")
+                if not error.hint or not any(path.with_suffix(part).name in str(error) for part in contents):
+                    tell("neither file nor hint", f"{str(error)!r:.200}")
             except BaseException as error:
                 tell(type(error).__name__, f"{str(error)!r:.100} for {_short(contents)}")
             if (taken := time.monotonic() - begun) > _SLOW:

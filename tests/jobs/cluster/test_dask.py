@@ -178,11 +178,11 @@ def at_the_trap(place, cluster, number):
     ],
 )
 def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number, shares):
-    from benchmark.jobs.cluster import errand, member
+    from benchmark.jobs.cluster import remote_task, worker_node
 
-    monkeypatch.setattr(errand, "SILENCE", 6.0)
+    monkeypatch.setattr(remote_task, "SILENCE", 6.0)
     if not shares:
-        monkeypatch.setattr(member.Member, "shares_folder", False)
+        monkeypatch.setattr(worker_node.WorkerNode, "shares_folder", False)
     assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
     shapes = described(place)
     cluster.worker()
@@ -243,9 +243,9 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
 
 
 def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
-    from benchmark.jobs.cluster import crew
+    from benchmark.jobs.cluster import pool
 
-    monkeypatch.setattr(crew, "_CONNECTING", 1.0)
+    monkeypatch.setattr(pool, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):
         run(*selection(place, "results"), "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     assert list((place / "results" / "runs" / "progress").iterdir()) == []

@@ -49,8 +49,8 @@ BEFORE = {
     """,
     "benchmark/failures.py": """
         class Refused(Exception):
-            def __init__(self, problem, mend):
-                self.mend = mend
+            def __init__(self, problem, hint):
+                self.hint = hint
     """,
 }
 
@@ -84,7 +84,7 @@ SAME = {
     "a local": [(FORM, "total", "power_sum")],
     "a parameter with its callers": [(HELPERS, "factor", "times"), (FORM, "factor=", "times=")],
     "a function with its callers": [(HELPERS, "scaled", "stretched"), (FORM, "scaled", "stretched")],
-    "an attribute": [(FAILURES, "mend", "hint")],
+    "an attribute": [(FAILURES, "hint", "advice")],
     "a class": [(FAILURES, "Refused", "Unfit"), (FORM, "Refused", "Unfit")],
     "a constant": [(FORM, "LIMIT", "SMALLEST")],
     "an annotation": [(HELPERS, "def clipped(total)", "def clipped(total: float) -> float"),

@@ -18,8 +18,8 @@ from tests.learned.field.toy import TOY
 from tests.learned.streamed.toy import Ellipsoids
 
 
-def batch(disturbed=False, number=0, bodies=1):
-    return MakesSurfaceBatches(Ellipsoids().surfaces, TOY, bodies, disturbed)(number)
+def batch(perturbed=False, number=0, bodies=1):
+    return MakesSurfaceBatches(Ellipsoids().surfaces, TOY, bodies, perturbed)(number)
 
 
 def test_rotations_are_rotations_and_the_identity_at_zero():

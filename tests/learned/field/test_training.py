@@ -16,8 +16,8 @@ from benchmark.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
 from benchmark.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.methods import registry
+from benchmark.methods.conformance.case import ConformanceCase
 from benchmark.methods.conformance.checks import OF_THE_ANSWER
-from benchmark.methods.conformance.trial import Trial
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
@@ -199,7 +199,7 @@ def test_the_method_answers_alike_wherever_a_shape_is(finished: Path) -> None:
 @pytest.mark.parametrize("check", ["repeatable", "seed", "relabelling", "rigid motion", "scale", "awkward shapes"])
 def test_a_method_with_a_model_keeps_the_contract(check: str, finished: Path) -> None:
     spec = registry.variant("deformation-field[configuration=toy]", registry.methods())
-    assert OF_THE_ANSWER[check](Trial(spec, finished))
+    assert OF_THE_ANSWER[check](ConformanceCase(spec, finished))
 
 
 AWKWARD = {

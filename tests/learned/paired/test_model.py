@@ -1,4 +1,4 @@
-"""A model on disk: what is tested is what was saved, and anything else is refused with the mend."""
+"""A model on disk: what is tested is what was saved, and anything else is refused with the hint."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_whatever_stands_on_a_card_is_taken_or_refused_by_name(trained: Path, da
     try:
         found = network_of(card, trained)
     except ConfigurationError as error:
-        assert error.mend == "train the model again"
+        assert error.hint == "train the model again"
     else:
         assert 1 <= found.resolution <= LARGEST
 

@@ -17,7 +17,7 @@ def test_defaults_are_the_papers() -> None:
     assert (plan.resolution, plan.epochs, plan.batch, plan.learning_rate) == (500, 500, 8, 1e-3)
     assert (plan.early_alpha, plan.alpha, plan.beta, plan.n_early) == (0.01, 1.0, 1.0, 100)
     assert (plan.depth_loss, plan.gradient_clip, plan.cosine, plan.jitter) == ("all", 0, False, 0)
-    assert plan.departures() == []
+    assert plan.non_default_settings() == []
     assert plan.in_words() == "500 x 500 pixels, 500 epochs, batch 8"
 
 
@@ -107,7 +107,7 @@ def test_an_unknown_option_names_the_nearest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "text", "mend"),
+    ("field", "text", "hint"),
     [
         ("epochs", "many", "a whole number"),
         ("epochs", "1.5", "a whole number"),
@@ -116,22 +116,22 @@ def test_an_unknown_option_names_the_nearest() -> None:
         ("cosine", "perhaps", "true or false"),
     ],
 )
-def test_a_value_of_another_kind_says_what_fits(field: str, text: str, mend: str) -> None:
-    with pytest.raises(ConfigurationError, match=f"'{text}' does not fit {field} of the schedule; write {mend}"):
+def test_a_value_of_another_kind_says_what_fits(field: str, text: str, hint: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"'{text}' does not fit {field} of the schedule; write {hint}"):
         schedule({}, {field: text})
 
 
 @pytest.mark.parametrize(
-    ("field", "text", "mend"),
+    ("field", "text", "hint"),
     [
         ("depth_loss", "some", "choose one of all, masked"),
         ("precision", "float16", "did you mean bfloat16 or float32?"),
     ],
 )
-def test_a_name_that_nothing_has_says_which_there_are(field: str, text: str, mend: str) -> None:
+def test_a_name_that_nothing_has_says_which_there_are(field: str, text: str, hint: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         schedule({}, {field: text})
-    assert str(caught.value) == f"unknown {field} of the schedule '{text}'; {mend}"
+    assert str(caught.value) == f"unknown {field} of the schedule '{text}'; {hint}"
 
 
 @pytest.mark.parametrize(
@@ -149,9 +149,9 @@ def test_a_value_out_of_range_is_refused(options: dict[str, str]) -> None:
         schedule({}, options)
 
 
-def test_departures_are_told_with_the_papers_value() -> None:
+def test_non_default_settings_are_told_with_the_papers_value() -> None:
     plan = schedule({}, {"epochs": 50, "resolution": 128, "depth_loss": "masked", "precision": "float32"})
-    assert plan.departures() == [
+    assert plan.non_default_settings() == [
         "resolution 128 (paper: 500)",
         "epochs 50 (paper: 500)",
         "early_epochs 10 (paper: 100)",

@@ -144,7 +144,7 @@ def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
             run(pairs, tmp_path)
     names = names_of_batch(pairs, epoch=3, batch=2)
     assert caught.value.problem == f"the loss is not a number in epoch 3, batch 2 ({names})"
-    assert "learning_rate" in caught.value.mend
+    assert "learning_rate" in caught.value.hint
     said: list[str] = []
     assert equal(run(pairs, tmp_path, say=said.append), expected)
     assert "going on after epoch 2 of 4" in said

@@ -65,8 +65,8 @@ def test_a_batch_is_made_once_and_read_as_it_was_made(tmp_path: Path) -> None:
             made.append(number)
             return super().__call__(number, bodies, size)
 
-    kept = architectures.Kept(Counted(), tmp_path)
-    first, again, other = kept(0, 3, 32), kept(0, 3, 32), kept(1, 3, 32)
+    artefacts = architectures.ArtefactReader(Counted(), tmp_path)
+    first, again, other = artefacts(0, 3, 32), artefacts(0, 3, 32), artefacts(1, 3, 32)
     assert made == [0, 1]
     assert again.identifiers == first.identifiers != other.identifiers
     assert again.drawn_again == first.drawn_again

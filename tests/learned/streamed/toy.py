@@ -38,7 +38,7 @@ class Ellipsoids:
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
         if number == self.broken:
-            raise DatasetError(f"toy-{number}-0 has no pose", "mend it")
+            raise DatasetError(f"toy-{number}-0 has no pose", "correct it")
         if self.killed is not None and number == 3 and not self.killed.exists():
             self.killed.touch()
             os.kill(os.getpid(), signal.SIGKILL)

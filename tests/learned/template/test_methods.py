@@ -137,7 +137,7 @@ def test_awkward_surfaces_are_treated_or_refused_by_name(method: ImplicitTemplat
         try:
             assert np.isfinite(form(method, mesh)).all(), name
         except UnsupportedShape as reason:
-            assert reason.mend
+            assert reason.hint
 
 
 @pytest.mark.slow

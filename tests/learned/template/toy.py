@@ -54,7 +54,7 @@ class Rods:
     def surfaces(self, number: int, bodies: int) -> Surfaces:
         self.asked.append(number)
         if number == self.broken:
-            raise DatasetError(f"rod-{number}-0 has no pose", "mend it")
+            raise DatasetError(f"rod-{number}-0 has no pose", "correct it")
         angles = np.random.default_rng(number).uniform(-2, 2, (bodies, 2))
         return Surfaces(
             identifiers=tuple(f"rod-{number}-{body}" for body in range(bodies)),

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from benchmark.methods.registry import methods
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import write_report
-from benchmark.report.kept import Kept
 from benchmark.report.results import Results
 from benchmark.storage.store import Store
 from tests.browser import CHROMIUM, DRIVER, PHONE, Browser, chromium
@@ -47,8 +47,8 @@ def site(tmp_path_factory):
         failed("crashed", name, method="fell", title=name, gallery=example["gallery"], data=example["data"])
     )
     known = methods()
-    kept = Kept(store, known)
-    written = write_report(contents(Results(store, known).all()), kept, Folder(base / "report"), "report")
+    artefacts = ArtefactReader(store, known)
+    written = write_report(contents(Results(store, known).all()), artefacts, Folder(base / "report"), "report")
     assert (written.n_forms, written.n_distances, written.n_ranked) == (24, 6, 6)
     return base / "report"
 

@@ -9,6 +9,7 @@ import pytest
 from benchmark.datasets.base import Entry
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html import gallery, site
 from benchmark.report.html import queries as browser
@@ -18,7 +19,6 @@ from benchmark.report.html.queries import write_queries
 from benchmark.report.html.scripts import data_script, packed, quantised, script_json
 from benchmark.report.html.site import write_report
 from benchmark.report.html.surfaces import REACH, thinned
-from benchmark.report.kept import Kept
 from benchmark.report.results import Result
 from benchmark.report.statistics.rankings import ranking
 from benchmark.storage.store import Store
@@ -36,13 +36,13 @@ def received(script):
 
 
 @pytest.fixture
-def kept(tmp_path):
-    return Kept(Store.open(tmp_path / "results"), {})
+def artefacts(tmp_path):
+    return ArtefactReader(Store.open(tmp_path / "results"), {})
 
 
-def report(folder, kept, *records):
+def report(folder, artefacts, *records):
     tables = contents([Result(each) for each in records])
-    return write_report(tables, kept, Folder(folder), "python -m benchmark report")
+    return write_report(tables, artefacts, Folder(folder), "python -m benchmark report")
 
 
 # Scripts with data ---------------------------------------------------------------------------------------------------
@@ -91,9 +91,13 @@ def test_a_form_with_triangles_of_its_own_is_drawn_with_them_however_many_vertic
 # A whole report ------------------------------------------------------------------------------------------------------
 
 
-def test_records_alone_make_a_report_that_says_what_brings_the_rest(kept, tmp_path):
+def test_records_alone_make_a_report_that_says_what_brings_the_rest(artefacts, tmp_path):
     written = report(
-        tmp_path / "out", kept, record("gps"), record("pca", nn=0.5), failed("crashed", "it <b>fell</b>", method="fell")
+        tmp_path / "out",
+        artefacts,
+        record("gps"),
+        record("pca", nn=0.5),
+        failed("crashed", "it <b>fell</b>", method="fell"),
     )
     assert (written.n_forms, written.n_distances, written.n_ranked) == (0, 0, 2)
     names = {path.name for path in (tmp_path / "out").glob("*.html")}
@@ -110,8 +114,8 @@ def test_records_alone_make_a_report_that_says_what_brings_the_rest(kept, tmp_pa
     assert value["gps"]["scores"][0] == [1.0, 1.0, 1.0, 0.8]
 
 
-def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(kept, tmp_path):
-    report(tmp_path, kept, record("gps"))
+def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(artefacts, tmp_path):
+    report(tmp_path, artefacts, record("gps"))
     for page in tmp_path.glob("*.html"):
         text = page.read_text()
         assert not re.search(r"(src|href)=.?(https?:|//)", text)
@@ -123,30 +127,30 @@ def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(kept
     assert "@import" not in style
 
 
-def test_only_failures_are_a_report_too(kept, tmp_path):
+def test_only_failures_are_a_report_too(artefacts, tmp_path):
     written = report(
-        tmp_path, kept, failed("memory", "too much", method="gps"), failed("timeout", "slow", method="pca")
+        tmp_path, artefacts, failed("memory", "too much", method="gps"), failed("timeout", "slow", method="pca")
     )
     assert (written.n_ranked, written.n_forms) == (0, 0)
     assert "too much" in (tmp_path / "index.html").read_text()
     assert "No job of this table has scores" in (tmp_path / "table-rods-queries.html").read_text()
 
 
-def test_real_and_generated_data_stand_in_tables_of_their_own(kept, tmp_path):
+def test_real_and_generated_data_stand_in_tables_of_their_own(artefacts, tmp_path):
     real = record("gps", gallery="tosca")
     generated = record("gps", gallery="animals", data={"name": "animals", "stand_in_for": "tosca"})
-    report(tmp_path, kept, real, generated)
+    report(tmp_path, artefacts, real, generated)
     index = (tmp_path / "index.html").read_text()
     assert "table-III-tosca.html" in index
     assert "table-III-animals.html" in index
     assert "generated stand-in &#x27;animals&#x27;, not TOSCA" in index
 
 
-def test_names_that_are_no_names_of_files_are_none_here_either(kept, tmp_path):
+def test_names_that_are_no_names_of_files_are_none_here_either(artefacts, tmp_path):
     data = {"name": HOSTILE, "title": HOSTILE, "source": HOSTILE}
     report(
         tmp_path,
-        kept,
+        artefacts,
         record(HOSTILE, gallery=HOSTILE, title=HOSTILE, family=HOSTILE, data=data, labels=[HOSTILE] * 2 + ["b"] * 2),
     )
     for path in tmp_path.rglob("*"):
@@ -155,35 +159,35 @@ def test_names_that_are_no_names_of_files_are_none_here_either(kept, tmp_path):
             assert "<script>alert" not in path.read_text()
 
 
-def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(kept, tmp_path):
-    report(tmp_path, kept, record("gps"), record("gps", gallery="other"))
+def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts, tmp_path):
+    report(tmp_path, artefacts, record("gps"), record("gps", gallery="other"))
     (tmp_path / "mine.html").write_text("mine")
     outside = tmp_path.parent / "outside.txt"
     outside.write_text("kept")
     listed = json.loads((tmp_path / CONTENTS).read_text())
     write_text(tmp_path / CONTENTS, json.dumps([*listed, "../outside.txt", 7]))
-    report(tmp_path, kept, record("gps"))
+    report(tmp_path, artefacts, record("gps"))
     assert {path.name for path in tmp_path.glob("*.html")} == {
         "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
     }  # fmt: skip
     assert outside.read_text() == "kept"
 
 
-def test_what_is_of_no_report_is_replaced_by_force_alone(kept, tmp_path):
+def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
     folder = tmp_path / "site"
     write_text(folder / "index.html", "a home page")
     with pytest.raises(ConfigurationError, match="index.html is not of a report; choose another folder with -o, or"):
-        report(folder, kept, record("gps"))
+        report(folder, artefacts, record("gps"))
     assert [path.read_text() for path in folder.iterdir()] == ["a home page"]
-    write_report(contents([Result(record("gps"))]), kept, Folder(folder, force=True), "python -m benchmark report")
+    write_report(contents([Result(record("gps"))]), artefacts, Folder(folder, force=True), "python -m benchmark report")
     assert (folder / "index.html").read_text() != "a home page"
-    report(folder, kept, record("gps"))
+    report(folder, artefacts, record("gps"))
 
 
 # Large and damaged ----------------------------------------------------------------------------------------------------
 
 
-def test_many_queries_are_split_and_too_many_are_thinned(kept, tmp_path):
+def test_many_queries_are_split_and_too_many_are_thinned(artefacts, tmp_path):
     names = [f"s{k}" for k in range(350)]
     labels = [f"c{k % 7}" for k in range(350)]
     points = np.random.default_rng(0).random((350, 3))
@@ -191,14 +195,14 @@ def test_many_queries_are_split_and_too_many_are_thinned(kept, tmp_path):
     large = record("gps", shapes=names, labels=labels, per_query={name: [0.5] * 350 for name in PRINTED})
     ranked = [Ranked("mesh", "gps", large, ranking(matrix, labels))]
     folder = Folder(tmp_path)
-    told = write_queries("t", ranked, {"gps": "GPS"}, {}, kept, folder)
+    told = write_queries("t", ranked, {"gps": "GPS"}, {}, artefacts, folder)
     assert len(folder.sizes) == 4
     assert told["galleries"][0]["queries"] is None
     _, last = received((tmp_path / "parts" / "data" / "queries-t-0-3.js").read_text())
     assert len(last["gps"]["nearest"]) == 50
     assert last["gps"]["nearest"][-1] == ranking(matrix, labels).nearest[349].tolist()
     fewer = write_queries(
-        "few", ranked, {"gps": "GPS"}, {}, kept, Folder(tmp_path / "few"), most_bytes=120 * browser._EACH
+        "few", ranked, {"gps": "GPS"}, {}, artefacts, Folder(tmp_path / "few"), most_bytes=120 * browser._EACH
     )
     chosen = fewer["galleries"][0]["queries"]
     assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
@@ -214,16 +218,16 @@ def test_the_more_methods_the_fewer_shapes_are_drawn(n_methods):
     assert shapes == 2 or shapes * n_methods * 2 * 4 <= site.MOST_FORMS
 
 
-def test_damaged_distances_cost_their_job_alone(kept):
-    folder = kept.store.artefacts / "ab"
+def test_damaged_distances_cost_their_job_alone(artefacts):
+    folder = artefacts.store.artefacts / "ab"
     folder.mkdir(parents=True)
     (folder / "ab.npz").write_bytes(b"no archive")
-    found = measured(contents([Result(record("gps"))])[0], kept)
+    found = measured(contents([Result(record("gps"))])[0], artefacts)
     assert found.n_distances == 0
     assert found.data["rows"][0]["inputs"]["mesh"]["precision"] is None
 
 
-def test_a_data_set_that_raises_costs_its_pictures_alone(kept, tmp_path):
+def test_a_data_set_that_raises_costs_its_pictures_alone(artefacts, tmp_path):
     class Bad:
         name = "rods"
         half_width = None
@@ -234,21 +238,21 @@ def test_a_data_set_that_raises_costs_its_pictures_alone(kept, tmp_path):
 
         camera = recipe
 
-    kept._datasets["rods"] = Bad()
+    artefacts._datasets["rods"] = Bad()
     mesh, shape = record("identity"), Entry("cat0", "cat", "0")
-    assert kept.surface(mesh, shape) is None
-    assert isinstance(kept.form(mesh, shape), str)
-    assert kept.seen(mesh, shape, rod(0.1, 1.0)).shape == rod(0.1, 1.0).vertices.shape
-    assert report(tmp_path, kept, mesh).n_forms == 0
+    assert artefacts.surface(mesh, shape) is None
+    assert isinstance(artefacts.form(mesh, shape), str)
+    assert artefacts.seen(mesh, shape, rod(0.1, 1.0)).shape == rod(0.1, 1.0).vertices.shape
+    assert report(tmp_path, artefacts, mesh).n_forms == 0
 
 
-def test_classes_and_the_front_are_those_of_the_records(kept):
+def test_classes_and_the_front_are_those_of_the_records(artefacts):
     rows = [
         record("gps", per_query={name: [1, 1, 0, 1] for name in PRINTED}, cost={"seconds_per_shape": {"a": 1, "b": 1}}),
         record("pca", nn=0.5, family="control", cost={"seconds_per_shape": {"a": 0.5}}),
         record("slow", nn=0.25, cost={"seconds_per_shape": {"a": 9.0}}),
     ]  # fmt: skip
-    data = measured(contents([Result(each) for each in rows])[0], kept).data
+    data = measured(contents([Result(each) for each in rows])[0], artefacts).data
     told = {row["method"]: row["inputs"]["mesh"] for row in data["rows"]}
     assert data["classes"] == ["cat", "dog"]
     assert told["gps"]["classes"]["NN"] == [1.0, 0.5]
@@ -256,14 +260,14 @@ def test_classes_and_the_front_are_those_of_the_records(kept):
     assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["pca", "gps"]}
 
 
-def test_numbers_are_no_poses_unless_every_subject_takes_them(kept):
+def test_numbers_are_no_poses_unless_every_subject_takes_them(artefacts):
     class Data:
         def __init__(self, shapes):
             self.entries = [type("Entry", (), {"identifier": a + b, "subject": a, "pose": b})() for a, b in shapes]
 
     def told(shapes):
-        kept._datasets["rods"] = Data(shapes)
-        return poses_of(record("gps"), kept)
+        artefacts._datasets["rods"] = Data(shapes)
+        return poses_of(record("gps"), artefacts)
 
     assert told([("a", "1"), ("a", "2"), ("a", "3"), ("b", "1")]) == {}
     assert told([(a, b) for a in "ab" for b in "123"])["a2"] == "2"

@@ -11,10 +11,10 @@ from typing import Protocol
 
 from distributed import Future
 
-from benchmark.jobs.cluster.member import Member
-from benchmark.jobs.execution.crews import INTERVAL, LOST
+from benchmark.jobs.cluster.worker_node import WorkerNode
 from benchmark.jobs.execution.worker import Status
-from benchmark.jobs.orders import Task
+from benchmark.jobs.execution.worker_pool import INTERVAL, LOST
+from benchmark.jobs.job_specs import Task
 
 #: Seconds without a sign of life after which a worker that was at work counts as lost; it gives one every two seconds.
 SILENCE = 60.0
@@ -24,21 +24,21 @@ LAST_WORDS = 10.0
 
 
 class Home(Protocol):
-    """Where errands come from."""
+    """Where remote tasks come from."""
 
     def heard(self, token: str) -> tuple[float, Status] | None:
         """When a task was heard of last, and how far it was."""
         ...
 
-    def is_here(self, member: Member) -> bool:
+    def is_here(self, node: WorkerNode) -> bool:
         """Whether a worker is still there, as far as the scheduler knows."""
         ...
 
-    def tell_to_stop(self, member: Member, token: str) -> None:
+    def tell_to_stop(self, node: WorkerNode, token: str) -> None:
         """Let a task write down where it is, and end."""
         ...
 
-    def dismissed(self, errand: Errand) -> None:
+    def dismissed(self, remote: RemoteTask) -> None:
         """Nobody waits for this task any more."""
         ...
 
@@ -47,25 +47,25 @@ class Home(Protocol):
         ...
 
 
-class Errand:
+class RemoteTask:
     """A task that a dask worker is at.
 
     Parameters
     ----------
     task, number
         What is done, and its number in the run.
-    member
+    node
         Who does it.
     future
         What dask will have in the end.
     home
-        The crew that sent it.
+        The pool that sent it.
     """
 
-    def __init__(self, task: Task, number: int, member: Member, future: Future, home: Home) -> None:
+    def __init__(self, task: Task, number: int, node: WorkerNode, future: Future, home: Home) -> None:
         self.task = task
         self.number = number
-        self.member = member
+        self.node = node
         self.token = str(future.key)
         self.looked = time.monotonic()
         self.status_at_end = Status()
@@ -81,8 +81,8 @@ class Errand:
         if self._code is None:
             if self._future.done():
                 self._take()
-            elif not self._home.is_here(self.member) or self._is_silent():
-                self.member.given_up = self.member.seen
+            elif not self._home.is_here(self.node) or self._is_silent():
+                self.node.given_up = self.node.seen
                 self._lose()
         return self._code
 
@@ -96,7 +96,7 @@ class Errand:
 
     def stop(self) -> None:
         """End it, after it has written down where it is."""
-        self._home.tell_to_stop(self.member, self.token)
+        self._home.tell_to_stop(self.node, self.token)
         until = time.monotonic() + LAST_WORDS
         while self.exit_code is None and time.monotonic() < until:
             time.sleep(INTERVAL)
@@ -119,7 +119,7 @@ class Errand:
     def _lose(self) -> None:
         """Nothing will come back: without a common folder, all that was made is gone with the worker."""
         status = self.status
-        self.status_at_end = status if self.member.shares_folder else Status(status.job, 0, status.shape)
+        self.status_at_end = status if self.node.shares_folder else Status(status.job, 0, status.shape)
         self._code = LOST
 
     def _take(self) -> None:

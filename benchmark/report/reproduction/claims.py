@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from benchmark.contracts import Input
 from benchmark.reference import paper
 from benchmark.report.content import TableContent
+from benchmark.report.reproduction.figures import is_learned
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
-from benchmark.report.verdict.figures import is_learned
 from retrieval.measures import PRINTED
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
@@ -82,7 +82,7 @@ CLAIMS: tuple[Claim, ...] = (
 
 
 @dataclass(frozen=True)
-class JudgedClaim:
+class TestedClaim:
     """What our queries say about a claim.
 
     Parameters
@@ -108,20 +108,20 @@ class JudgedClaim:
     missing: tuple[str, ...] = ()
 
 
-def judged_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[JudgedClaim]:
+def tested_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[TestedClaim]:
     """Decide each claim by paired permutation tests over queries, with Holm's correction over its comparisons.
 
     Parameters
     ----------
     contents
-        Content by numeral of the paper; see :func:`benchmark.report.verdict.figures.paper_tables`.
+        Content by numeral of the paper; see :func:`benchmark.report.reproduction.figures.paper_tables`.
     claims
         What to decide.
     """
     return [_judged(claim, contents.get(claim.table)) for claim in claims]
 
 
-def _judged(claim: Claim, content: TableContent | None) -> JudgedClaim:
+def _judged(claim: Claim, content: TableContent | None) -> TestedClaim:
     records = {
         row.method: row.cells[claim.input].records
         for row in (content.rows if content is not None else ())
@@ -129,7 +129,7 @@ def _judged(claim: Claim, content: TableContent | None) -> JudgedClaim:
     }
     missing = tuple(name for name in (claim.better, *claim.others) if name not in records)
     if missing:
-        return JudgedClaim(claim, "not comparable", missing=missing)
+        return TestedClaim(claim, "not comparable", missing=missing)
     differences = np.column_stack(
         [_differences(records[claim.better], records[name], claim.measures) for name in claim.others]
     )
@@ -140,7 +140,7 @@ def _judged(claim: Claim, content: TableContent | None) -> JudgedClaim:
         decision = "contradicted"
     elif np.all(certain & leads):
         decision = "supported"
-    return JudgedClaim(claim, decision, int(leads.sum()), len(leads), int(certain.sum()))
+    return TestedClaim(claim, decision, int(leads.sum()), len(leads), int(certain.sum()))
 
 
 def _differences(

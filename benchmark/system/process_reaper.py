@@ -1,6 +1,6 @@
 """Ends what the workers of a program have started, also when the program itself is killed and can end nothing.
 
-Every worker bears a mark in its environment, which all that it starts inherits. The warden is a process of its own
+Every worker bears a mark in its environment, which all that it starts inherits. The reaper is a process of its own
 that reads from a pipe of the program; when the pipe ends, so has the program, and whatever still bears its marks is
 killed. Run as a script, with the first part of the marks as its argument, this file is that process; so it imports
 nothing of the project.
@@ -28,15 +28,15 @@ _ROUNDS = 20
 
 @cache
 def token() -> str:
-    """First part of the marks of all workers of this program, for which a warden is watching from now on."""
+    """First part of the marks of all workers of this program, for which a reaper is watching from now on."""
     made = secrets.token_hex(16)
-    _WARDENS.append(
+    _REAPERS.append(
         subprocess.Popen(
             [sys.executable, "-P", __file__, made],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # what ends the program must not end its warden
+            start_new_session=True,  # what ends the program must not end its reaper
         )
     )
     return made
@@ -55,7 +55,7 @@ def adopt() -> None:
 
 
 #: Kept so that the pipe stays open for as long as this process lives.
-_WARDENS: list[subprocess.Popen[bytes]] = []
+_REAPERS: list[subprocess.Popen[bytes]] = []
 
 
 def kill_marked(mark: str) -> None:

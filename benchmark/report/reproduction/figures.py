@@ -1,4 +1,4 @@
-"""A verdict on each figure of the paper, by rules that were set before any figure of ours was looked at."""
+"""An outcome on each figure of the paper, by rules that were set before any figure of ours was looked at."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from benchmark.reference import paper
 from benchmark.report.content import Row, TableContent
 from retrieval.measures import PRINTED
 
-Verdict = Literal["reproduced", "same order", "other data", "other training", "unexplained", "not comparable"]
+Outcome = Literal["reproduced", "same order", "other data", "other training", "unexplained", "not comparable"]
 
 #: From the best to the worst that can be said. The three between are figures that differ, by what else differs.
-VERDICTS: tuple[Verdict, ...] = (
+OUTCOMES: tuple[Outcome, ...] = (
     "reproduced", "same order", "other data", "other training", "unexplained", "not comparable",
 )  # fmt: skip
 
@@ -36,7 +36,7 @@ _SLACK = 5e-7
 
 
 @dataclass(frozen=True)
-class JudgedFigure:
+class ReproducedFigure:
     """One figure of the paper beside ours.
 
     Parameters
@@ -55,7 +55,7 @@ class JudgedFigure:
         None where there is none.
     chance
         What a random order would score in our gallery; None without a gallery.
-    verdict
+    outcome
         What can be said.
     """
 
@@ -67,7 +67,7 @@ class JudgedFigure:
     paper: float
     ours: float | None
     chance: float | None
-    verdict: Verdict
+    outcome: Outcome
 
 
 def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
@@ -82,7 +82,7 @@ def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
     return found
 
 
-def judged_figures(tables: Iterable[TableContent]) -> list[JudgedFigure]:
+def reproduced_figures(tables: Iterable[TableContent]) -> list[ReproducedFigure]:
     """Every figure of the paper under each input that its row may have had, in the paper's order.
 
     Parameters
@@ -104,7 +104,7 @@ def is_learned(method: str) -> bool:
     return method.startswith("learned")
 
 
-def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iterable[JudgedFigure]:
+def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iterable[ReproducedFigure]:
     ours = {row.method: row for row in content.rows} if content is not None else {}
     rows = {name: row for name, row in paper.rows(numeral).items() if input_ == "view" or not is_learned(name)}
     for name, printed in rows.items():
@@ -116,11 +116,11 @@ def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iter
                 for of_other, other in rows.items()
                 if of_other != name and (theirs := _score(ours.get(of_other), input_, measure)) is not None
             ]
-            verdict: Verdict = "not comparable"
+            outcome: Outcome = "not comparable"
             if found is not None and content is not None:
-                verdict = _verdict(told, found, others, content, ours[name])
+                outcome = _outcome(told, found, others, content, ours[name])
             chance = content.chance[measure] if content is not None else None
-            yield JudgedFigure(numeral, name, printed.title, input_, measure, told, found, chance, verdict)
+            yield ReproducedFigure(numeral, name, printed.title, input_, measure, told, found, chance, outcome)
 
 
 def _score(row: Row | None, input_: Input, measure: str) -> float | None:
@@ -128,9 +128,9 @@ def _score(row: Row | None, input_: Input, measure: str) -> float | None:
     return cell.scores[measure] if cell is not None and cell.scores else None
 
 
-def _verdict(
+def _outcome(
     told: float, found: float, others: Sequence[tuple[float, float]], content: TableContent, row: Row
-) -> Verdict:
+) -> Outcome:
     if is_near(told, found):
         return "reproduced"
     if keeps_order(told, found, others):
@@ -161,7 +161,7 @@ def keeps_order(told: float, found: float, others: Sequence[tuple[float, float]]
     return len(signs) >= FEWEST and agreeing >= AGREEING * len(signs)
 
 
-def mean_distance(figures: Iterable[JudgedFigure], *, without_nn: bool = False) -> float | None:
+def mean_distance(figures: Iterable[ReproducedFigure], *, without_nn: bool = False) -> float | None:
     """Mean absolute difference to the paper over its classical rows; None without figures of ours."""
     distances = [
         abs(each.paper - each.ours)

@@ -1,4 +1,4 @@
-"""A data set with a nuisance of some strength: ``animals-few[noise=3]``."""
+"""A data set with a perturbation of some strength: ``animals-few[noise=3]``."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.nuisances import surface
-from benchmark.datasets.nuisances.shortcuts import shortcuts
 from benchmark.datasets.parts import Part
+from benchmark.datasets.perturbations import surface
+from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.sensor import DepthSensor
 from benchmark.system.fingerprints import fingerprint
 
-__all__ = ["NUISANCES", "STRENGTHS", "Disturbed", "Nuisance", "Some", "disturbed_name", "parsed"]
+__all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed_name"]
 
 STRENGTHS = (1, 2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
-class Nuisance:
-    """One way to disturb shapes.
+class Perturbation:
+    """One way to perturb shapes.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Nuisance:
     amounts
         One for each strength.
     on_mesh
-        Disturbs the mesh; None where the camera is what is disturbed.
+        Perturbs the mesh; None where the camera is what is perturbed.
     inputs
         Inputs that it is made for.
     """
@@ -51,41 +51,41 @@ class Nuisance:
     inputs: tuple[Input, ...] = ("mesh",)
 
 
-NUISANCES: dict[str, Nuisance] = {
-    "noise": Nuisance(
+PERTURBATIONS: dict[str, Perturbation] = {
+    "noise": Perturbation(
         "vertex noise", "standard deviation / extent", (0.001, 0.002, 0.004, 0.008, 0.016), surface.noise
     ),
-    "holes": Nuisance("holes", "number of holes", (2, 5, 10, 20, 40), surface.holes),
-    "shortcuts": Nuisance("topological shortcuts", "number of glued pairs", (1, 2, 3, 4, 5), shortcuts),
-    "resolution": Nuisance("resolution", "vertices", (20000, 8000, 1500, 1000, 500), surface.resolution),
-    "remeshing": Nuisance(
+    "holes": Perturbation("holes", "number of holes", (2, 5, 10, 20, 40), surface.holes),
+    "shortcuts": Perturbation("topological shortcuts", "number of glued pairs", (1, 2, 3, 4, 5), shortcuts),
+    "resolution": Perturbation("resolution", "vertices", (20000, 8000, 1500, 1000, 500), surface.resolution),
+    "remeshing": Perturbation(
         "other re-meshing", "length of an edge / extent", (0.006, 0.009, 0.013, 0.018, 0.024), surface.remeshing
     ),
-    "missing-parts": Nuisance(
+    "missing-parts": Perturbation(
         "missing parts", "share of the area", (0.05, 0.1, 0.2, 0.3, 0.4), surface.missing_parts
     ),
-    "scale": Nuisance("scale", "largest factor", (1.1, 1.25, 1.5, 2.0, 4.0), surface.scale),
-    "view-angle": Nuisance("view angle", "largest angle in degrees", (10, 20, 30, 45, 60), inputs=("view",)),
-    "depth-noise": Nuisance(
+    "scale": Perturbation("scale", "largest factor", (1.1, 1.25, 1.5, 2.0, 4.0), surface.scale),
+    "view-angle": Perturbation("view angle", "largest angle in degrees", (10, 20, 30, 45, 60), inputs=("view",)),
+    "depth-noise": Perturbation(
         "depth noise and steps", "deviation and step / depth of the frame", (0.0005, 0.001, 0.002, 0.004, 0.008),
         inputs=("view",),
     ),
 }  # fmt: skip
 
-_NAME = re.compile(r"(?P<base>.+)\[(?P<nuisance>[a-z-]+)=(?P<strength>[1-5])\]", re.DOTALL)
+_NAME = re.compile(r"(?P<base>.+)\[(?P<perturbation>[a-z-]+)=(?P<strength>[1-5])\]", re.DOTALL)
 
 
-def disturbed_name(base: str, nuisance: str, strength: int) -> str:
-    """Name of a data set under a nuisance."""
-    return f"{base}[{nuisance}={strength}]"
+def perturbed_name(base: str, perturbation: str, strength: int) -> str:
+    """Name of a data set under a perturbation."""
+    return f"{base}[{perturbation}={strength}]"
 
 
 def parsed(name: str) -> tuple[str, str, int] | None:
-    """Data set, nuisance and strength of a name; None where it names no disturbed set."""
+    """Data set, perturbation and strength of a name; None where it names no perturbed set."""
     match = _NAME.fullmatch(name)
-    if not match or match["nuisance"] not in NUISANCES:
+    if not match or match["perturbation"] not in PERTURBATIONS:
         return None
-    return match["base"], match["nuisance"], int(match["strength"])
+    return match["base"], match["perturbation"], int(match["strength"])
 
 
 @dataclass(frozen=True)
@@ -136,32 +136,32 @@ class Some:
 
 
 @dataclass(frozen=True)
-class Disturbed:
-    """All shapes of a data set under one nuisance.
+class Perturbed:
+    """All shapes of a data set under one perturbation.
 
     Parameters
     ----------
     clean
         The data set.
-    nuisance
-        A key of :data:`NUISANCES`.
+    perturbation
+        A key of :data:`PERTURBATIONS`.
     strength
         From 1, the weakest, to 5.
     """
 
     clean: Dataset
-    nuisance: str
+    perturbation: str
     strength: int
 
     @property
     def name(self) -> str:
         """Name on the command line."""
-        return disturbed_name(self.clean.name, self.nuisance, self.strength)
+        return perturbed_name(self.clean.name, self.perturbation, self.strength)
 
     @property
     def title(self) -> str:
         """Name in captions."""
-        known = NUISANCES[self.nuisance]
+        known = PERTURBATIONS[self.perturbation]
         return f"{self.clean.title}, {known.title}: {known.unit} {self.amount:g}"
 
     @property
@@ -176,8 +176,8 @@ class Disturbed:
 
     @property
     def amount(self) -> float:
-        """Amount of the nuisance at this strength."""
-        return NUISANCES[self.nuisance].amounts[self.strength - 1]
+        """Amount of the perturbation at this strength."""
+        return PERTURBATIONS[self.perturbation].amounts[self.strength - 1]
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -189,27 +189,27 @@ class Disturbed:
         return {entry.identifier: entry for entry in self.clean.entries}
 
     def load(self, entry: Entry) -> Mesh:
-        """Disturb the mesh of the clean set.
+        """Perturb the mesh of the clean set.
 
         Raises
         ------
         UnsupportedShape
-            If the nuisance leaves nothing that can be prepared; the shape then counts as unsupported.
+            If the perturbation leaves nothing that can be prepared; the shape then counts as unsupported.
         """
         mesh = self.clean.load(self._clean_entries[entry.identifier])
-        on_mesh = NUISANCES[self.nuisance].on_mesh
+        on_mesh = PERTURBATIONS[self.perturbation].on_mesh
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
         clean = self.clean.recipe(self._clean_entries[entry.identifier])
         code = fingerprint(type(self.clean).__module__).digest
-        return f"{clean} {code} {self.nuisance} {self.amount!r} {self._seed(entry)}"
+        return f"{clean} {code} {self.perturbation} {self.amount!r} {self._seed(entry)}"
 
     def camera(self, entry: Entry) -> Camera:
         """Look as in the clean set, or from beside: turned about the vertical by up to the amount, either way."""
         camera = self.clean.camera(self._clean_entries[entry.identifier])
-        if self.nuisance != "view-angle":
+        if self.perturbation != "view-angle":
             return camera
         angle = np.radians(self.amount) * np.random.default_rng(self._seed(entry)).uniform(-1, 1)
         turned = Rotation.from_rotvec(angle * np.asarray(camera.up)).apply(camera.direction)
@@ -217,11 +217,11 @@ class Disturbed:
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
         """What the depth camera adds to its image; None for a camera without faults."""
-        if self.nuisance != "depth-noise":
+        if self.perturbation != "depth-noise":
             return None
         return DepthSensor(self.amount, self.amount, self._seed(entry))
 
     def _seed(self, entry: Entry) -> int:
-        """The same at every strength, so that a stronger nuisance is more of the same."""
-        name = f"{self.nuisance}|{entry.identifier}".encode("utf-8", "surrogatepass")
+        """The same at every strength, so that a stronger perturbation is more of the same."""
+        name = f"{self.perturbation}|{entry.identifier}".encode("utf-8", "surrogatepass")
         return int.from_bytes(hashlib.sha256(name).digest()[:4], "big")

@@ -1,4 +1,4 @@
-"""Who does the tasks of a run: a crew of workers, on this machine or elsewhere."""
+"""Who does the tasks of a run: a pool of workers, on this machine or elsewhere."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.jobs.execution.worker import Status, TaskWorker
-from benchmark.jobs.orders import Task
+from benchmark.jobs.job_specs import Task
 from benchmark.system.workers import memory_per_worker
 
 #: Seconds between two looks at the workers.
@@ -18,7 +18,7 @@ INTERVAL = 0.1
 LOST = 75
 
 
-class CrewWorker(Protocol):
+class PoolWorker(Protocol):
     """A worker with its task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
 
     task: Any
@@ -46,7 +46,7 @@ class CrewWorker(Protocol):
         ...
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Starts workers."""
 
     @property
@@ -59,16 +59,16 @@ class Crew(Protocol):
         """What it waits for where it can do nothing; "" where it can."""
         ...
 
-    def begin(self, task: Task, number: int) -> CrewWorker:
+    def begin(self, task: Task, number: int) -> PoolWorker:
         """Start a worker; raises ``OSError`` if there is none for this task just now."""
         ...
 
-    def wait(self, running: Sequence[CrewWorker]) -> None:
+    def wait(self, running: Sequence[PoolWorker]) -> None:
         """Wait until one of them ends, or a moment."""
         ...
 
 
-class LocalCrew:
+class LocalWorkerPool:
     """Processes on this machine.
 
     Parameters

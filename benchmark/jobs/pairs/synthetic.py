@@ -24,7 +24,7 @@ MakesImages = Callable[[int, int], tuple[Camera, list[Mesh]]]
 
 
 @dataclass(frozen=True)
-class Beyond:
+class SyntheticTraining:
     """Bodies that are asked for.
 
     Parameters

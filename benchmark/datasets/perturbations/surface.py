@@ -1,7 +1,7 @@
-"""Nuisances of a surface, each a pure function of the mesh, an amount and random draws.
+"""Perturbations of a surface, each a pure function of the mesh, an amount and random draws.
 
-What is drawn does not depend on the amount, so that a stronger nuisance is more of the same one. Lengths are shares of
-the longest side of the bounding box.
+What is drawn does not depend on the amount, so that a stronger perturbation is more of the same one. Lengths are shares
+of the longest side of the bounding box.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _rest(mesh: Mesh, kept: np.ndarray) -> Mesh:
         rest = largest_component(rest)
     if rest.n_vertices < FEWEST_VERTICES:
         raise UnsupportedShape(
-            f"the nuisance leaves {rest.n_vertices} vertices of the shape", "choose a smaller strength"
+            f"the perturbation leaves {rest.n_vertices} vertices of the shape", "choose a smaller strength"
         )
     return rest
 

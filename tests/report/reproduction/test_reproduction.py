@@ -10,17 +10,17 @@ import pytest
 from benchmark.reference import paper
 from benchmark.report.content import TableContent, contents
 from benchmark.report.files import render
-from benchmark.report.results import Result
-from benchmark.report.verdict.claims import CLAIMS, Claim, JudgedClaim, judged_claims
-from benchmark.report.verdict.document import claims, verdict_markdown
-from benchmark.report.verdict.figures import (
+from benchmark.report.reproduction.claims import CLAIMS, Claim, TestedClaim, tested_claims
+from benchmark.report.reproduction.document import claims, reproduction_markdown
+from benchmark.report.reproduction.figures import (
     TOLERANCE,
-    JudgedFigure,
-    judged_figures,
+    ReproducedFigure,
     keeps_order,
     mean_distance,
     paper_tables,
+    reproduced_figures,
 )
+from benchmark.report.results import Result
 from tests.records import MEASURES, record
 
 TOSCA = {"name": "tosca", "title": "TOSCA"}
@@ -35,29 +35,29 @@ def printed(method: str, table: str = "III") -> dict[str, float]:
     return dict(paper.rows(table)[method].values[table])
 
 
-def of(figures: list[JudgedFigure], method: str, input_: str = "mesh", table: str = "III") -> dict[str, str]:
+def of(figures: list[ReproducedFigure], method: str, input_: str = "mesh", table: str = "III") -> dict[str, str]:
     chosen = [each for each in figures if (each.table, each.method, each.input) == (table, method, input_)]
-    return {each.measure: each.verdict for each in chosen}
+    return {each.measure: each.outcome for each in chosen}
 
 
 # Figures -------------------------------------------------------------------------------------------------------------
 
 
 def test_the_paper_has_31_rows_of_four_figures_and_its_classical_rows_may_have_seen_either_input() -> None:
-    figures = judged_figures([])
+    figures = reproduced_figures([])
     assert sum(each.input == "view" for each in figures) == 31 * 4
     assert sum(each.input == "mesh" for each in figures) == 24 * 4
-    assert {each.verdict for each in figures} == {"not comparable"}
+    assert {each.outcome for each in figures} == {"not comparable"}
     assert not [each for each in figures if each.input == "mesh" and each.method.startswith("learned")]
 
 
 def test_figures_of_the_paper_itself_are_reproduced_up_to_the_tolerance_and_no_further() -> None:
     exact = printed("gps")
-    figures = judged_figures(contents([scored("gps", exact), scored("skeleton", printed("skeleton"))]))
+    figures = reproduced_figures(contents([scored("gps", exact), scored("skeleton", printed("skeleton"))]))
     assert set(of(figures, "gps").values()) == {"reproduced"}
     assert set(of(figures, "fast-mds").values()) == {"not comparable"}
     moved = {name: value + TOLERANCE * (1 if name != "DCG" else 1.001) for name, value in exact.items()}
-    assert of(judged_figures(contents([scored("gps", moved)])), "gps") == {
+    assert of(reproduced_figures(contents([scored("gps", moved)])), "gps") == {
         "NN": "reproduced", "FT": "reproduced", "ST": "reproduced", "DCG": "unexplained",
     }  # fmt: skip
 
@@ -82,7 +82,7 @@ def test_all_rows_worse_by_the_same_keep_their_order() -> None:
     shifted = [
         scored(name, {measure: value - 0.3 for measure, value in printed(name).items()}, "view") for name in rows
     ]
-    figures = judged_figures(contents(shifted))
+    figures = reproduced_figures(contents(shifted))
     assert all(set(of(figures, name, "view").values()) == {"same order"} for name in rows)
     assert mean_distance([each for each in figures if each.input == "view"]) == pytest.approx(0.3)
     assert mean_distance([each for each in figures if each.input == "mesh"]) is None
@@ -93,12 +93,12 @@ def test_what_differs_beside_the_figure_is_named() -> None:
     model = {
         "digest": "1", "data": "animals", "schedule": "60 epochs", "extra_data": False, "card": {},
     }  # fmt: skip
-    figures = judged_figures(contents([scored("gps", far), scored("learned", far, "view", models=[model])]))
+    figures = reproduced_figures(contents([scored("gps", far), scored("learned", far, "view", models=[model])]))
     assert set(of(figures, "gps").values()) == {"unexplained"}
     assert set(of(figures, "learned", "view").values()) == {"other training"}
     stand_in = {"name": "animals", "title": "animals", "stand_in_for": "tosca"}
     generated = Result(record("gps", "mesh", "animals", data=stand_in, scores=far))
-    assert set(of(judged_figures(contents([generated])), "gps").values()) == {"other data"}
+    assert set(of(reproduced_figures(contents([generated])), "gps").values()) == {"other data"}
 
 
 def test_the_official_set_comes_before_its_stand_in_and_quick_runs_are_not_judged() -> None:
@@ -108,7 +108,7 @@ def test_the_official_set_comes_before_its_stand_in_and_quick_runs_are_not_judge
     both = contents([generated, scored("gps", exact)])
     for tables in (both, both[::-1]):
         assert paper_tables(tables)["III"].data["name"] == "tosca"
-        assert set(of(judged_figures(tables), "gps").values()) == {"reproduced"}
+        assert set(of(reproduced_figures(tables), "gps").values()) == {"reproduced"}
     quick = contents([scored("gps", exact, data=TOSCA | {"quick": True})])
     assert quick
     assert not paper_tables(quick)
@@ -127,17 +127,17 @@ def queries(method: str, hits: int, input_: str = "view") -> Result:
     )  # fmt: skip
 
 
-def decided(*results: Result, claim: Claim | None = None) -> JudgedClaim:
+def decided(*results: Result, claim: Claim | None = None) -> TestedClaim:
     chosen = claim or Claim("GPS leads.", "III", "gps", ("fast-mds", "skeleton"), measures=("NN",))
-    (judged,) = judged_claims(paper_tables(contents(results)), [chosen])
+    (judged,) = tested_claims(paper_tables(contents(results)), [chosen])
     return judged
 
 
 def test_a_claim_that_all_queries_carry_is_supported_and_its_opposite_contradicted() -> None:
     rows = (queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 6))
-    assert decided(*rows) == JudgedClaim(decided(*rows).claim, "supported", 2, 2, 2)
+    assert decided(*rows) == TestedClaim(decided(*rows).claim, "supported", 2, 2, 2)
     opposite = Claim("GPS is behind.", "III", "fast-mds", ("gps",), measures=("NN", "DCG"))
-    assert decided(*rows, claim=opposite) == JudgedClaim(opposite, "contradicted", 0, 2, 2)
+    assert decided(*rows, claim=opposite) == TestedClaim(opposite, "contradicted", 0, 2, 2)
 
 
 def test_one_lead_that_may_be_chance_leaves_a_claim_undecided() -> None:
@@ -166,7 +166,7 @@ def test_the_claims_hold_in_the_papers_own_figures() -> None:
 
 def document() -> tuple[str, list[TableContent]]:
     tables = contents([scored("gps", printed("gps")), scored("skeleton", dict.fromkeys(MEASURES, 0.3))])
-    return verdict_markdown(tables), tables
+    return reproduction_markdown(tables), tables
 
 
 def test_the_document_counts_every_figure_once() -> None:
@@ -195,9 +195,9 @@ def test_the_chance_level_stands_beside_the_inputs() -> None:
     assert not any(line.startswith("| III | view") for line in lines)
 
 
-def test_the_tables_bring_the_verdict_where_a_table_of_the_paper_was_run() -> None:
+def test_the_tables_bring_the_reproduction_where_a_table_of_the_paper_was_run() -> None:
     text, tables = document()
-    assert render(tables, ("markdown",))["verdict.md"] == text
+    assert render(tables, ("markdown",))["reproduction.md"] == text
     own = [replace(table, table=replace(table.table, identifier="mine")) for table in tables]
-    assert "verdict.md" not in render(own, ("markdown",))
-    assert "verdict.md" not in render(tables, ("latex", "csv", "json"))
+    assert "reproduction.md" not in render(own, ("markdown",))
+    assert "reproduction.md" not in render(tables, ("latex", "csv", "json"))

@@ -41,7 +41,7 @@ CONTROL = "control"
 
 
 @dataclass(frozen=True)
-class Judgement:
+class FigureSignificance:
     """What can be said about one figure.
 
     Parameters
@@ -71,24 +71,24 @@ class Judgement:
         return self.probability is not None and self.probability >= ALPHA
 
 
-#: Judgements by method, input and measure; figures without scores have none.
-Judgements = Mapping[tuple[str, Input, str], Judgement]
+#: SignificanceTable by method, input and measure; figures without scores have none.
+SignificanceTable = Mapping[tuple[str, Input, str], FigureSignificance]
 
 
-def judge(rows: Sequence[Row], inputs: Sequence[Input]) -> Judgements:
+def table_significance(rows: Sequence[Row], inputs: Sequence[Input]) -> SignificanceTable:
     """Judge all our figures of a table."""
-    found: dict[tuple[str, Input, str], Judgement] = {}
+    found: dict[tuple[str, Input, str], FigureSignificance] = {}
     for input_ in inputs:
         found |= _of_input([row for row in rows if input_ in row.cells and row.cells[input_].records], input_)
     return found
 
 
-def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
+def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     if not rows:
         return {}
     queries = [queries_of(row.cells[input_].records, PRINTED) for row in rows]
     names, labels = _union(queries)
-    found: dict[tuple[str, Input, str], Judgement] = {}
+    found: dict[tuple[str, Input, str], FigureSignificance] = {}
     for measure in PRINTED:
         columns = _columns(queries, names, measure)
         ends = intervals(columns, labels)
@@ -99,7 +99,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> Judgements:
         probabilities = _against(columns, contest, best, noise)
         for k, row in enumerate(rows):
             low, high = widened(float(ends[k, 0]), float(ends[k, 1]), scores[k][measure], float(noise[k]))
-            found[row.method, input_, measure] = Judgement(low, high, k == best, probabilities.get(k))
+            found[row.method, input_, measure] = FigureSignificance(low, high, k == best, probabilities.get(k))
     return found
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.cluster import letters, station
+from benchmark.jobs.cluster import dask_worker, task_messages
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.orders import Order, Ranking, Share
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
@@ -27,22 +27,22 @@ class Scope:
 
 
 @pytest.fixture
-def orders(tmp_path):
+def jobs(tmp_path):
     plan = make_plan(
         galleries((), ["animals"], None, quick=True), ["view"], select(NAMES, methods()), Store.open(tmp_path), 3
     )
-    return [Order.of(job, Scope(tmp_path)) for job in plan if job.to_run]
+    return [JobSpec.of(job, Scope(tmp_path)) for job in plan if job.to_run]
 
 
-def test_a_task_comes_out_of_its_letter_as_it_went_in(orders):
-    assert any(order.models for order in orders)
-    for task in (Share(tuple(orders), ("cat0", "dog1")), Ranking(tuple(orders))):
-        text = json.dumps(letters.written(task))
-        found = letters.Letter(text).open()
+def test_a_task_comes_out_of_its_letter_as_it_went_in(jobs):
+    assert any(job.models for job in jobs)
+    for task in (ShapeBatch(tuple(jobs), ("cat0", "dog1")), ScoringTask(tuple(jobs))):
+        text = json.dumps(task_messages.written(task))
+        found = task_messages.TaskMessage(text).open()
         assert type(found) is type(task)
         assert getattr(found, "identifiers", None) == getattr(task, "identifiers", None)
-        for before, after in zip(task.orders, found.orders, strict=True):
-            for field in fields(Order):
+        for before, after in zip(task.jobs, found.jobs, strict=True):
+            for field in fields(JobSpec):
                 then, now = getattr(before, field.name), getattr(after, field.name)
                 if field.name == "models":
                     assert {name: (m.training, m.folder.resolve(), m.digest) for name, m in then.items()} == {
@@ -56,15 +56,15 @@ def test_a_task_comes_out_of_its_letter_as_it_went_in(orders):
                     assert now == then
 
 
-def test_paths_of_a_letter_are_absolute_and_models_move_with_the_folder_of_results(orders, tmp_path, monkeypatch):
+def test_paths_of_a_letter_are_absolute_and_models_move_with_the_folder_of_results(jobs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rods").mkdir()
-    order = Order(**{**vars(orders[0]), "dataset": "./rods", "results": Path("results"), "data_root": Path()})
-    content = letters.written_order(order)
+    job = JobSpec(**{**vars(jobs[0]), "dataset": "./rods", "results": Path("results"), "data_root": Path()})
+    content = task_messages.written_job(job)
     assert [content[name] for name in ("dataset", "results", "data_root")] == [
         str(tmp_path / "rods"), str(tmp_path / "results"), str(tmp_path),
     ]  # fmt: skip
-    assert letters.model_folder(["results", "models/a"], Path("/elsewhere")) == Path("/elsewhere/models/a")
+    assert task_messages.model_folder(["results", "models/a"], Path("/elsewhere")) == Path("/elsewhere/models/a")
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_paths_of_a_letter_are_absolute_and_models_move_with_the_folder_of_resul
     ],
 )
 def test_only_files_of_a_results_folder_travel(name, travels):
-    assert bool(station.FILE.fullmatch(name)) == travels
+    assert bool(dask_worker.FILE.fullmatch(name)) == travels
 
 
 def test_without_dask_the_mend_is_told(tmp_path, monkeypatch):

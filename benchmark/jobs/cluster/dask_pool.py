@@ -1,4 +1,4 @@
-"""The workers of a dask cluster as the crew of a run."""
+"""The workers of a dask cluster as the pool of a run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from typing import Any, Self
 from distributed import Client
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.jobs.cluster import station
-from benchmark.jobs.cluster.errand import LAST_WORDS, Errand, aside, wait_for
-from benchmark.jobs.cluster.letters import written, written_order
-from benchmark.jobs.cluster.member import Member
-from benchmark.jobs.execution.crews import INTERVAL, CrewWorker, LocalCrew
+from benchmark.jobs.cluster import dask_worker
+from benchmark.jobs.cluster.remote_task import LAST_WORDS, RemoteTask, aside, wait_for
+from benchmark.jobs.cluster.task_messages import written, written_job
+from benchmark.jobs.cluster.worker_node import WorkerNode
 from benchmark.jobs.execution.worker import Status
-from benchmark.jobs.orders import Order, Ranking, Task
+from benchmark.jobs.execution.worker_pool import INTERVAL, LocalWorkerPool, PoolWorker
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, Task
 from benchmark.storage.store import Store
 from benchmark.system.files import write_atomically
 from benchmark.system.text import brief, say
@@ -38,7 +38,7 @@ _INSPECTION = 180.0
 _NOBODY = 600.0
 
 
-class DaskCrew:
+class DaskWorkerPool:
     """The workers of a dask cluster.
 
     Each is asked before it gets work what code and packages it has, and is left out if it would do other work than was
@@ -49,7 +49,7 @@ class DaskCrew:
     ----------
     url
         Address of the scheduler.
-    orders
+    jobs
         The jobs; they name what the workers must have.
     most
         Tasks at a time; None for all threads of all workers.
@@ -60,23 +60,23 @@ class DaskCrew:
         If no scheduler answers.
     """
 
-    def __init__(self, url: str, orders: Sequence[Order], most: int | None = None) -> None:
+    def __init__(self, url: str, jobs: Sequence[JobSpec], most: int | None = None) -> None:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said here, in one line
         self.url = url
         self.run = f"canonical-forms-{secrets.token_hex(8)}"
-        self.store = Store.open(orders[0].results)
+        self.store = Store.open(jobs[0].results)
         self._most = most
-        self._members: dict[str, Member] = {}
+        self._nodes: dict[str, WorkerNode] = {}
         self._info: dict[str, Any] = {}
         self._heard: dict[str, tuple[float, Status]] = {}
-        self._running: list[Errand] = []
-        self._local = LocalCrew(available_cores(), self.store.progress)
-        self._ranking: list[CrewWorker] = []
+        self._running: list[RemoteTask] = []
+        self._local = LocalWorkerPool(available_cores(), self.store.progress)
+        self._ranking: list[PoolWorker] = []
         self._proof = self.store.progress / f"{os.getpid()}-{self.run}"
         self._proof.write_text(self.run, encoding="utf-8")
-        self._letter = json.dumps(
+        self._message = json.dumps(
             {
-                "orders": [written_order(order) | {"identifiers": [], "model_of": {}} for order in orders],
+                "jobs": [written_job(job) | {"identifiers": [], "model_of": {}} for job in jobs],
                 "proof": str(self._proof.resolve()),
                 "written": self.run,
             }
@@ -101,9 +101,11 @@ class DaskCrew:
     ) -> None:
         self._over.set()
         self._proof.unlink(missing_ok=True)
-        away = [member.address for member in self._members.values() if not member.shares_folder]
+        away = [node.address for node in self._nodes.values() if not node.shares_folder]
         if self._client.status == "running" and away:
-            wait_for(lambda: self._client.run(station.forget, self.run, workers=away, on_error="ignore"), LAST_WORDS)
+            wait_for(
+                lambda: self._client.run(dask_worker.forget, self.run, workers=away, on_error="ignore"), LAST_WORDS
+            )
         wait_for(lambda: self._client.close(timeout=1), LAST_WORDS)
 
     # What a run asks ---------------------------------------------------------------------------------------------
@@ -111,38 +113,38 @@ class DaskCrew:
     @property
     def size(self) -> int:
         """Tasks that the workers can do at a time."""
-        slots = sum(member.threads for member in self._members.values() if member.is_ready)
+        slots = sum(node.threads for node in self._nodes.values() if node.is_ready)
         return slots if self._most is None else min(slots, self._most)
 
     @property
     def waits_for(self) -> str:
         """What the run waits for where no worker can be used."""
-        if any(member.is_ready for member in self._members.values()):
+        if any(node.is_ready for node in self._nodes.values()):
             return ""
-        asked = sum(member.answer is None for member in self._members.values())
+        asked = sum(node.answer is None for node in self._nodes.values())
         return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
 
-    def begin(self, task: Task, number: int) -> CrewWorker:
+    def begin(self, task: Task, number: int) -> PoolWorker:
         """Give a task to the worker that is least at work.
 
         What only few machines can do, ranking without a common folder, is done here.
         """
         free = {
-            member.address: member.threads - sum(errand.member is member for errand in self._running)
-            for member in self._members.values()
-            if member.is_ready and (member.shares_folder or not isinstance(task, Ranking))
+            node.address: node.threads - sum(remote.node is node for remote in self._running)
+            for node in self._nodes.values()
+            if node.is_ready and (node.shares_folder or not isinstance(task, ScoringTask))
         }
         address = max(free, key=lambda name: free[name], default=None)
         if address is not None and free[address] > 0:
-            return self._send(task, number, self._members[address])
-        if address is None and isinstance(task, Ranking):
+            return self._send(task, number, self._nodes[address])
+        if address is None and isinstance(task, ScoringTask):
             self._ranking = [worker for worker in self._ranking if worker.exit_code is None]
             if len(self._ranking) < self._local.size:
                 self._ranking.append(self._local.begin(task, number))
                 return self._ranking[-1]
         raise OSError(0, f"all workers of {self.url} are at work")
 
-    def wait(self, running: Sequence[CrewWorker]) -> None:
+    def wait(self, running: Sequence[PoolWorker]) -> None:
         """Wait a moment, then look who has come and who has gone.
 
         Raises
@@ -159,9 +161,9 @@ class DaskCrew:
                 f"the dask scheduler at {self.url} is gone", "start it again and run again; finished jobs are kept"
             )
         self._look_round()
-        if running or any(member.is_ready for member in self._members.values()):
+        if running or any(node.is_ready for node in self._nodes.values()):
             self._useful = now
-        elif (refused := [m for m in self._members.values() if m.problems]) and len(refused) == len(self._members):
+        elif (refused := [m for m in self._nodes.values() if m.problems]) and len(refused) == len(self._nodes):
             raise ConfigurationError(
                 f"no worker at {self.url} would do what this machine does: {refused[0].told}",
                 "install there the suite and the packages that are here",
@@ -184,38 +186,38 @@ class DaskCrew:
     def _look_round(self) -> None:
         info = self._info
         for address, known in info.items():
-            member = self._members.get(address)
-            if member is None:
-                member = Member(address, known["host"], int(known["nthreads"]), time.monotonic())
-                self._members[address] = member
-                threading.Thread(target=self._inspect, args=(member,), daemon=True).start()
-            member.seen = float(known.get("last_seen", 0.0))
-            if member.given_up is not None and member.seen > member.given_up:
-                member.given_up, member.anew = None, True
-        for address in [address for address in self._members if address not in info]:
-            del self._members[address]
-        for member in self._members.values():
-            if member.answer is None and time.monotonic() - member.asked > _INSPECTION:
-                self._refuse(member, ["it did not say what is installed there"])
+            node = self._nodes.get(address)
+            if node is None:
+                node = WorkerNode(address, known["host"], int(known["nthreads"]), time.monotonic())
+                self._nodes[address] = node
+                threading.Thread(target=self._inspect, args=(node,), daemon=True).start()
+            node.seen = float(known.get("last_seen", 0.0))
+            if node.given_up is not None and node.seen > node.given_up:
+                node.given_up, node.anew = None, True
+        for address in [address for address in self._nodes if address not in info]:
+            del self._nodes[address]
+        for node in self._nodes.values():
+            if node.answer is None and time.monotonic() - node.asked > _INSPECTION:
+                self._refuse(node, ["it did not say what is installed there"])
 
-    def _inspect(self, member: Member) -> None:
+    def _inspect(self, node: WorkerNode) -> None:
         """Ask a worker what it has."""
         try:
-            found = self._client.run(station.inspect, self._letter, workers=[member.address], on_error="return")
-            answer = found[member.address]
+            found = self._client.run(dask_worker.inspect, self._message, workers=[node.address], on_error="return")
+            answer = found[node.address]
             if isinstance(answer, str):
                 answer = json.loads(answer)
-                member.answer = {"shares_folder": bool(answer.get("shares_folder")), "problems": answer["problems"]}
+                node.answer = {"shares_folder": bool(answer.get("shares_folder")), "problems": answer["problems"]}
             else:
-                member.answer = {"shares_folder": False, "problems": [one_line(answer)]}
+                node.answer = {"shares_folder": False, "problems": [one_line(answer)]}
         except Exception as error:  # it has gone, or says what nobody understands
-            member.answer = {"shares_folder": False, "problems": [one_line(error)]}
-        if member.problems and not self._over.is_set():
-            self._refuse(member, member.problems)
+            node.answer = {"shares_folder": False, "problems": [one_line(error)]}
+        if node.problems and not self._over.is_set():
+            self._refuse(node, node.problems)
 
-    def _refuse(self, member: Member, problems: list[str]) -> None:
-        member.answer = {"shares_folder": False, "problems": problems}
-        say(f"left out: {member.told}", err=True)
+    def _refuse(self, node: WorkerNode, problems: list[str]) -> None:
+        node.answer = {"shares_folder": False, "problems": problems}
+        say(f"left out: {node.told}", err=True)
 
     def _hear(self, event: Any) -> None:
         """What a task says on the way; called by the client in a thread of its own."""
@@ -226,29 +228,29 @@ class DaskCrew:
 
     # Tasks -------------------------------------------------------------------------------------------------------
 
-    def _send(self, task: Task, number: int, member: Member) -> Errand:
-        on_machine = sum(m.threads for m in self._members.values() if m.host == member.host)
+    def _send(self, task: Task, number: int, node: WorkerNode) -> RemoteTask:
+        on_machine = sum(m.threads for m in self._nodes.values() if m.host == node.host)
         content = written(task)
-        letter = json.dumps({"task": content, "workers": on_machine})
-        files = {} if member.shares_folder else self._models(content, member)
+        message = json.dumps({"task": content, "workers": on_machine})
+        files = {} if node.shares_folder else self._models(content, node)
         token = f"{self.run}-{secrets.token_hex(8)}"
         future = self._client.submit(
-            station.do, token, self.run, letter, shares_folder=member.shares_folder, files=files, anew=member.anew,
-            key=token, workers=[member.address], allow_other_workers=False, retries=0, pure=False,
+            dask_worker.do, token, self.run, message, shares_folder=node.shares_folder, files=files, anew=node.anew,
+            key=token, workers=[node.address], allow_other_workers=False, retries=0, pure=False,
         )  # fmt: skip
-        member.anew = False
-        errand = Errand(task, number, member, future, self)
-        self._running.append(errand)
-        return errand
+        node.anew = False
+        remote = RemoteTask(task, number, node, future, self)
+        self._running.append(remote)
+        return remote
 
-    def _models(self, content: Mapping[str, Any], member: Member) -> dict[str, bytes]:
+    def _models(self, content: Mapping[str, Any], node: WorkerNode) -> dict[str, bytes]:
         """Files of the models that a worker with another disk needs and has not got."""
         files: dict[str, bytes] = {}
-        for order in content["orders"]:
-            for digest, model in order["models"].items():
+        for job in content["jobs"]:
+            for digest, model in job["models"].items():
                 kind, name = model["place"]
-                if kind == "results" and digest not in member.models:
-                    member.models.add(digest)
+                if kind == "results" and digest not in node.models:
+                    node.models.add(digest)
                     root = self.store.root.parent
                     paths = [path for path in (root / name).rglob("*") if path.is_file()]
                     files |= {str(path.relative_to(root)): path.read_bytes() for path in paths}
@@ -258,19 +260,19 @@ class DaskCrew:
         """When a task was heard of last, and how far it was."""
         return self._heard.get(token)
 
-    def is_here(self, member: Member) -> bool:
+    def is_here(self, node: WorkerNode) -> bool:
         """Whether a worker is still there, as far as the scheduler knows."""
-        return self._members.get(member.address) is member
+        return self._nodes.get(node.address) is node
 
-    def tell_to_stop(self, member: Member, token: str) -> None:
+    def tell_to_stop(self, node: WorkerNode, token: str) -> None:
         """Let a task write down where it is, and end."""
-        aside(lambda: self._client.run(station.stop, token, workers=[member.address], on_error="ignore"))
+        aside(lambda: self._client.run(dask_worker.stop, token, workers=[node.address], on_error="ignore"))
 
-    def dismissed(self, errand: Errand) -> None:
+    def dismissed(self, remote: RemoteTask) -> None:
         """Nobody waits for this task any more."""
-        if errand in self._running:
-            self._running.remove(errand)
-        self._heard.pop(errand.token, None)
+        if remote in self._running:
+            self._running.remove(remote)
+        self._heard.pop(remote.token, None)
 
     def keep(self, files: Mapping[str, bytes]) -> None:
         """Take what a task has sent into the results folder; an array that is damaged is noticed when it is read.
@@ -282,5 +284,5 @@ class DaskCrew:
         """
         for name, content in files.items():
             path = self.store.root.parent / name
-            if station.FILE.fullmatch(name) and not name.startswith("models") and not path.exists():
+            if dask_worker.FILE.fullmatch(name) and not name.startswith("models") and not path.exists():
                 write_atomically(path, lambda file, content=content: file.write(content))  # type: ignore[misc]

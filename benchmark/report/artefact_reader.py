@@ -17,9 +17,9 @@ from benchmark.datasets.own import is_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.jobs.preparation import Preparation, treated
+from benchmark.jobs.method_run import MethodRun
+from benchmark.jobs.preparation import Preparation, require_arrays
 from benchmark.jobs.stages.form import form_mesh
-from benchmark.jobs.treatment import Treatment
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
@@ -31,7 +31,7 @@ from benchmark.system.plugins import is_imported
 
 
 @dataclass(frozen=True)
-class Kept:
+class ArtefactReader:
     """The arrays behind the records of a results folder.
 
     Parameters
@@ -49,7 +49,7 @@ class Kept:
     data_root: Path | None = None
     _datasets: dict[str, Dataset | BenchmarkError] = field(default_factory=dict, repr=False, compare=False)
     _preparations: dict[tuple[str, Input], Preparation] = field(default_factory=dict, repr=False, compare=False)
-    _treatments: dict[str, Treatment] = field(default_factory=dict, repr=False, compare=False)
+    _method_runs: dict[str, MethodRun] = field(default_factory=dict, repr=False, compare=False)
 
     def distances(self, record: Record) -> Iterator[NDArray[Any]]:
         """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
@@ -75,7 +75,9 @@ class Kept:
             except BenchmarkError as error:
                 self._datasets[source] = error
             except Exception as error:  # of a plugin, which may raise anything
-                self._datasets[source] = DatasetError(f"{record['data']['name']} raises {one_line(error)}", "mend it")
+                self._datasets[source] = DatasetError(
+                    f"{record['data']['name']} raises {one_line(error)}", "correct it"
+                )
         found = self._datasets[source]
         if isinstance(found, BenchmarkError):
             raise found
@@ -88,10 +90,10 @@ class Kept:
             self._preparations[place] = Preparation(self.dataset(record), record["input"], self.store)
         return self._preparations[place]
 
-    def treatment(self, record: Record) -> Treatment:
+    def method_run(self, record: Record) -> MethodRun:
         """The method of a record at its shapes; raises ``BenchmarkError`` if data, method or models are not here."""
         key = record["key"]
-        if key not in self._treatments:
+        if key not in self._method_runs:
             preparation, spec = self.preparation(record), variant(record["method"], self.known)
             dataset, source = preparation.dataset, record["data"]["source"]
             shapes = set(record["shapes"])
@@ -99,15 +101,15 @@ class Kept:
             gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
             models = find_models(spec, gallery, self.store.models)
             seed = int(record["recipe"].get("seed", 0))
-            self._treatments[key] = Treatment(preparation, self.store, spec, seed, models)
-        return self._treatments[key]
+            self._method_runs[key] = MethodRun(preparation, self.store, spec, seed, models)
+        return self._method_runs[key]
 
     def surface(self, record: Record, entry: Entry) -> Mesh | None:
         """A prepared shape; None where it was not kept, or could not be prepared."""
         try:
             preparation = self.preparation(record)
             found = self.store.find(preparation.recipe(entry))
-            arrays = None if found is None else treated(found)
+            arrays = None if found is None else require_arrays(found)
         except Exception:  # the data set is not here, or a plugin
             return None
         return None if arrays is None else Mesh(arrays["vertices"], arrays["faces"])
@@ -125,14 +127,14 @@ class Kept:
     def form(self, record: Record, entry: Entry) -> Mesh | str:
         """The canonical form of a shape, or why there is none."""
         try:
-            treatment = self.treatment(record)
-            if treatment.describes:
+            method_run = self.method_run(record)
+            if method_run.describes:
                 return "it makes no forms"
-            found = self.store.find(treatment.recipe(entry))
+            found = self.store.find(method_run.recipe(entry))
             surface = self.surface(record, entry)
             if found is None or surface is None:
                 return "not kept here"
-            return form_mesh(treated(found), surface)
+            return form_mesh(require_arrays(found), surface)
         except ShapeError as error:
             return str(error)
         except BenchmarkError as error:

@@ -1,4 +1,4 @@
-"""Nuisances do what they say, the same each time; a stronger one is more of the same."""
+"""Perturbations do what they say, the same each time; a stronger one is more of the same."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ from trimesh import Trimesh
 from trimesh.creation import icosphere
 
 from benchmark.datasets.catalogue import open_dataset, sources
-from benchmark.datasets.nuisances import surface
-from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, disturbed_name, parsed
-from benchmark.datasets.nuisances.overview import overview
-from benchmark.datasets.nuisances.shortcuts import shortcuts
+from benchmark.datasets.perturbations import surface
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
+from benchmark.datasets.perturbations.overview import overview
+from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
@@ -89,8 +89,8 @@ def test_what_leaves_nothing_is_unsupported():
 def test_a_sensor_adds_noise_and_steps_to_the_surface_alone():
     depth = np.zeros((100, 100), dtype=np.float32)
     depth[20:80, 20:80] = 0.5
-    assert (DepthSensor(0, 0, 0).disturbed(depth) == depth).all()
-    found = DepthSensor(0.01, 0.004, 0).disturbed(depth)
+    assert (DepthSensor(0, 0, 0).perturbed(depth) == depth).all()
+    found = DepthSensor(0.01, 0.004, 0).perturbed(depth)
     assert ((found > 0) == (depth > 0)).all()
     assert found[depth > 0].std() == pytest.approx(0.01, rel=0.1)
     np.testing.assert_allclose(found / 0.004, np.round(found / 0.004), atol=1e-4)
@@ -102,9 +102,9 @@ def rods(tmp_path_factory):
 
 
 def test_names_are_read_as_they_are_spelt():
-    for nuisance in NUISANCES:
+    for perturbation in PERTURBATIONS:
         for strength in STRENGTHS:
-            assert parsed(disturbed_name("a set", nuisance, strength)) == ("a set", nuisance, strength)
+            assert parsed(perturbed_name("a set", perturbation, strength)) == ("a set", perturbation, strength)
     assert parsed("humans") is None
     assert parsed("humans[noise=6]") is None
     assert parsed("humans[noses=1]") is None
@@ -134,7 +134,7 @@ def test_an_overview_shows_one_shape_as_the_disturbed_sets_have_it(rods):
     clean = open_dataset(str(rods), None)
     shape = clean.entries[2]
     shown = overview(clean, shape.identifier)
-    assert {entry.subject for entry in shown.entries} == NUISANCES.keys() - {"scale"}
+    assert {entry.subject for entry in shown.entries} == PERTURBATIONS.keys() - {"scale"}
     (entry,) = (entry for entry in shown.entries if entry.identifier == "noise=4")
     expected = open_dataset(f"{rods}[noise=4]", None).load(shape)
     np.testing.assert_array_equal(shown.load(entry).vertices, expected.vertices)

@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from benchmark.jobs.cluster.letters import SUITE
+from benchmark.jobs.cluster.task_messages import SUITE
 from benchmark.storage.store import Store
 
 __all__ = ["FILE", "do", "forget", "inspect", "stop"]
@@ -36,18 +36,18 @@ _running: dict[str, subprocess.Popen[bytes]] = {}
 _sent: dict[str, set[str]] = {}
 
 
-async def inspect(letter: str) -> str:
+async def inspect(message: str) -> str:
     """Ask a process beside this dask worker what is here; see :func:`benchmark.jobs.cluster.supervisor.inspect`."""
     process = await asyncio.create_subprocess_exec(
         *_COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=_environment()
     )
-    output, error = await process.communicate(letter.encode() + b"\n")
+    output, error = await process.communicate(message.encode() + b"\n")
     said = error.decode("utf-8", "replace").strip().splitlines()
     return output.decode("utf-8") or json.dumps({"problems": [said[-1] if said else "the suite cannot be started"]})
 
 
 def do(
-    token: str, run: str, letter: str, *, shares_folder: bool, files: Mapping[str, bytes], anew: bool
+    token: str, run: str, message: str, *, shares_folder: bool, files: Mapping[str, bytes], anew: bool
 ) -> dict[str, Any]:
     """Do a task, telling under the topic of the run how far it is.
 
@@ -57,7 +57,7 @@ def do(
         Names the task.
     run
         Names the run, and the topic.
-    letter
+    message
         What :func:`benchmark.jobs.cluster.supervisor.do` takes.
     shares_folder
         Whether this machine sees the results folder of the run; where not, it keeps one of its own as long as the run
@@ -76,12 +76,12 @@ def do(
     from distributed import get_worker
 
     here = get_worker()
-    content = json.loads(letter)
-    results = Path(content["task"]["orders"][0]["results"])
+    content = json.loads(message)
+    results = Path(content["task"]["jobs"][0]["results"])
     if not shares_folder:
         results = Path(here.local_directory) / f"canonical-forms-{run}"
-        for order in content["task"]["orders"]:
-            order["results"] = str(results)
+        for job in content["task"]["jobs"]:
+            job["results"] = str(results)
         for name, each in files.items():
             if FILE.fullmatch(name):
                 (results / name).parent.mkdir(parents=True, exist_ok=True)
@@ -102,7 +102,7 @@ def do(
         done.set()
         _running.pop(token, None)
         _close(process)
-    keys = [order["key"] for order in content["task"]["orders"]]
+    keys = [job["key"] for job in content["task"]["jobs"]]
     names = [f"runs/records/{key}.json" for key in keys] if shares_folder else list(_made(results, run))
     return {"answer": last if "exit_code" in last else "", "files": dict(_contents(results, names))}
 

@@ -12,7 +12,7 @@ from benchmark.contracts import Descriptor, Mesh, Method
 from benchmark.datasets.base import Entry
 from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.foreign.specs import Foreign
-from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, treated
+from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import features, form
 from benchmark.methods.registry import MethodSpec
@@ -21,13 +21,13 @@ from benchmark.protocols.models import Model
 from benchmark.scoring import Scorer
 from benchmark.storage.store import Artefact, Store
 
-__all__ = ["Treated", "Treatment"]
+__all__ = ["MethodRun", "ShapeResult"]
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Treated:
+class ShapeResult:
     """What became of one shape.
 
     Parameters
@@ -45,7 +45,7 @@ class Treated:
 
 
 @dataclass
-class Treatment:
+class MethodRun:
     """A method with its parameters, seed and models, and the prepared shapes that it treats.
 
     Parameters
@@ -94,7 +94,7 @@ class Treatment:
         """Whether shapes are described without a form."""
         return not isinstance(self.method, Method)
 
-    def treat(self, entry: Entry) -> Treated:
+    def treat(self, entry: Entry) -> ShapeResult:
         """Make, or find, all that ranking needs of a shape.
 
         Raises
@@ -103,20 +103,20 @@ class Treatment:
             If the shape cannot be treated.
         """
         prepared = self.preparation.artefact(entry)
-        arrays = treated(prepared)
+        arrays = require_arrays(prepared)
         answer = self.answer(entry)
-        said = {**notes(arrays), **notes(treated(answer))}
+        said = {**notes(arrays), **notes(require_arrays(answer))}
         if self.describes:
-            return Treated(prepared, answer, None, said)
+            return ShapeResult(prepared, answer, None, said)
         shape = form.form_mesh(answer.arrays, Mesh(arrays["vertices"], arrays["faces"]))
         recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
         found = self.store.get_or_compute(
             recipe, lambda: attempted(lambda: features.extract(scorer, shape)), work="features", scratch=True
         )
-        treated(found)
-        return Treated(prepared, answer, found, said)
+        require_arrays(found)
+        return ShapeResult(prepared, answer, found, said)
 
-    def found(self, entry: Entry) -> Treated:
+    def found(self, entry: Entry) -> ShapeResult:
         """The same as :meth:`treat` without a signature, reading no more than ranking needs of what is there already.
 
         Raises
@@ -128,16 +128,16 @@ class Treatment:
         answer = self.store.find(self.recipe(entry), wanted=None if self.describes else _is_small)
         if prepared is None or answer is None:
             return self.treat(entry)
-        return Treated(prepared, answer, None, {**notes(treated(prepared)), **notes(treated(answer))})
+        return ShapeResult(prepared, answer, None, {**notes(require_arrays(prepared)), **notes(require_arrays(answer))})
 
-    def with_signature(self, entry: Entry, found: Treated) -> Treated:
+    def with_signature(self, entry: Entry, found: ShapeResult) -> ShapeResult:
         """Return what was found of a shape with the signature of its form; raises ``ShapeError`` if it has none."""
         if found.features is not None:
             return found
         signature = self.store.find(features_recipe(self.recipe(entry), self.scorer_spec), scratch=True)
         if signature is None:
             return self.treat(entry)
-        treated(signature)
+        require_arrays(signature)
         return replace(found, features=signature)
 
     def found_form(self, entry: Entry) -> Mesh | None:
@@ -145,7 +145,7 @@ class Treatment:
         found = self.store.find(self.recipe(entry))
         if found is None:
             return None
-        return form.form_mesh(treated(found), self.preparation.shape(entry, self.seed).mesh)
+        return form.form_mesh(require_arrays(found), self.preparation.shape(entry, self.seed).mesh)
 
     def recipe(self, entry: Entry) -> Recipe:
         """What determines the form or the descriptor."""
@@ -167,7 +167,7 @@ class Treatment:
         ]
 
     def answer(self, entry: Entry) -> Artefact:
-        """Make, or find, the form or the descriptor of a shape, or why there is none; see :func:`treated`."""
+        """Make, or find, the form or the descriptor of a shape, or why there is none; see :func:`require_arrays`."""
 
         def compute() -> Arrays:
             shape = self.preparation.shape(entry, self.seed)
@@ -195,7 +195,7 @@ def _is_small(name: str) -> bool:
     return name.startswith("note:") or name == REFUSED
 
 
-def features_of(found: Treated) -> Arrays:
+def features_of(found: ShapeResult) -> Arrays:
     """Signature of a form that was treated; raises ``ValueError`` for a descriptor."""
     if found.features is None:
         raise ValueError("a descriptor has no signature")

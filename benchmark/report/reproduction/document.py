@@ -1,4 +1,4 @@
-"""The verdict as Markdown: counts, claims, which input comes nearer, and every figure."""
+"""The outcome as Markdown: counts, claims, which input comes nearer, and every figure."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.report.columns import BLANK, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
-from benchmark.report.verdict.claims import JudgedClaim, judged_claims
-from benchmark.report.verdict.figures import (
+from benchmark.report.reproduction.claims import TestedClaim, tested_claims
+from benchmark.report.reproduction.figures import (
     AGREEING,
     FEWEST,
     NUMERALS,
+    OUTCOMES,
     TOLERANCE,
-    VERDICTS,
-    JudgedFigure,
-    Verdict,
+    Outcome,
+    ReproducedFigure,
     is_learned,
     is_near,
-    judged_figures,
     mean_distance,
     paper_tables,
+    reproduced_figures,
 )
 from retrieval.measures import PRINTED
 
 #: Stands beside our figure.
-MARKS: Mapping[Verdict, str] = {
+MARKS: Mapping[Outcome, str] = {
     "reproduced": "=",
     "same order": "~",
     "other data": "d",
@@ -38,20 +38,20 @@ MARKS: Mapping[Verdict, str] = {
 }
 
 
-def has_verdict(tables: Sequence[TableContent]) -> bool:
+def has_reproduction(tables: Sequence[TableContent]) -> bool:
     """Whether there is a table of the paper to judge."""
     return bool(paper_tables(tables))
 
 
-def verdict_markdown(tables: Sequence[TableContent]) -> str:
+def reproduction_markdown(tables: Sequence[TableContent]) -> str:
     """What holds up of the paper's figures and claims, as Markdown."""
-    contents, figures = paper_tables(tables), judged_figures(tables)
+    contents, figures = paper_tables(tables), reproduced_figures(tables)
     blocks = [
         "**What of the paper's tables holds up.**",
         counts(figures),
         _rules(),
         "**Its claims.**",
-        claims(judged_claims(contents)),
+        claims(tested_claims(contents)),
         _tests(),
         "**Which input comes nearer?** Mean absolute difference to the paper's classical rows, and of the chance level "
         "of our gallery to them: what a random order would reproduce, too, tells little.",
@@ -64,21 +64,21 @@ def verdict_markdown(tables: Sequence[TableContent]) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def counts(figures: Sequence[JudgedFigure]) -> str:
-    """How many figures of each table got which verdict, by input, as a Markdown table."""
-    lines = [markdown_row(["Table", "input", "figures", *VERDICTS]), markdown_rule(3 + len(VERDICTS), 2)]
+def counts(figures: Sequence[ReproducedFigure]) -> str:
+    """How many figures of each table got which outcome, by input, as a Markdown table."""
+    lines = [markdown_row(["Table", "input", "figures", *OUTCOMES]), markdown_rule(3 + len(OUTCOMES), 2)]
     for input_ in INPUTS:
         of_input = [each for each in figures if each.input == input_]
         for numeral in (*NUMERALS, "all"):
             chosen = [each for each in of_input if numeral in (each.table, "all")]
-            found = Counter(each.verdict for each in chosen)
+            found = Counter(each.outcome for each in chosen)
             if chosen:
-                numbers = [str(found[name]) for name in VERDICTS]
+                numbers = [str(found[name]) for name in OUTCOMES]
                 lines.append(markdown_row([numeral, input_, str(len(chosen)), *numbers]))
     return "\n".join(lines)
 
 
-def claims(judged: Sequence[JudgedClaim]) -> str:
+def claims(judged: Sequence[TestedClaim]) -> str:
     """Each claim with its decision, as a Markdown table."""
     lines = [markdown_row(["Claim of the paper", "table", "decision", "leads", "certain"]), markdown_rule(5, 3)]
     for each in judged:
@@ -93,14 +93,14 @@ def claims(judged: Sequence[JudgedClaim]) -> str:
     return "\n".join(lines)
 
 
-def inputs(figures: Sequence[JudgedFigure]) -> str:
+def inputs(figures: Sequence[ReproducedFigure]) -> str:
     """How far our classical rows under each input, and the chance level, are from the paper's, as a Markdown table."""
     head = ["Table", "input", "figures", "all measures", "without NN", f"within {TOLERANCE:.2f}"]
     lines = [markdown_row(head), markdown_rule(len(head), 2)]
     classical = [each for each in figures if each.ours is not None and not is_learned(each.method)]
     for numeral in NUMERALS:
         of_table = [each for each in classical if each.table == numeral]
-        candidates: dict[str, list[JudgedFigure]] = {
+        candidates: dict[str, list[ReproducedFigure]] = {
             input_: [each for each in of_table if each.input == input_] for input_ in INPUTS
         }
         longest = max(candidates.values(), key=len)
@@ -113,8 +113,8 @@ def inputs(figures: Sequence[JudgedFigure]) -> str:
     return "\n".join(lines)
 
 
-def each_figure(figures: Sequence[JudgedFigure]) -> str:
-    """The paper's figure, ours and the mark of the verdict, a row for each method and input."""
+def each_figure(figures: Sequence[ReproducedFigure]) -> str:
+    """The paper's figure, ours and the mark of the outcome, a row for each method and input."""
     lines = [markdown_row(["Method", "input", *PRINTED]), markdown_rule(2 + len(PRINTED), 2)]
     rows = dict.fromkeys((each.method, each.title, each.input) for each in figures)
     for method, title, input_ in rows:
@@ -123,9 +123,9 @@ def each_figure(figures: Sequence[JudgedFigure]) -> str:
     return "\n".join(lines)
 
 
-def _both(figure: JudgedFigure) -> str:
+def _both(figure: ReproducedFigure) -> str:
     ours = BLANK if figure.ours is None else number(figure.ours)
-    return f"{number(figure.paper)} {ours} {MARKS[figure.verdict]}".rstrip()
+    return f"{number(figure.paper)} {ours} {MARKS[figure.outcome]}".rstrip()
 
 
 def _rules() -> str:

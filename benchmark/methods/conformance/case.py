@@ -1,4 +1,4 @@
-"""A method on trial: the shapes that it is given, a look at what it answers, and when two answers are the same."""
+"""A method under test: the shapes that it is given, a look at what it answers, and when two answers are the same."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scipy.spatial.distance import pdist
 from benchmark.contracts import Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
 from benchmark.errors import BenchmarkError, UnsupportedShape, message, one_line
 from benchmark.learning import Learner
-from benchmark.methods.answers import descriptor_of, form_of
 from benchmark.methods.conformance.shapes import BENDS, figure, view
+from benchmark.methods.output_checks import descriptor_of, form_of
 from benchmark.methods.registry import MethodSpec
 
 #: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
@@ -28,7 +28,7 @@ _COMPARED_VERTICES = 1000
 
 
 class Failed(Exception):
-    """The check found a fault; the message says which, and the mend."""
+    """The check found a fault; the message says which, and the hint."""
 
 
 class Warned(Exception):
@@ -40,7 +40,7 @@ class Skipped(Exception):
 
 
 @dataclass
-class Trial:
+class ConformanceCase:
     """A method, and the shapes that it is tried on; of a learner that was trained for it, the folder of the model."""
 
     spec: MethodSpec
@@ -117,16 +117,16 @@ def explain(error: BaseException) -> str:
         return "writes into its input; work on a copy"
     if isinstance(error, (Failed, BenchmarkError)):
         return message(error)
-    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or mend the method"
+    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or correct the method"
 
 
-def same(expected: FloatArray, found: FloatArray, mend: str) -> None:
-    """Compare two answers for one shape; ``mend`` says what a difference means."""
+def same(expected: FloatArray, found: FloatArray, hint: str) -> None:
+    """Compare two answers for one shape; ``hint`` says what a difference means."""
     if expected.shape != found.shape:
-        raise Failed(f"{found.shape} instead of {expected.shape}: {mend}")
+        raise Failed(f"{found.shape} instead of {expected.shape}: {hint}")
     difference = relative_difference(expected, found)
     if not difference <= REPEAT_TOLERANCE:
-        raise Failed(f"relative difference {difference:.1e}: {mend}")
+        raise Failed(f"relative difference {difference:.1e}: {hint}")
 
 
 def relative_difference(expected: FloatArray, found: FloatArray) -> float:
@@ -134,14 +134,14 @@ def relative_difference(expected: FloatArray, found: FloatArray) -> float:
     return float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
 
 
-def close(expected: FloatArray, found: FloatArray, factor: float, mend: str) -> str:
+def close(expected: FloatArray, found: FloatArray, factor: float, hint: str) -> str:
     """Compare two answers up to rigid motions and mirrorings, the second one ``factor`` times as large."""
     if expected.shape != found.shape:
-        raise Failed(f"{found.shape} instead of {expected.shape}: {mend}")
+        raise Failed(f"{found.shape} instead of {expected.shape}: {hint}")
     wanted, seen = factor * _invariants(expected), _invariants(found)
     difference = float(np.abs(seen - wanted).max() / (np.abs(wanted).max() or 1.0))
     if not difference <= SYMMETRY_TOLERANCE:
-        raise Failed(f"relative difference {difference:.1e}: {mend}")
+        raise Failed(f"relative difference {difference:.1e}: {hint}")
     return f"relative difference {difference:.1e}"
 
 

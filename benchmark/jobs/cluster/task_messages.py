@@ -11,7 +11,7 @@ from typing import Any
 import benchmark
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
-from benchmark.jobs.orders import Order, Ranking, Share, Task
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of
 from benchmark.protocols.models import Model
@@ -24,7 +24,7 @@ Content = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Letter:
+class TaskMessage:
     """A task as JSON; it is opened in the process that does it, for that imports plugins."""
 
     text: str
@@ -42,45 +42,45 @@ def written(task: Task) -> Content:
     task
         Shapes to treat, or jobs to rank.
     """
-    content: Content = {"orders": [written_order(order) for order in task.orders]}
-    return content | {"identifiers": list(task.identifiers)} if isinstance(task, Share) else content
+    content: Content = {"jobs": [written_job(job) for job in task.jobs]}
+    return content | {"identifiers": list(task.identifiers)} if isinstance(task, ShapeBatch) else content
 
 
 def read(content: Mapping[str, Any]) -> Task:
     """The task that :func:`written` described; raises ``BenchmarkError`` if a method of it cannot be made here."""
-    orders = tuple(read_order(order) for order in content["orders"])
-    return Share(orders, tuple(content["identifiers"])) if "identifiers" in content else Ranking(orders)
+    jobs = tuple(read_job(job) for job in content["jobs"])
+    return ShapeBatch(jobs, tuple(content["identifiers"])) if "identifiers" in content else ScoringTask(jobs)
 
 
-def written_order(order: Order) -> Content:
+def written_job(job: JobSpec) -> Content:
     """One job as plain data."""
-    results = order.results.resolve()
-    is_folder = not is_known(order.dataset) and is_path(order.dataset)
-    models = {model.digest: model for model in order.models.values()}
+    results = job.results.resolve()
+    is_folder = not is_known(job.dataset) and is_path(job.dataset)
+    models = {model.digest: model for model in job.models.values()}
     return {
-        "key": order.key,
-        "facts": plain(order.facts),
-        "dataset": str(Path(order.dataset).resolve()) if is_folder else order.dataset,
-        "data_root": None if order.data_root is None else str(order.data_root.resolve()),
-        "identifiers": list(order.identifiers),
-        "input": order.input,
-        "method": written_method(order.method),
-        "seed": order.seed,
+        "key": job.key,
+        "facts": plain(job.facts),
+        "dataset": str(Path(job.dataset).resolve()) if is_folder else job.dataset,
+        "data_root": None if job.data_root is None else str(job.data_root.resolve()),
+        "identifiers": list(job.identifiers),
+        "input": job.input,
+        "method": written_method(job.method),
+        "seed": job.seed,
         "models": {digest: _written_model(model, results) for digest, model in models.items()},
-        "model_of": {identifier: model.digest for identifier, model in order.models.items()},
+        "model_of": {identifier: model.digest for identifier, model in job.models.items()},
         "results": str(results),
-        "recipe": plain(order.recipe),
-        "all_unseen": order.all_unseen,
-        "split_size": order.split_size,
-        "scorer": written_scorer(order.scorer),
+        "recipe": plain(job.recipe),
+        "all_unseen": job.all_unseen,
+        "split_size": job.split_size,
+        "scorer": written_scorer(job.scorer),
     }
 
 
-def read_order(content: Mapping[str, Any]) -> Order:
-    """The job that :func:`written_order` described."""
+def read_job(content: Mapping[str, Any]) -> JobSpec:
+    """The job that :func:`written_job` described."""
     results = Path(content["results"])
     models = {digest: _read_model(found, results) for digest, found in content["models"].items()}
-    return Order(
+    return JobSpec(
         key=content["key"],
         facts=content["facts"],
         dataset=content["dataset"],

@@ -1,11 +1,11 @@
-"""One shape under every nuisance at every strength, as a data set that can be drawn."""
+"""One shape under every perturbation at every strength, as a data set that can be drawn."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.nuisances.dataset import NUISANCES, STRENGTHS, Disturbed
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, Perturbed
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
@@ -16,7 +16,7 @@ __all__ = ["Overview", "overview"]
 
 @dataclass(frozen=True)
 class Overview:
-    """A class for each nuisance and a pose for each strength.
+    """A class for each perturbation and a pose for each strength.
 
     Scale is left out: a picture shows a shape as large as there is room.
 
@@ -35,12 +35,12 @@ class Overview:
     @property
     def name(self) -> str:
         """Name of its file."""
-        return f"{self.clean.name}-nuisances"
+        return f"{self.clean.name}-perturbations"
 
     @property
     def title(self) -> str:
         """Name in captions."""
-        return f"{self.shape.identifier} of {self.clean.title} under each nuisance"
+        return f"{self.shape.identifier} of {self.clean.title} under each perturbation"
 
     @property
     def half_width(self) -> float | None:
@@ -49,16 +49,16 @@ class Overview:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """One for each nuisance and strength."""
+        """One for each perturbation and strength."""
         return tuple(
-            Entry(f"{nuisance}={strength}", nuisance, f"strength {strength}")
-            for nuisance in NUISANCES
-            if nuisance != "scale"
+            Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
+            for perturbation in PERTURBATIONS
+            if perturbation != "scale"
             for strength in STRENGTHS
         )
 
     def load(self, entry: Entry) -> Mesh:
-        """Disturb the shape."""
+        """Perturb the shape."""
         return self._set_of(entry).load(self.shape)
 
     def recipe(self, entry: Entry) -> str:
@@ -66,20 +66,20 @@ class Overview:
         return self._set_of(entry).recipe(self.shape)
 
     def camera(self, entry: Entry) -> Camera:
-        """Return the camera of the shape under the nuisance."""
+        """Return the camera of the shape under the perturbation."""
         return self._set_of(entry).camera(self.shape)
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
         """What the depth camera adds to its image."""
         return self._set_of(entry).sensor(self.shape)
 
-    def _set_of(self, entry: Entry) -> Disturbed:
-        nuisance, _, strength = entry.identifier.partition("=")
-        return Disturbed(self.clean, nuisance, int(strength))
+    def _set_of(self, entry: Entry) -> Perturbed:
+        perturbation, _, strength = entry.identifier.partition("=")
+        return Perturbed(self.clean, perturbation, int(strength))
 
 
 def overview(dataset: Dataset, identifier: str = "") -> Overview:
-    """One shape of a data set under every nuisance; the first one where none is named.
+    """One shape of a data set under every perturbation; the first one where none is named.
 
     Raises
     ------

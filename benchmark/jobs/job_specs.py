@@ -38,7 +38,7 @@ class Scope(Protocol):
 
 
 @dataclass(frozen=True)
-class Order:
+class JobSpec:
     """One job: a method on a gallery under one input.
 
     Parameters
@@ -84,7 +84,7 @@ class Order:
     ranks_again: bool = False
 
     @classmethod
-    def of(cls, job: Job, scope: Scope) -> Order:
+    def of(cls, job: Job, scope: Scope) -> JobSpec:
         """Write the order for a job of the plan."""
         return cls(
             key=job.key,
@@ -116,75 +116,75 @@ class Order:
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
-    def room(self) -> str:
-        """Jobs of one room may share a process: all built-in methods of a package, or those of one plugin file."""
-        rooms = dict.fromkeys(_room(module) for module in (self.method.module, self.scorer.module))
-        return " ".join(room for room in rooms if room != "retrieval")
+    def package(self) -> str:
+        """Jobs of one package may share a process: all built-in methods of a package, or those of one plugin file."""
+        packages = dict.fromkeys(_package(module) for module in (self.method.module, self.scorer.module))
+        return " ".join(each for each in packages if each != "retrieval")
 
 
-def _room(module: str) -> str:
+def _package(module: str) -> str:
     return module if module.endswith(".py") else module.partition(".")[0]
 
 
 @dataclass(frozen=True)
-class Share:
+class ShapeBatch:
     """Some shapes of a data set under one input, each to be treated by several methods before the next one.
 
     Parameters
     ----------
-    orders
-        Jobs of one data set, input, seed and room; each treats those of the shapes that are in its gallery.
+    jobs
+        Jobs of one data set, input, seed and package; each treats those of the shapes that are in its gallery.
     identifiers
         The shapes.
     """
 
-    orders: tuple[Order, ...]
+    jobs: tuple[JobSpec, ...]
     identifiers: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Ranking:
+class ScoringTask:
     """The second half of jobs: all their shapes are treated, and are to be ranked."""
 
-    orders: tuple[Order, ...]
+    jobs: tuple[JobSpec, ...]
 
 
-Task = Share | Ranking
+Task = ShapeBatch | ScoringTask
 
 
-def shares(orders: list[Order], workers: int) -> list[Share]:
-    """Cut the first half of jobs into shares.
+def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:
+    """Cut the first half of jobs into batches.
 
     Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
-    all methods. Shares are small enough for every worker to have several, and large enough for the start of a process
+    all methods. Batches are small enough for every worker to have several, and large enough for the start of a process
     not to count.
 
     Parameters
     ----------
-    orders
+    jobs
         The jobs.
     workers
         Processes at a time.
     """
-    groups: dict[tuple[Any, ...], list[Order]] = {}
-    for order in orders:
-        place = (order.dataset, order.data_root, order.input, order.seed, order.results, order.room)
-        groups.setdefault(place, []).append(order)
+    groups: dict[tuple[Any, ...], list[JobSpec]] = {}
+    for job in jobs:
+        place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
+        groups.setdefault(place, []).append(job)
     found = []
     for group in groups.values():
-        if again := tuple(order for order in group if order.ranks_again):
-            found.append(Share(again, ()))
-            group = [order for order in group if not order.ranks_again]
-        identifiers = list(dict.fromkeys(identifier for order in group for identifier in order.identifiers))
-        if any(order.is_foreign for order in group):
+        if again := tuple(job for job in group if job.ranks_again):
+            found.append(ShapeBatch(again, ()))
+            group = [job for job in group if not job.ranks_again]
+        identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
+        if any(job.is_foreign for job in group):
             identifiers = shuffled(identifiers)  # galleries are sorted by class, which no method is to know
-        size = min(LARGEST_SHARE, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
+        size = min(LARGEST_BATCH, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
         for start in range(0, len(identifiers), size):
             chosen = tuple(identifiers[start : start + size])
             wanted = set(chosen)
-            found.append(Share(tuple(o for o in group if wanted & set(o.identifiers)), chosen))
+            found.append(ShapeBatch(tuple(o for o in group if wanted & set(o.identifiers)), chosen))
     return found
 
 
-#: Shapes in one share.
-SMALLEST_SHARE, LARGEST_SHARE = 5, 40
+#: Shapes in one batch.
+SMALLEST_SHARE, LARGEST_BATCH = 5, 40

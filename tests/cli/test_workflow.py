@@ -109,16 +109,16 @@ def test_what_stays_on_the_disk_is_small(large_run):
     """Bytes that a run leaves for each shape and input, over five methods of which four make forms."""
     results, _ = large_run
     files = {path: path.stat().st_size for path in (results / "runs").rglob("*") if path.is_file()}
-    by_room = {}
+    by_folder = {}
     for path, size in files.items():
-        room = path.relative_to(results / "runs").parts[0]
-        by_room[room] = by_room.get(room, 0) + size
-    assert set(by_room) == {"artefacts", "claims", "records"}
+        folder = path.relative_to(results / "runs").parts[0]
+        by_folder[folder] = by_folder.get(folder, 0) + size
+    assert set(by_folder) == {"artefacts", "claims", "records"}
     n_places = 6 * 2
     # A form of 2000 vertices in single precision is 24 kB before it is packed, a prepared shape 96 kB, a view with its
     # image some more. Geodesics would be 16 MB.
-    assert by_room["artefacts"] / n_places < 300_000
-    assert by_room["records"] / len(METHODS) / 2 < 30_000
+    assert by_folder["artefacts"] / n_places < 300_000
+    assert by_folder["records"] / len(METHODS) / 2 < 30_000
     assert max(files.values()) < 400_000
 
 

@@ -14,7 +14,7 @@ from benchmark.system.forks import one_of_us
 
 Note = NDArray[Any]
 
-_MEND = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 
 
 def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
@@ -31,10 +31,10 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
         with one_of_us():
             form = method.canonicalise(shape)
         if not isinstance(form, CanonicalForm):
-            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _MEND)
+            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _HINT)
         mesh = form.mesh
     except InvalidMesh as error:  # the shape is in order, so what is not was made of it
-        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _MEND) from error
+        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _HINT) from error
     return mesh, {name: _note(method, name, value) for name, value in form.notes.items()}
 
 
@@ -72,18 +72,18 @@ def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> Float
         If it returns anything but a square matrix of finite real numbers.
     """
     count = len(descriptors)
-    mend = "return the distances of all pairs as a symmetric matrix of finite numbers"
+    hint = "return the distances of all pairs as a symmetric matrix of finite numbers"
     with one_of_us():
         found = method.distances(descriptors)
-    return real_numbers(f"method '{method.info.name}'", found, (count, count), mend)
+    return real_numbers(f"method '{method.info.name}'", found, (count, count), hint)
 
 
-def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], mend: str) -> FloatArray:
+def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:
     """An answer as an array of finite real numbers; any length but 0 will do where the shape is None."""
     try:
         found = np.asarray(answer)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
-        raise InvalidForm(f"{who} returned no array ({one_line(error)})", mend) from error
+        raise InvalidForm(f"{who} returned no array ({one_line(error)})", hint) from error
     fits = len(found.shape) == len(shape) and all(
         count == wanted if wanted is not None else count for count, wanted in zip(found.shape, shape, strict=True)
     )
@@ -93,4 +93,4 @@ def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], mend: 
         what = "an array with NaN or infinite numbers"
     else:
         return found.astype(np.float64)
-    raise InvalidForm(f"{who} returned {what}", mend)
+    raise InvalidForm(f"{who} returned {what}", hint)

@@ -9,7 +9,7 @@ from benchmark.system.text import brief
 
 
 @dataclass
-class Member:
+class WorkerNode:
     """A dask worker.
 
     Parameters
