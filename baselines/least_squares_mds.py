@@ -102,7 +102,7 @@ class LeastSquaresMDS(CheckedParameters):
 
 
 class Limits(TypedDict):
-    """When an iteration ends: the names of the parameters are those of :class:`LeastSquaresMDS`."""
+    """Limits of an iteration: the names of the parameters are those of :class:`LeastSquaresMDS`."""
 
     max_iterations: int
     rtol: float

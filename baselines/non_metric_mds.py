@@ -144,7 +144,7 @@ def non_metric_scaling(
 
 
 def disparities_like(dissimilarities: FloatArray, points: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """What turns any dissimilarities into disparities in the way that suits a scaling of some.
+    """Return what turns any dissimilarities into disparities in the way that suits a scaling of some.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ GeodesicSolver = Annotated[str, OneOf(_geodesic_solvers)]
 
 @dataclass(frozen=True, kw_only=True)
 class MethodInfo:
-    """What the harness and the tables say about a method.
+    """Facts about a method, for the harness and the tables.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class CanonicalForm:
 
 
 class ArtefactCache(Protocol):
-    """Where a shape keeps what is expensive while several methods treat it; tests pass nothing."""
+    """Cache of a shape for expensive arrays that several methods use; tests pass nothing."""
 
     def get_or_compute(
         self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]

@@ -1,4 +1,4 @@
-"""What a method that learns adds to the contract: training pairs come in, a folder with a model goes out.
+"""Contract of a method that learns: training pairs come in, a folder with a model goes out.
 
 A *learner* is a method (see :mod:`benchmark.contracts`) that also has ``train`` and ``load``. The harness chooses the
 training data by the protocol of a table, so that no learner ever sees a shape it is tested on, and hands the learner
@@ -71,7 +71,7 @@ class TrainingPair:
 
 
 class MakesPairs(Protocol):
-    """What makes pairs anew, one at a time and always in the same order."""
+    """Maker of fresh pairs, one at a time and always in the same order."""
 
     def __call__(self, start: int = 0) -> Iterator[TrainingPair]:
         """Make the pairs from a place on, without the work for those before it."""
@@ -224,7 +224,7 @@ def _refuse(name: str) -> float:
 
 
 def card_digest(card: Mapping[str, Any]) -> str:
-    """What names a model: the digest of its card, which holds that of the weights; 64 hexadecimal digits.
+    """Return what names a model: the digest of its card, which holds that of the weights; 64 hexadecimal digits.
 
     A network with the same weights that is told to see another resolution, or to have seen other subjects, is another
     model.

@@ -1,4 +1,4 @@
-"""What a results folder holds, as pandas data frames and arrays: records, scores of queries, distances, forms.
+"""Contents of a results folder as pandas data frames and arrays: records, scores of queries, distances, forms.
 
 >>> from benchmark.results import open_results
 >>> results = open_results("results")

@@ -1,4 +1,4 @@
-"""What the author of a scorer imports: canonical forms come in, dissimilarities of all pairs go out.
+"""Contract of a scorer: canonical forms come in, dissimilarities of all pairs go out.
 
 A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` looks at
 one form and ``compare`` at the signatures of a whole gallery. Its fields are its parameters, as those of a method are
@@ -26,7 +26,7 @@ SignatureArrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class ScorerInfo:
-    """What the harness and the tables say about a scorer.
+    """Facts about a scorer, for the harness and the tables.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a learner gets that is trained on fresh shapes without end: a maker of batches, each known by its number."""
+"""Endless stream of fresh shapes for a learner: a maker of batches, each known by its number."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def configuration_named(name: str, known: Mapping[str, C]) -> C:
 
 
 def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -> Mapping[str, Any]:
-    """What the card of the model in ``folder`` tells of its configuration.
+    """Return what the card of the model in ``folder`` tells of its configuration.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a surface lies, which way it stands and how large it is: what a network of surfaces is told nothing of."""
+"""Frame of a surface: position, orientation and size, of which a network of surfaces is told nothing."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
 
 
 def of_unit_area(mesh: Mesh, vertices: Points) -> Points:
-    """Where a network puts the vertices of a surface, shape (n, 3), scaled so that its area is 1.
+    """Return where a network puts the vertices of a surface, shape (n, 3), scaled so that its area is 1.
 
     Raises
     ------

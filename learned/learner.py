@@ -1,4 +1,4 @@
-"""What all networks of this package share: their model; and those that read images, what comes in and goes out."""
+"""Base classes of all networks: their model; and for those that read images, what comes in and goes out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether two scorers put methods in the same order: Kendall's tau-b, which allows for ties, and its chance level."""
+"""Rank agreement of two scorers: Kendall's tau-b, which allows for ties, and its chance level."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far two rankings agree.
+    """Agreement of two rankings.
 
     Parameters
     ----------

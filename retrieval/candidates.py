@@ -1,4 +1,4 @@
-"""Which pixels may be extrema of a scale space: many pixels at a time, in vectors."""
+"""Search for pixels that may be extrema of a scale space: many pixels at a time, in vectors."""
 
 from __future__ import annotations
 

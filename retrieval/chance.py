@@ -1,4 +1,4 @@
-"""What a ranking without any knowledge of the class scores: the yardsticks printed under every table."""
+"""Chance level: the scores of a ranking without knowledge of the class, printed under every table."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ ROUNDING = 128.0
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """How often each word occurs in each view of one form.
+    """Counts of each word in each view of one form.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
     index = context.get_value_type(types.intp)
 
     def array(argument: int) -> tuple[Any, Any]:
-        """Where an array begins, and the elements between its rows."""
+        """Return where an array begins, and the elements between its rows."""
         made = context.make_array(signature.args[argument])(context, builder, args[argument])
         size = context.get_constant(types.intp, 4)
         return made.data, builder.sdiv(cgutils.unpack_tuple(builder, made.strides, 2)[0], size)

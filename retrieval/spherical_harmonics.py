@@ -136,7 +136,7 @@ def sample_surface(mesh: Mesh) -> tuple[Points, Points]:
 
 
 def _on_shells(radii: Points, weights: Points, n_shells: int) -> csr_array:
-    """How much of each point lies in each shell, shape (n_shells, k): shared by the two nearest, so nothing jumps."""
+    """Return the part of each point in each shell, shape (n_shells, k): shared by the two nearest, so nothing jumps."""
     place = np.clip(radii * n_shells - 1, 0, n_shells - 1)
     lower = np.minimum(place.astype(np.int64), max(n_shells - 2, 0))
     upper = np.minimum(lower + 1, n_shells - 1)

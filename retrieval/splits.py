@@ -27,7 +27,7 @@ Label = TypeVar("Label", bound=Hashable)
 
 @dataclass(frozen=True)
 class Range:
-    """Where one measure lies over the splits.
+    """Range of one measure over the splits.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def ranges(scores: Mapping[str, FloatArray]) -> dict[str, Range]:
 
 
 def _membership(splits: Sequence[Sequence[Label]], number: Mapping[Label, int]) -> NDArray[np.bool_]:
-    """Which classes each split holds, shape (splits, classes)."""
+    """Return which classes each split holds, shape (splits, classes)."""
     chosen = np.zeros((len(splits), len(number)), dtype=np.bool_)
     for row, split in enumerate(splits):
         unknown = [name for name in split if name not in number]

@@ -44,7 +44,7 @@ def _cube_rotations() -> NDArray[np.float64]:
 
 
 def permutation_of(rotation: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Where an orthogonal map of the cube sends each view.
+    """Return where an orthogonal map of the cube sends each view.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def permutation_of(rotation: NDArray[np.float64]) -> NDArray[np.int32]:
 
 
 def _orbits() -> NDArray[np.int32]:
-    """Which of the four orbits of the cube group a view belongs to, shape (66,); their sizes are 6, 12, 24 and 24."""
+    """Return the orbit of the cube group that a view belongs to, 0 to 3, shape (66,), of 6, 12, 24 and 24 views."""
     smallest = VIEW_PERMUTATIONS.min(axis=0)
     return np.asarray(np.unique(smallest, return_inverse=True)[1], dtype=np.int32)
 

@@ -1,4 +1,4 @@
-"""What a shape must have before a spectral or MDS method may treat it."""
+"""Requirements on a shape before a spectral or MDS method takes it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an iteration over all pairs sets out: the scaling of a few spread vertices, and the others among them."""
+"""Starts of iterations over all pairs: the scaling of a few spread vertices, and the others among them."""
 
 from __future__ import annotations
 

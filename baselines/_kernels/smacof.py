@@ -179,7 +179,7 @@ def smacof(
 
 
 class StressProblem:
-    """What stays the same over the iterations: weighted targets, the matrix V and its factor.
+    """Constants of the iteration: weighted targets, the matrix V and its factor.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ some 3 to 25, and a neck of a thousandth of the width still has some hundredths.
 
 
 def clear_length(values: FloatArray, most: int) -> int:
-    """How many of the first values to keep so that none of several equal ones is cut off from the others.
+    """Return how many of the first values to keep so that none of several equal ones is cut off from the others.
 
     Eigenvectors of equal eigenvalues are known as a space alone: what used some of them would hang on rounding errors.
 

@@ -26,7 +26,7 @@ _VARIABLE = "_CANONICAL_FORMS_COMPLETE"
 
 
 def script(group: click.Group, shell: str) -> str:
-    """What a shell has to read once to complete words of the program; ``shell`` is one of :data:`SHELLS`."""
+    """Return what a shell has to read once to complete words of the program; ``shell`` is one of :data:`SHELLS`."""
     made = get_completion_class(shell)
     if made is None:
         raise ValueError(shell)

@@ -1,4 +1,4 @@
-"""How far a verb is that treats one shape after the other."""
+"""Progress of a verb that takes one shape after the other."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def counting(what: str) -> Iterator[Watched]:
 
 
 def _said(what: str, entries: Sequence[Entry]) -> str:
-    """What is done, and whether the shapes are generated, which takes longer than to read them."""
+    """Return what is done, and whether the shapes are generated, which takes longer than to read them."""
     generated = any(entry.path is None for entry in entries)
     return clean(f"{what}{', each shape generated first' if generated else ''}")
 

@@ -1,4 +1,4 @@
-"""What ``describe`` tells of a method."""
+"""Text of ``describe`` about a method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``list`` shows, as rows of plain values."""
+"""Rows of ``list``, as plain values."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ def _refuse(problem: str, code: int = USAGE) -> NoReturn:
 
 
 def _usage(error: click.ClickException) -> str:
-    """What is wrong with a command line, and where to read how it is written."""
+    """Return what is wrong with a command line, and where to read how it is written."""
     context = getattr(error, "ctx", None)
     return f"{error.format_message().rstrip('.')}; see '{context.command_path if context else PROGRAM} --help'"
 

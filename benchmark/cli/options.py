@@ -193,7 +193,7 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Selection:
-    """What the options of ``run``, ``plan``, ``tables`` and others select."""
+    """Selection by the options of ``run``, ``plan``, ``tables`` and others."""
 
     tables: tuple[str, ...]
     methods: tuple[str, ...]
@@ -217,12 +217,12 @@ class Selection:
 
     @property
     def is_narrow(self) -> bool:
-        """Whether methods are named, so that a table has no rows for others that were never run."""
+        """Return whether methods are named, so that a table has no rows for others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
 
     @property
     def is_by_name(self) -> bool:
-        """Whether each method is asked for by its name."""
+        """Return whether each method is asked for by its name."""
         return self.is_narrow and FINISHED not in self.methods
 
     def store(self, output: Path | None = None) -> Store:
@@ -350,12 +350,12 @@ class Selection:
 
 
 def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
-    """Whether the data of a record is one of these sets, by name or by path; all are where none is named."""
+    """Return whether the data of a record is one of these sets, by name or by path; all are where none is named."""
     return not datasets or bool({*datasets, *map(os.path.realpath, datasets)} & _names(data))
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
-    """What a data set may be called; under a perturbation, also what the clean set may be."""
+    """Return what a data set may be called; under a perturbation, also what the clean set may be."""
     from benchmark.datasets.perturbations.dataset import parsed
 
     given = {data["name"], data["source"]}

@@ -1,4 +1,4 @@
-"""What ``report`` writes: pages, or one figure."""
+"""Output of ``report``: pages, or one figure."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _cost_figure(selection: Selection) -> Figure:
 
 
 def no_table(selection: Selection) -> ConfigurationError:
-    """What is said where no finished job belongs to a table."""
+    """Return what is said where no finished job belongs to a table."""
     return ConfigurationError(
         f"no finished job under {selection.results} belongs to table {', '.join(selection.tables) or 'of any name'}",
         "run it first, or select less",

@@ -1,4 +1,4 @@
-"""What the harness asks of a data set."""
+"""Interface of a data set to the harness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which shape of a subject shows the canonical pose, the target of methods that learn."""
+"""Choice of the shape of a subject that shows the canonical pose, the target of methods that learn."""
 
 from __future__ import annotations
 

@@ -142,12 +142,12 @@ CATALOGUE: dict[str, DatasetSource] = {
 
 
 def is_known(name: str) -> bool:
-    """Whether a name on the command line means a data set, with or without parameters, rather than a folder."""
+    """Return whether a name on the command line means a data set, with or without parameters, rather than a folder."""
     return name in CATALOGUE or PATTERN.fullmatch(name) is not None
 
 
 def is_present(name: str, data_root: Path | None) -> bool:
-    """Whether a data set can be used: generated ones always, official ones when their folder is there."""
+    """Return whether a data set can be used: generated ones always, official ones when their folder is there."""
     if (clean := clean_name(name)) != name:
         return is_path(clean) or is_present(clean, data_root)
     if found := parsed(name):
@@ -206,7 +206,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
-    """What :func:`open_dataset` takes for names on the command line, where plugin files may bring data sets.
+    """Return what :func:`open_dataset` takes for names on the command line, where plugin files may bring data sets.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
 
 
 def _meant(name: str, own: Mapping[str, str]) -> str:
-    """What :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
+    """Return what :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
     if found := parsed(name):
         return perturbed_name(_meant(found[0], own), *found[1:])
     if name not in own and not is_known(name) and not is_path(name):
@@ -253,7 +253,7 @@ def folder_name(folder: Path) -> str:
 
 
 def is_path(name: str) -> bool:
-    """Whether a name on the command line can only mean a folder."""
+    """Return whether a name on the command line can only mean a folder."""
     return "/" in name or name.startswith((".", "~")) or Path(name).is_dir()
 
 

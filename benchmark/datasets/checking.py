@@ -56,7 +56,7 @@ class Anomaly:
 
 @dataclass(frozen=True)
 class Report:
-    """What a check found.
+    """Findings of a check.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Report:
 
     @property
     def usable(self) -> bool:
-        """Whether there is no error."""
+        """Return whether there is no error."""
         return not any(anomaly.severity == "error" for anomaly in self.anomalies)
 
     def lines(self) -> list[str]:

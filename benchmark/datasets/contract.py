@@ -19,7 +19,7 @@ __all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Me
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetInfo:
-    """What the harness and the tables say about a data set.
+    """Facts about a data set, for the harness and the tables.
 
     Parameters
     ----------

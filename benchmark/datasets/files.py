@@ -73,7 +73,7 @@ def file_digest(path: Path) -> str:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is anything of this name, be it a link that leads nowhere."""
+    """Return whether there is anything of this name, be it a link that leads nowhere."""
     return path.is_symlink() or path.exists()
 
 

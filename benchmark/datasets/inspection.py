@@ -1,4 +1,4 @@
-"""What is to be known about one mesh before it is used: counts, pieces, holes, and what is wrong with it."""
+"""Facts about one mesh before it is used: counts, pieces, holes, and what is wrong with it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def count_holes(faces: Faces) -> int:
 
 
 def flaws(inspection: Inspection) -> Iterator[tuple[str, str]]:
-    """What makes a mesh less than a closed manifold in one piece, each with what becomes of it or how to correct it."""
+    """Return what keeps a mesh from being a closed manifold in one piece, each with its effect or how to correct it."""
     found = inspection.cleaning
     if found.merged:
         what = _many(found.merged, "duplicate vertex", "duplicate vertices")

@@ -78,7 +78,7 @@ class Jittered:
 
     @property
     def stand_in_for(self) -> str:
-        """What the clean set stands in for."""
+        """Return what the clean set stands in for."""
         return self.clean.stand_in_for
 
     @property

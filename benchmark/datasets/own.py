@@ -186,7 +186,7 @@ def _serve(facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[
 
 
 def is_own(source: str) -> bool:
-    """Whether a data set is named by a plugin file and a class in it."""
+    """Return whether a data set is named by a plugin file and a class in it."""
     return _MARK in source
 
 
@@ -253,7 +253,7 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
 
 
 def problems_of(entries: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
-    """What is wrong with the shapes that a set lists: each problem with its hint."""
+    """Return what is wrong with the shapes that a set lists: each problem with its hint."""
     if not entries:
         yield "it lists no shapes", "let 'entries' list at least two classes, one of them with two shapes"
     for entry in entries:

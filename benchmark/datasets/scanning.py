@@ -1,4 +1,4 @@
-"""What a body scanner makes of a surface: one skin over all that touches, other triangles every time, and noise."""
+"""Simulation of a body scanner: one skin over all that touches, other triangles every time, and noise."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _DIRECTIONS, _IMAGE, _DEPTH_TOLERANCE, _EXPOSED = 128, 400, 0.002, 0.12
 
 
 def sheltered_vertices(mesh: Mesh) -> NDArray[np.bool_]:
-    """Whether light from fewer than one in eight directions reaches a vertex, shape (n,).
+    """Return whether light from fewer than one in eight directions reaches a vertex, shape (n,).
 
     Parameters
     ----------

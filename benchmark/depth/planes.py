@@ -68,7 +68,7 @@ class Plane:
 
     @property
     def is_floor(self) -> bool:
-        """Whether it can be stood on."""
+        """Return whether it can be stood on."""
         return bool(-self.normal[1] >= FLOOR)
 
 

@@ -212,7 +212,7 @@ READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
 
 
 def is_depth_file(path: Path) -> bool:
-    """Whether a file may be a depth image: one of integers or floats by its header, and not called a mask."""
+    """Return whether a file may be a depth image: one of integers or floats by its header, and not called a mask."""
     suffix = path.suffix.lower()
     if suffix not in READERS or "mask" in path.name.lower():
         return False
@@ -228,7 +228,7 @@ def is_depth_file(path: Path) -> bool:
 
 
 def _says_16_bits(path: Path) -> bool:
-    """Whether a PNG that cannot be opened says that it has 16 bits, and so is a shape that is lost, not ignored."""
+    """Return whether a PNG that cannot be opened says that it has 16 bits: it is a lost shape, not an ignored one."""
     try:
         with path.open("rb") as stream:
             head = stream.read(26)

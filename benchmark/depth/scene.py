@@ -22,7 +22,7 @@ _NEAREST = 0.1
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a camera stands.
+    """Position and orientation of a camera.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def nearest(*depths: Depths) -> Depths:
 
 @dataclass(frozen=True)
 class DepthFaults:
-    """What a structured-light camera adds to depths.
+    """Faults that a structured-light camera adds to depths.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a depth camera looks from."""
+"""Directions from which a depth camera looks."""
 
 from __future__ import annotations
 

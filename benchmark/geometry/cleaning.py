@@ -30,7 +30,7 @@ _EXTENTS = (1e-100, 1e100)
 
 @dataclass(frozen=True)
 class CleaningReport:
-    """What :func:`clean` found and did.
+    """Report of :func:`clean`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What one depth camera sees of a shape: a depth image, and the open 2.5-D surface that lies behind its pixels.
+"""View of a shape by one depth camera: a depth image, and the open 2.5-D surface behind its pixels.
 
 Both directions share one convention. The camera is orthographic; its frame has *x* to the right, *y* up and *z* towards
 the camera, is right-handed, and has its origin in the centre of the shape's bounding box. The image shows the cube
@@ -65,7 +65,7 @@ SPECK = 8
 
 @dataclass(frozen=True)
 class ViewReport:
-    """What became of the pixels of a depth image on the way to a surface.
+    """Counts of the pixels of a depth image on the way to a surface.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is known at the vertices of a decimated mesh, carried over to points near its surface."""
+"""Interpolation from the vertices of a decimated mesh to points near its surface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CANDIDATES = 30
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMap:
-    """Where points lie on a mesh.
+    """Positions of points on a mesh.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a real depth camera adds to a depth image: noise of each pixel, and steps."""
+"""Sensor model of a real depth camera: noise of each pixel, and steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan would take, from what finished jobs took: seconds of work, and room on the disk."""
+"""Estimates for a plan from the costs of finished jobs: seconds of work, and room on the disk."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAMPLE = 500
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the jobs of a plan that are to run would take if none of their stages were done already.
+    """Cost of the jobs of a plan that are to run, if none of their stages were done already.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What workers are told to do, in plain data that travels between processes."""
+"""Descriptions of jobs for workers, in plain data that travels between processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmark.storage.keys import plain
 
 
 class Scope(Protocol):
-    """Where the results and the official data sets of a selection are, and its base seed."""
+    """Folders of the results and the official data sets of a selection, and its base seed."""
 
     @property
     def results(self) -> Path:
@@ -112,7 +112,7 @@ class JobSpec:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether code that is none of this suite makes a part of it."""
+        """Return whether code that is none of this suite makes a part of it."""
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property

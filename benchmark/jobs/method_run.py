@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ShapeResult:
-    """What became of one shape.
+    """Result of a method for one shape.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class MethodRun:
 
     @property
     def describes(self) -> bool:
-        """Whether shapes are described without a form."""
+        """Return whether shapes are described without a form."""
         return not isinstance(self.method, Method)
 
     def treat(self, entry: Entry) -> ShapeResult:
@@ -148,7 +148,7 @@ class MethodRun:
         return form.form_mesh(require_arrays(found), self.preparation.shape(entry, self.seed).mesh)
 
     def recipe(self, entry: Entry) -> Recipe:
-        """What determines the form or the descriptor."""
+        """Return what determines the form or the descriptor."""
         model = self.models.get(entry.identifier)
         return form_recipe(
             self.spec,
@@ -191,7 +191,7 @@ class MethodRun:
 
 
 def _is_small(name: str) -> bool:
-    """Whether an array tells about a stage, rather than being its result."""
+    """Return whether an array tells about a stage, rather than being its result."""
     return name.startswith("note:") or name == REFUSED
 
 

@@ -1,4 +1,4 @@
-"""What would run and why: protocols x methods -> jobs. Nothing is computed here, records are only read."""
+"""Plan of a run, with reasons: protocols x methods -> jobs. Nothing is computed here, records are only read."""
 
 from __future__ import annotations
 
@@ -82,12 +82,12 @@ class Job:
 
     @property
     def to_run(self) -> bool:
-        """Whether a run would compute it."""
+        """Return whether a run would compute it."""
         return self.state in ("missing", "stale", "published")
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What a record tells of gallery and method, so that tables need neither the data nor the plugin."""
+        """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
         dataset, info = self.gallery.dataset, self.method.info
         return {
             "gallery": self.gallery.name,
@@ -332,7 +332,7 @@ def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str
 
 
 def unavailable_record(job: Job) -> Record:
-    """What tables know of a job that cannot be done here: a package or a model is missing."""
+    """Return what tables know of a job that cannot be done here: a package or a model is missing."""
     recipe = {"unavailable": job.reason, "gallery": job.gallery.name, "input": job.input, "method": job.method.name}
     if job.scorer.name != DEFAULT:
         recipe["scorer"] = job.scorer.name

@@ -70,7 +70,7 @@ class Preparation:
         return REFUSED not in self.artefact(entry).arrays
 
     def recipe(self, entry: Entry) -> Recipe:
-        """What determines the prepared shape."""
+        """Return what determines the prepared shape."""
         if entry.identifier not in self._recipes:
             frame = self._frame if self.input == "view" else {}
             self._recipes[entry.identifier] = shape_recipe(self.dataset, entry, self.input, frame)
@@ -154,12 +154,12 @@ def require_arrays(artefact: Artefact) -> Arrays:
 
 
 def notes(arrays: Arrays) -> dict[str, float | str]:
-    """What a stage noted about a shape."""
+    """Return what a stage noted about a shape."""
     return {name[5:]: value.item() for name, value in arrays.items() if name.startswith("note:")}
 
 
 class SharedStages:
-    """What the methods of one shape share in memory; each is charged what it would have paid alone."""
+    """Arrays that the methods of one shape share in memory; each is charged what it would have paid alone."""
 
     def __init__(self, meter: Meter) -> None:
         self._meter = meter

@@ -1,4 +1,4 @@
-"""What determines each stage of each shape, without computing it."""
+"""Recipes: what determines each stage of each shape, without computing it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
 
 
 def frame_recipe(dataset: Dataset) -> Recipe:
-    """What determines the scale of the depth images: a constant, or all shapes of the set."""
+    """Return what determines the scale of the depth images: a constant, or all shapes of the set."""
     if dataset.half_width is not None:
         return {"stage": "frame", "half_width": dataset.half_width}
     shapes = [
@@ -89,7 +89,7 @@ def frame_recipe(dataset: Dataset) -> Recipe:
 
 
 def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
-    """What determines the prepared shape.
+    """Return what determines the prepared shape.
 
     Parameters
     ----------
@@ -107,13 +107,13 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
 
 
 def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:
-    """What the depth camera of a data set adds to its images; most have one without faults, and say nothing of it."""
+    """Return the sensor of a data set, which adds faults to its depth images; None where it says nothing of one."""
     found = getattr(dataset, "sensor", None)
     return found(entry) if found else None
 
 
 def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, model: str = "") -> Recipe:
-    """What determines the canonical form, or the descriptor.
+    """Return what determines the canonical form, or the descriptor.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
 
 
 def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
-    """What determines the signature of a form."""
+    """Return what determines the signature of a form."""
     return {
         "stage": "features",
         "form": form,
@@ -151,7 +151,7 @@ def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
 
 
 def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) -> Recipe:
-    """What determines the distances of a gallery: its forms or descriptors in order, and the draw of the scorer."""
+    """Return the recipe of the distances of a gallery: its forms or descriptors in order, and the scorer's draw."""
     return {
         "stage": "distances",
         "forms": forms,

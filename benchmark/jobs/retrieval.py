@@ -54,7 +54,7 @@ class Hit:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search found.
+    """Result of a search.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a method, or a scorer, may say about itself."""
+"""Checks of what a method, or a scorer, says about itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST_DRAWS = 100
 
 
 def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
-    """What is wrong with the information of a method: each problem with its hint."""
+    """Return what is wrong with the information of a method: each problem with its hint."""
     if isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
     yield from _problems_of_texts(info)
@@ -30,7 +30,7 @@ def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
 
 
 def problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
-    """What is wrong with the information of a scorer: each problem with its hint."""
+    """Return what is wrong with the information of a scorer: each problem with its hint."""
     yield from _problems_of_texts(info)
     draws: Any = info.draws
     if type(draws) is not int or not 1 <= draws <= _MOST_DRAWS:
@@ -41,7 +41,7 @@ def problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
 
 
 def _problems_of_texts(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str]]:
-    """What is wrong with what both say."""
+    """Return what is wrong with what both say."""
     if not is_name(info.name):
         said = f"name {info.name!r:.80} is not lower-case words joined by hyphens"
         yield said, f"write it so, with {LONGEST_NAME} characters at most"

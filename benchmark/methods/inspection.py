@@ -165,7 +165,7 @@ def _require_unchanged(before: Mapping[tuple[str, str], Any], streams: list[obje
 
 
 def _streams() -> list[object]:
-    """What the standard streams lead to; None for one that is closed."""
+    """Return what the standard streams lead to; None for one that is closed."""
     found: list[object] = [stream is None for stream in (sys.stdout, sys.stderr)]
     for number in range(3):
         try:

@@ -22,7 +22,7 @@ _HINT = "correct the package, or uninstall it"
 
 @dataclass(frozen=True)
 class Installed:
-    """What all installed packages bring.
+    """Methods, scorers and data sets that installed packages bring.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def installed(taken: frozenset[str]) -> Installed:
 
 
 def _told(package: str, refused: Mapping[str, BenchmarkError]) -> ConfigurationError:
-    """What of a package cannot be used, with the reason of the first."""
+    """Return what of a package cannot be used, with the reason of the first."""
     first = next(iter(refused.values()))
     return ConfigurationError(
         f"installed package {package}, {', '.join(refused) or 'all methods'}: {first.problem}", first.hint or _HINT
@@ -92,7 +92,7 @@ def _packages() -> Iterator[tuple[str, Distribution]]:
 
 
 def _targets(points: Iterable[EntryPoint], taken: Iterable[str]) -> tuple[dict[str, str], dict[str, BenchmarkError]]:
-    """Where each method of a package is defined, and what is wrong with the entry points of others."""
+    """Return where each method of a package is defined, and what is wrong with the entry points of others."""
     targets: dict[str, str] = {}
     refused: dict[str, BenchmarkError] = {}
     for point in points:

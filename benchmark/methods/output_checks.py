@@ -1,4 +1,4 @@
-"""What a method answers, looked at before it is used: nothing is cast that would change."""
+"""Checks of the output of a method before it is used: nothing is cast that would change."""
 
 from __future__ import annotations
 

@@ -77,12 +77,12 @@ class ScorerSpec:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether the scorer comes from a plugin file or an installed package."""
+        """Return whether the scorer comes from a plugin file or an installed package."""
         return is_foreign(self.module)
 
     @property
     def info(self) -> ScorerInfo:
-        """What the scorer says about itself."""
+        """Return what the scorer says about itself."""
         return cast(ScorerInfo, self.load().info)
 
     def load(self) -> type[Any]:

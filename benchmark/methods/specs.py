@@ -75,7 +75,7 @@ class MethodSpec:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether the method comes from a plugin file or an installed package."""
+        """Return whether the method comes from a plugin file or an installed package."""
         return is_foreign(self.module)
 
     @property
@@ -109,7 +109,7 @@ class MethodSpec:
 
     @property
     def info(self) -> MethodInfo:
-        """What the method says about itself."""
+        """Return what the method says about itself."""
         return cast(MethodInfo, self.load().info)
 
     @property
@@ -123,13 +123,13 @@ class MethodSpec:
 
     @property
     def learns(self) -> bool:
-        """Whether the method is a learner; see :class:`benchmark.learning.Learner`."""
+        """Return whether the method is a learner; see :class:`benchmark.learning.Learner`."""
         found = self.load()
         return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
 
     @property
     def describes(self) -> bool:
-        """Whether the method is a descriptor, which compares shapes without a form and so without a scorer."""
+        """Return whether the method is a descriptor, which compares shapes without a form and so without a scorer."""
         found = self.load()
         return not hasattr(found, "canonicalise") and hasattr(found, "describe")
 

@@ -1,4 +1,4 @@
-"""What a parameter may declare beside its type: which of the values of that type it takes."""
+"""Constraints that a parameter declares beside its type: which of the values of that type it takes."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Matches:
 
 @runtime_checkable
 class Constraint(Protocol):
-    """What must hold of a value besides its type; as text, what to write instead."""
+    """Condition on a value besides its type; as text, what to write instead."""
 
     def admit(self, value: Any) -> Any:
         """Return the value as it is to be known, or raise ``ValueError``."""

@@ -65,7 +65,7 @@ def described(cls: type[Any]) -> list[ParameterText]:
 
 
 def explained(docstring: str) -> dict[str, str]:
-    """What the section ``Parameters`` of a numpydoc docstring says of each, each on one line."""
+    """Return what the section ``Parameters`` of a numpydoc docstring says of each, each on one line."""
     lines = inspect.cleandoc(docstring).splitlines()
     rules = [place for place, line in enumerate(lines) if place and re.fullmatch("-{3,}", line.strip())]
     start = next((place for place in rules if lines[place - 1].strip() == "Parameters"), None)
@@ -91,7 +91,7 @@ def _plain(text: str) -> str:
 
 
 def _values(annotation: Any) -> str:
-    """What a type and its constraints take, in words."""
+    """Return what a type and its constraints take, in words."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         words = [

@@ -81,7 +81,7 @@ def _values(name: str, parts: list[str]) -> list[str]:
 
 
 def _parts(text: str, separator: str) -> list[str]:
-    """What stands between separators that are neither in quotes nor in parentheses."""
+    """Return what stands between separators that are neither in quotes nor in parentheses."""
     parts = [""]
     for character, is_outside in _watched(text):
         if character == separator and is_outside:

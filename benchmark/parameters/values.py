@@ -188,7 +188,7 @@ def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
 
 
 def _normalised(annotation: Any, value: Any) -> Any:
-    """What a value stands for; one that its author gave is not otherwise doubted."""
+    """Return what a value stands for; one that its author gave is not otherwise doubted."""
     try:
         return _fit(annotation, value, value)
     except _Unfit:

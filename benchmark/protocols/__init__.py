@@ -1,1 +1,1 @@
-"""What is tested on what, as data: tables, trainings, and the models that belong to them."""
+"""Protocols of the experiments, as data: tables, trainings, and the models that belong to them."""

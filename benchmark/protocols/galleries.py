@@ -147,7 +147,7 @@ class Gallery:
         return all(find_model(folders, name, learner.model_name) is not None for name in names)
 
     def _has_row(self, spec: MethodSpec) -> bool:
-        """Whether a method that was not asked for by name has a row in a table that is no ablation."""
+        """Return whether a method that was not asked for by name has a row in a table that is no ablation."""
         if self.table.robustness:
             return spec.base_name in ROBUSTNESS_ROWS
         if spec.base_name in ONLY_ABLATED | ONLY_NAMED:
@@ -241,7 +241,7 @@ def galleries(
 
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
-    """Whether a selection includes a table; naming its set is as good as its numeral, but for what goes with others."""
+    """Return whether a selection includes a table: by its numeral, or by its set unless the table goes with others."""
     if table.identifier in tables or (table.only_named and not tables and set(table.datasets) & set(sets)):
         return True
     if table.robustness or table.only_named:

@@ -1,4 +1,4 @@
-"""Which trained model treats which shape of a gallery, and whether it has seen it before."""
+"""Assignment of trained models to the shapes of a gallery, and whether a model has seen a shape before."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class Model:
 
     @cached_property
     def digest(self) -> str:
-        """What recipes name it by: its card, and by it the weights, wherever they lie."""
+        """Return what recipes name it by: its card, and by it the weights, wherever they lie."""
         return card_digest(self.card)[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
-        """Whether training showed a shape, or another one of its subject.
+        """Return whether training showed a shape, or another one of its subject.
 
         Names say so within one data set, and in a folder, which may hold anything; those of two known sets mean
         different things.
@@ -61,7 +61,7 @@ class Model:
         return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
 
     def summary(self) -> dict[str, Any]:
-        """What a record tells of it."""
+        """Return what a record tells of it."""
         return {
             "training": self.training,
             "data": str(self.card.get("data_title", self.training)),

@@ -1,4 +1,4 @@
-"""What learners are trained on, as data: which shapes of which set become pairs, and which never do."""
+"""Training sets of learners, as data: which shapes of which set become pairs, and which never do."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def source_of(key: str) -> str:
 
 
 def is_listed(key: str) -> bool:
-    """Whether the list of references has an entry of this name."""
+    """Return whether the list of references has an entry of this name."""
     return bool(key) and f"{{{key},\n" in _bibliography()
 
 

@@ -1,4 +1,4 @@
-"""What a results folder still holds of a record: distances, prepared shapes, canonical forms; nothing is made anew."""
+"""Reader of the arrays behind a record: distances, prepared shapes, canonical forms; nothing is made anew."""
 
 from __future__ import annotations
 

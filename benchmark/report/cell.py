@@ -16,7 +16,7 @@ Figures = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Cell:
-    """What one method reached under one input.
+    """Results of one method under one input.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which columns a table has, and what stands in its cells."""
+"""Columns of a table, and the text of its cells."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Style:
-    """How a format writes figures.
+    """Style of figures in a format.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What differs between two sets of records, measure by measure and query by query."""
+"""Differences between two sets of records, measure by measure and query by query."""
 
 from __future__ import annotations
 

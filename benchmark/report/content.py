@@ -1,4 +1,4 @@
-"""What a table says, before it is LaTeX, Markdown, CSV or JSON: a pure function of records."""
+"""Content of a table, before it is LaTeX, Markdown, CSV or JSON: a pure function of records."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class TableContent:
 
     @cached_property
     def significance(self) -> SignificanceTable:
-        """How sure each of our figures is, and which rows differ from the best."""
+        """Return how sure each of our figures is, and which rows differ from the best."""
         return table_significance(self.rows, self.inputs)
 
     @property
@@ -109,12 +109,12 @@ class TableContent:
 
     @property
     def is_own(self) -> bool:
-        """Whether it shows somebody's own data, which no table of this suite is about."""
+        """Return whether it shows somebody's own data, which no table of this suite is about."""
         return _is_own(self.identifier, self.data["name"])
 
     @property
     def caption(self) -> str:
-        """What the table shows, without naming the data."""
+        """Return what the table shows, without naming the data."""
         words = [self.table.caption_over(self.n_galleries)]
         words += [f"seed {self.seed}"] if self.seed else []
         words += [f"scored by {self.scorer_title}"] if self.scorer_title else []
@@ -122,7 +122,7 @@ class TableContent:
 
     @property
     def quick(self) -> bool:
-        """Whether poses were left out to save time."""
+        """Return whether poses were left out to save time."""
         return bool(self.data["quick"])
 
     @property
@@ -132,7 +132,7 @@ class TableContent:
 
     @property
     def has_paper(self) -> bool:
-        """Whether the paper has this table."""
+        """Return whether the paper has this table."""
         return any(row.paper for row in self.rows)
 
     @property
@@ -279,7 +279,7 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bo
 
 
 def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
-    """Whether a record is shown in a table: those of learners alone in an ablation.
+    """Return whether a record is shown in a table: those of learners alone in an ablation.
 
     What belongs to an ablation alone, as the seeds of a training do, is shown elsewhere only where everything is.
     """

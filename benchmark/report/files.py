@@ -84,7 +84,7 @@ def stale(files: Mapping[str, str], folder: Path) -> list[str]:
 
 
 def _content(path: Path) -> str | None:
-    """What a file holds; None where there is none that can be read."""
+    """Return what a file holds; None where there is none that can be read."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError):

@@ -75,7 +75,7 @@ class Line:
 
 @dataclass
 class _Float:
-    """What one float holds so far: parts as LaTeX, and lines that they take."""
+    """Content of one float so far: parts as LaTeX, and lines that they take."""
 
     used: float
     parts: list[str] = field(default_factory=list)

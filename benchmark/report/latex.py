@@ -127,7 +127,7 @@ def _body(table: TableContent, groups: Sequence[Group]) -> Iterator[Line]:
 
 
 def _status(row: Row, group: Group) -> tuple[str, ...]:
-    """What stands in place of the figures of a job without scores; nothing for one that has them or was not run."""
+    """Return the text in place of the figures of a job without scores; "" for one that has them or was not run."""
     cell = row.cells.get(group.input) if group.input else None
     if cell is None or cell.status in ("ok", "missing"):
         return ()

@@ -1,4 +1,4 @@
-"""What stands below a table: what its reader must know of the jobs behind it."""
+"""Notes below a table: facts about the jobs behind it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked 
 
 
 def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
-    """What a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
+    """Return what a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _not_here(table: TableContent) -> Iterable[str]:
 
 
 def _preparations(table: TableContent) -> Iterable[str]:
-    """How far rows move from one preparation to the next, for those that were prepared several times."""
+    """Return how far rows move from one preparation to the next, for those that were prepared several times."""
     for input_ in table.inputs:
         told: dict[int, list[str]] = {}
         for row in table.rows:
@@ -116,7 +116,7 @@ def _outdated(table: TableContent) -> dict[str, list[str]]:
 
 
 def _trainings(table: TableContent) -> list[str]:
-    """Which schedule made the models, and on which data; rows that share them share a line."""
+    """Return which schedule made the models, and on which data; rows that share them share a line."""
     titles: dict[str, list[str]] = {}
     for row in table.rows:
         by_schedule: dict[tuple[str, bool], list[str]] = {}
@@ -137,7 +137,7 @@ def _bridges(table: TableContent) -> str:
 
 
 def _lost(table: TableContent) -> Iterable[str]:
-    """How much of the shapes was lost before any method saw them, where it is worth telling."""
+    """Return how much of the shapes was lost before any method saw them, where it is worth telling."""
     for input_ in table.inputs:
         found = _noted(table, "lost_area", input_)
         if found and found["max"] > _WORTH_TELLING:
@@ -163,7 +163,7 @@ def _noted(table: TableContent, name: str, input_: Input) -> Mapping[str, float]
 
 
 def _of_jobs(row: Row) -> Iterable[str]:
-    """Whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
+    """Return whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
     for input_, cell in row.cells.items():
         if seen := cell.record.get("seen"):
             yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"

@@ -1,4 +1,4 @@
-"""Which records a table is made of, and whether this code would make them again."""
+"""Records that a table is made of, and whether this code would make them again."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def with_repeats(results: Iterable[Result]) -> list[Result]:
 
 
 def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
-    """What two records share if one of them may repeat the other."""
+    """Return what two records share if one of them may repeat the other."""
     return gallery, str(record["input"]), str(record["method"]), scorer_name(record)
 
 

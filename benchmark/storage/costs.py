@@ -1,4 +1,4 @@
-"""What a stage costs: seconds, and memory above that of the process at rest."""
+"""Costs of a stage: seconds, and memory above that of the process at rest."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MIB = 2**20
 
 @dataclass(frozen=True)
 class Cost:
-    """What it took to make the arrays of one stage.
+    """Cost of the arrays of one stage.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What ran, for the reader of a record: versions, system, and the kernels that the linear algebra chose."""
+"""Environment of a run, for the reader of a record: versions, system, and the kernels of the linear algebra."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def environment_text() -> str:
 
 
 def in_words(environment: Any) -> str:
-    """What a record or an artefact says of its environment, as a line; something else that a file holds cut off."""
+    """Return the environment of a record or an artefact as a line; whatever else a file holds is cut off."""
     try:
         found = json.loads(environment) if isinstance(environment, str) else environment
     except (ValueError, RecursionError):

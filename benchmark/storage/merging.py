@@ -11,7 +11,7 @@ from benchmark.storage.store import StorageError, Store
 
 @dataclass
 class Merged:
-    """What a merge did.
+    """Outcome of a merge.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _is_for_all(record: Record) -> bool:
 
 
 def told(record: Record) -> str:
-    """Where a record belongs, in words."""
+    """Return where a record belongs, in words."""
     gallery, input_, method, seed, scorer = place(record)
     by = "" if scorer == DEFAULT_SCORER else f" by {scorer}"
     return f"{gallery} {input_} {method}" + (f" seed {seed}" if seed else "") + by

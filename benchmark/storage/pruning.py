@@ -1,4 +1,4 @@
-"""What may go: artefacts that no record needs, and what killed processes left behind."""
+"""Removal of artefacts that no record needs, and of what killed processes left behind."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def _leftovers(store: Store) -> Iterator[Path]:
 
 
 def _is_watched(path: Path) -> bool:
-    """Whether the harness that looks at a progress file is alive."""
+    """Return whether the harness that looks at a progress file is alive."""
     harness = path.name.partition("-")[0]
     return harness.isdecimal() and is_alive(int(harness))

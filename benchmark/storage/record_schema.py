@@ -1,4 +1,4 @@
-"""Whether what was read from a file is the record of a job: its parts, their kinds, and that its key is its own."""
+"""Schema of the record of a job: its parts, their kinds, and that its key is its own."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _is_share(value: Any) -> bool:
 
 
 def _are_shares(values: Any) -> bool:
-    """Whether a list holds a share for each query; there is none for the only one of its class."""
+    """Return whether a list holds a share for each query; there is none for the only one of its class."""
     if not isinstance(values, list) or not set(map(type, values)) <= {float, int, type(None)}:
         return False
     found = [value for value in values if value is not None]
@@ -120,7 +120,7 @@ _CHECKED = ("per_query", "shapes", "labels")
 
 
 def fault_of(content: Any) -> str:
-    """Why something read from a file is not the record of a job; "" if it is one."""
+    """Return why something read from a file is not the record of a job; "" if it is one."""
     try:
         fault = _fault(content, _RECORD, "")
         if not fault and content["status"] == "ok":
@@ -157,7 +157,7 @@ def _miscount(content: Mapping[str, Any]) -> str:
 
 
 def _agree(one: float | None, other: float | None) -> bool:
-    """Whether two figures are the same but for the rounding of single queries."""
+    """Return whether two figures are the same but for the rounding of single queries."""
     return one is not None and other is not None and abs(one - other) <= _ROUNDING
 
 

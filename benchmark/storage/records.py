@@ -171,7 +171,7 @@ def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
 
 
 class Place(NamedTuple):
-    """Where a record belongs: one place holds one result, however often it was made."""
+    """Place of a record: one place holds one result, however often it was made."""
 
     gallery: str
     input: str
@@ -181,7 +181,7 @@ class Place(NamedTuple):
 
 
 def place(record: Mapping[str, Any]) -> Place:
-    """Where a record belongs."""
+    """Return where a record belongs."""
     seed = int(record["recipe"].get("seed", 0))
     return Place(record["gallery"], record["input"], record["method"], seed, scorer_name(record) or DEFAULT_SCORER)
 

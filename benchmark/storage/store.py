@@ -1,4 +1,4 @@
-"""Where results are kept: content-addressed arrays, and one immutable record per finished job."""
+"""Store of results: content-addressed arrays, and one immutable record per finished job."""
 
 from __future__ import annotations
 

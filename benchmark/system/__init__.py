@@ -1,1 +1,1 @@
-"""What the suite asks of the machine: whole files, processes that may die alone, and which code runs."""
+"""Services of the operating system: whole files, processes that may die alone, and digests of the code that runs."""

@@ -131,7 +131,7 @@ def _is_half(kind: list[Any]) -> bool:
 
 
 def _is_symmetric(array: NDArray[Any]) -> bool:
-    """Whether a matrix of floats equals its transpose to the last bit, signs of zeros and kinds of NaN with them."""
+    """Return whether a matrix of floats equals its transpose to the last bit, signs of zeros and kinds of NaN too."""
     is_square = array.ndim == 2 and 0 < array.shape[0] == array.shape[1]
     if not is_square or array.dtype.kind != "f" or array.itemsize > 8 or not array.flags.c_contiguous:
         return False

@@ -118,7 +118,7 @@ def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
 
 
 def _told(path: Path, code: int, what: str, hint: str) -> Any:
-    """What the function left behind."""
+    """Return what the function left behind."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -73,7 +73,7 @@ def sweep(folder: Path, *, deep: bool = True) -> int:
 
 
 def is_alive(process: int) -> bool:
-    """Whether there is a process with this number."""
+    """Return whether there is a process with this number."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

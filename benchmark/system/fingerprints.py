@@ -1,4 +1,4 @@
-"""Which code a piece of work runs: fingerprints of a module and of all local modules that it imports.
+"""Fingerprints of the code of a piece of work: of a module and of all local modules that it imports.
 
 The code of a module is itself with every local module that it imports, directly or not: those of this suite, and of a
 plugin its helpers. Each is named by a fingerprint of its syntax tree without docstrings and positions, so that a
@@ -30,7 +30,7 @@ IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.system.files", 
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """What of the code and of its surroundings can move a stage.
+    """Code and packages that can move the result of a stage.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class ImportCache:
-    """What a process has found out about sources and packages, for another one to begin with.
+    """Facts about sources and packages that one process hands to another.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class ImportCache:
 
 
 def export_cache() -> ImportCache:
-    """What this process has found out so far."""
+    """Return what this process has found out so far."""
     return ImportCache(dict(_PARSED), dict(_BRINGERS))
 
 
@@ -142,7 +142,7 @@ def _known_as(name: str, root: str) -> list[str]:
 
 
 def _is_local(name: str, root: str) -> bool:
-    """Whether a module belongs to the suite, to the package of the root, or to no distribution at all."""
+    """Return whether a module belongs to the suite, to the package of the root, or to no distribution at all."""
     top = name.partition(".")[0]
     if top in FIRST_PARTY or (root and not root.endswith(".py") and top == root.partition(".")[0]):
         return True
@@ -173,7 +173,7 @@ def _edited_in_place() -> tuple[Path, ...]:
 
 
 def _folder(root: str) -> str:
-    """Where the helpers of a plugin file lie."""
+    """Return where the helpers of a plugin file lie."""
     return str(Path(root).parent) if root.endswith(".py") else ""
 
 

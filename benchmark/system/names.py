@@ -17,5 +17,5 @@ RESERVED = frozenset({"all", "finished"})
 
 
 def is_name(name: object) -> bool:
-    """Whether something can be called like this: lower-case words joined by hyphens, not too long."""
+    """Return whether something can be called like this: lower-case words joined by hyphens, not too long."""
     return isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None

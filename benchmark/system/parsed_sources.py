@@ -1,4 +1,4 @@
-"""What fingerprints have found out about sources, kept from one process to the next: to parse them takes a second."""
+"""Parsed sources of fingerprints, kept from one process to the next: to parse them takes a second."""
 
 from __future__ import annotations
 

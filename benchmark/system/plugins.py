@@ -132,7 +132,7 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
 
 
 def is_imported(path: str) -> bool:
-    """Whether this process has imported a plugin file, given by its absolute path."""
+    """Return whether this process has imported a plugin file, given by its absolute path."""
     return _module_name(path) in sys.modules
 
 
@@ -193,7 +193,7 @@ def _check_helpers(path: Path) -> None:
 
 
 def _is_copy(first: Path, second: Path) -> bool:
-    """Whether two modules of one file each are the same, so that it does not matter which one is imported."""
+    """Return whether two modules of one file each are the same, so that it does not matter which one is imported."""
     if "__init__.py" in (first.name, second.name):
         return False
     try:

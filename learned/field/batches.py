@@ -128,7 +128,7 @@ class MakesSurfaceBatches:
 
 @dataclass(frozen=True, eq=False)
 class _Over:
-    """What the triangles of all bodies say of their vertices.
+    """Facts of all bodies' vertices from their triangles.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class _Over:
         return cls(csr_array((np.ones(len(both)), both.T)), csr_array((np.ones(faces.size), (faces.ravel(), owners))))
 
     def walked(self, starts: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.int64]:
-        """Where random walks from vertices end; one that ends where it began is led to a neighbour."""
+        """Return where random walks from vertices end; one that ends where it began is led to a neighbour."""
         first, heads = self.neighbours.indptr, self.neighbours.indices
         places = starts
         for step in range(WALK + 1):

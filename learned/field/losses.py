@@ -1,4 +1,4 @@
-"""What the field is taught: canonical positions, rotations of the surface around them, and lengths that stay."""
+"""Losses of the field: canonical positions, rotations of the surface around them, and lengths that stay."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ REACH = 0.15
 
 
 class Tokens(NamedTuple):
-    """What a shape is reduced to.
+    """Tokens that a shape is reduced to.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Tokens(NamedTuple):
 
 
 class Unbent(NamedTuple):
-    """What the field says of positions.
+    """Answer of the field for positions.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class FieldNetwork(nn.Module):
         return Tokens(self.code_norm(features), places)
 
     def decoded(self, tokens: Tokens, positions: Tensor, normals: Tensor) -> Unbent:
-        """What becomes of positions on the surfaces with these tokens.
+        """Return what becomes of positions on the surfaces with these tokens.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ LOOKED_AT = 16
 
 @dataclass(frozen=True, kw_only=True)
 class FieldPlan(Plan):
-    """How a field is trained; see :class:`learned.training.steps.Plan`."""
+    """Plan of the training of a field; see :class:`learned.training.steps.Plan`."""
 
     steps: Annotated[int, Interval(1)] = 12_000
     bodies: Annotated[int, Interval(2)] = 8

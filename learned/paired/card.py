@@ -1,4 +1,4 @@
-"""What the card of a model of this package must say before its network is built."""
+"""Fields that the card of a model must have before its network is built."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TOLD: Mapping[str, type | tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Network:
-    """What is built from a card.
+    """Network that is built from a card.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Network:
 
 
 def network_of(card: Mapping[str, Any], folder: Path) -> Network:
-    """What a card says of its network, after checking every field that :func:`learned.paired.saving.save_model` writes.
+    """Return the network of a card, after checking every field that :func:`learned.paired.saving.save_model` writes.
 
     A field more or less is an error, for nobody knows what a card of another version means.
 

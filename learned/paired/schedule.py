@@ -18,7 +18,7 @@ DepthLoss = Literal["all", "masked"]
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How a model is trained; the defaults are the paper's, section IV.
+    """Schedule of a training; the defaults are the paper's, section IV.
 
     Parameters
     ----------

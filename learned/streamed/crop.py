@@ -21,7 +21,7 @@ _TIE = 1e-6
 
 
 def seen_by(configuration: Streamed, images: Image) -> Image:
-    """What a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
+    """Return what a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
     return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
 
 

@@ -1,4 +1,4 @@
-"""What a streamed network is taught: depth inside the mask, the mask, smoothness of what is smooth, and one code."""
+"""Losses of a streamed network: depth inside the mask, the mask, smoothness of what is smooth, and one code."""
 
 from __future__ import annotations
 

@@ -200,7 +200,7 @@ class StreamedNetwork(nn.Module):
         self.average = nn.Parameter(torch.zeros(size)) if configuration.average else None
 
     def code(self, image: Tensor) -> Tensor:
-        """What a body is reduced to, shape (n, code_size), from depth images, shape (n, 1, r, r)."""
+        """Return what a body is reduced to, shape (n, code_size), from depth images, shape (n, 1, r, r)."""
         return self.code_and_places(image)[0]
 
     def code_and_places(self, image: Tensor) -> tuple[Tensor, Tensor | None]:

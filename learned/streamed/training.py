@@ -1,4 +1,4 @@
-"""What a streamed network is taught: the canonical depth of fresh bodies."""
+"""Training of a streamed network on the canonical depth of fresh bodies."""
 
 from __future__ import annotations
 

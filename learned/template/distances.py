@@ -34,7 +34,7 @@ _SHORTEST = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Where the signed distance to a surface is known: at ``feet + t * directions`` it is t, for t from 0 to length.
+    """Rays on which the signed distance to a surface is known: at ``feet + t * directions`` it is t in [0, length].
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def rays_around(mesh: Mesh, count: int) -> Rays:
 
 
 def _chosen(lengths: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Which rays are kept, in their order, so that any first part of them is spread evenly, too."""
+    """Return which rays are kept, in their order, so that any first part of them is spread evenly, too."""
     near = np.flatnonzero(lengths <= NEAR)
     far = np.flatnonzero(lengths > NEAR)
     n_near = min(len(near), max(round(NEAR_SHARE * count), count - len(far)))

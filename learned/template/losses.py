@@ -1,4 +1,4 @@
-"""What a template and its deformations are taught, by [Deng, Yang and Tong 2021, DIF-Net] and their loss.py."""
+"""Losses of a template and its deformations, by [Deng, Yang and Tong 2021, DIF-Net] and their loss.py."""
 
 from __future__ import annotations
 

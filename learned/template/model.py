@@ -57,7 +57,7 @@ def _load(folder: Path, _digest: str) -> tuple[TemplateNetwork, Template]:
 
 
 def deformed(network: TemplateNetwork, configuration: Template, mesh: Mesh) -> tuple[Points, dict[str, float | str]]:
-    """Where the vertices of a surface lie in the space of the template, shape (n, 3), and facts about it.
+    """Return where the vertices of a surface lie in the space of the template, shape (n, 3), and facts about it.
 
     Parameters
     ----------

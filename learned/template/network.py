@@ -92,7 +92,7 @@ class TemplateNetwork(nn.Module):
         self._layers, self._width = layers, width
 
     def deformed(self, points: Tensor, codes: Tensor, *, derivatives: bool = False) -> tuple[Tensor, Tensor]:
-        """Where points lie in the space of the template, and the correction of the distance there.
+        """Return where points lie in the space of the template, and the correction of the distance there.
 
         Parameters
         ----------

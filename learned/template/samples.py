@@ -179,7 +179,7 @@ def _made(make: MakesSurfaces, number: int, bodies: int) -> Shapes:
 
 
 def _read(path: Path, told: Mapping[str, str]) -> Shapes | None:
-    """What a file keeps; None if there is none, it is damaged, or it does not tell what it should."""
+    """Return what a file keeps; None if there is none, it is damaged, or it does not tell what it should."""
     try:
         content = path.read_bytes()
         with safe_open(str(path), framework="pt") as file:

@@ -1,4 +1,4 @@
-"""How the template, the deformations and the codes of the shapes are trained together."""
+"""Joint training of the template, the deformations and the codes of the shapes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOOK_RAYS, LOOK_STEPS = 256, 60
 
 @dataclass(frozen=True, kw_only=True)
 class TemplatePlan(Plan):
-    """How a template is trained; see :class:`learned.training.steps.Plan`. Its ``bodies`` are the shapes of a step.
+    """Plan of the training of a template; see :class:`learned.training.steps.Plan`. ``bodies``: shapes of a step.
 
     Parameters
     ----------

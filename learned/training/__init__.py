@@ -1,1 +1,1 @@
-"""What all trainings share: plan, steps, batches made ahead, checkpoints, and the folder of a finished model."""
+"""Common parts of all trainings: plan, steps, batches made ahead, checkpoints, and the folder of a finished model."""

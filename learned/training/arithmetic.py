@@ -1,4 +1,4 @@
-"""What a network computes on, and how to let it: devices, half precision, memory."""
+"""Devices, precision and memory of a training."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
 
 
 def has_bfloat16(device: torch.device) -> bool:
-    """Whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
+    """Return whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     return torch.backends.mkldnn.is_available() and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())

@@ -1,4 +1,4 @@
-"""Where a training stands, on disk: weights, the state of Adam, and the losses so far; safetensors, never pickle."""
+"""Checkpoints of a training: weights, the state of Adam, and the losses so far; safetensors, never pickle."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 @dataclass(frozen=True)
 class Progress:
-    """What a checkpoint tells besides tensors.
+    """Facts in a checkpoint besides tensors.
 
     Parameters
     ----------

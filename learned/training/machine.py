@@ -1,4 +1,4 @@
-"""What a training runs on, and which of the options that a user gives belong to it."""
+"""Machine of a training, and which of the options that a user gives belong to it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from learned.training.arithmetic import device_named
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """What a training runs on, which is no part of what determines the model.
+    """Machine of a training, which is no part of what determines the model.
 
     Parameters
     ----------

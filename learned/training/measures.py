@@ -1,4 +1,4 @@
-"""How near predicted images are to the true ones."""
+"""Distances between predicted images and the true ones."""
 
 from __future__ import annotations
 

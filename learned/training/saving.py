@@ -60,7 +60,7 @@ def defaults_of(described: Any) -> dict[str, Any]:
 
 
 def hardware(device: str) -> str:
-    """What computes, in words."""
+    """Return what computes, in words."""
     if device == "cuda":
         return str(torch.cuda.get_device_name())
     threads = torch.get_num_threads()

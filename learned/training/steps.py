@@ -41,7 +41,7 @@ FIRST_SNAPSHOT = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How a model is trained.
+    """Plan of a training.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ B_in = TypeVar("B_in", bound=Batch, contravariant=True)
 
 
 class Teacher(Protocol[B_in]):
-    """What a network is taught by a batch."""
+    """Objective of a network for a batch."""
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -279,7 +279,7 @@ class Steps(Generic[B]):
         checkpoint.keep(self.folder, self.network, optimiser, progress, recipe, self.loop, self._average)
 
     def _recipe(self, done: int) -> Mapping[str, Any]:
-        """What determines the weights after so many steps: as long as the step size is constant, not how many come."""
+        """Return what determines the weights after so many steps; with a constant step size, not how many come."""
         if self.plan.schedule == "cosine" or done > self.plan.steps - self.plan.falling or "plan" not in self.recipe:
             return self.recipe
         return _without_length(self.recipe)
@@ -358,12 +358,12 @@ def _without_length(recipe: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def doubled(step: int, bodies: int) -> bool:
-    """Whether the bodies that were seen pass a power of two times ``FIRST_SNAPSHOT`` in a step, counted from 1."""
+    """Return whether the bodies seen pass a power of two times ``FIRST_SNAPSHOT`` in a step, counted from 1."""
     before, after = ((count * bodies // FIRST_SNAPSHOT).bit_length() for count in (step - 1, step))
     return after > before
 
 
 def fresh_bodies(plan: Plan, progress: Progress) -> dict[str, int]:
-    """How many bodies a training saw in which none comes twice, and how often something of them was drawn again."""
+    """Return how many bodies a training saw of which none came twice, and how often something was drawn again."""
     again = sum(row["drawn again"] for row in progress.history)
     return {"bodies": plan.steps * plan.bodies, "drawn_again": round(again)}

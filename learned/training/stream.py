@@ -27,7 +27,7 @@ MOST_LOSSES = 3
 
 
 class Batch(Protocol):
-    """What one step is trained on."""
+    """Training data of one step."""
 
     @property
     def number(self) -> int:
@@ -36,7 +36,7 @@ class Batch(Protocol):
 
     @property
     def drawn_again(self) -> Mapping[str, int]:
-        """How often something was drawn again, by reason."""
+        """Return how often something was drawn again, by reason."""
         ...
 
 

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.execution import executors, pools, worker
+from benchmark.jobs.execution import executors, worker, worker_pool
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import ProcessExecutor
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
@@ -55,7 +55,7 @@ def run(tmp_path, monkeypatch):
     def run_(*script):
         monkeypatch.setattr(Scripted, "script", list(script))
         monkeypatch.setattr(
-            pools,
+            worker_pool,
             "TaskWorker",
             lambda task, number, progress, memory: Scripted(task, number, tmp_path / "sentinel", memory),
         )

@@ -150,7 +150,7 @@ def _on_data(
 
 
 def _checked(source: str, root: str | None, name: str) -> tuple[list[str], bool]:
-    """What is told of a data set, and whether it can be used."""
+    """Return what is told of a data set, and whether it can be used."""
     from benchmark.cli.counting import counting
     from benchmark.datasets.checking import check_source
 
@@ -179,7 +179,7 @@ def _exported(source: str, root: str | None, name: str, output: str, layout: str
 def _drawn(
     source: str, root: str | None, output: str, subjects: int | None, poses: int, perturbations: str | None
 ) -> tuple[list[str], str]:
-    """What could not be drawn, and the file that was written."""
+    """Return what could not be drawn, and the file that was written."""
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.perturbations.overview import overview
     from benchmark.report.pictures.contact_sheet import contact_sheet

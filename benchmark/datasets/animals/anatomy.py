@@ -1,4 +1,4 @@
-"""How a body is written down: tubes of cross sections along chains of bones.
+"""Description of a body: tubes of cross sections along chains of bones.
 
 Lengths are centimetres. Positions are given in the sagittal frame of the animal: ``forward`` (towards the nose), ``up``
 (from the ground) and ``side`` (to the animal's left, 0 on the midline). The world has z up and the animal faces -y, as

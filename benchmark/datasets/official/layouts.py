@@ -1,4 +1,4 @@
-"""How official sets lay out their files: which shapes belong to one, and which subject each of them shows.
+"""File layouts of official sets: which shapes belong to one, and which subject each of them shows.
 
 A layout is read from the folder of the set or from any folder up to three levels below it, as the archives unpack. Case
 and leading zeros of a file name are of no account. What is not as the set was given out is a ``DatasetError`` that
@@ -220,7 +220,7 @@ class Classed:
 
 
 def members_digest(numbers: Iterable[int]) -> str:
-    """What tells the members of a class apart from any others: eight hexadecimal digits."""
+    """Return what tells the members of a class apart from any others: eight hexadecimal digits."""
     return hashlib.sha256(",".join(map(str, sorted(numbers))).encode()).hexdigest()[:8]
 
 
@@ -289,7 +289,7 @@ def _check_copies(paths: Iterable[Path]) -> None:
 
 
 def _renumber(expected: Iterable[int], found: Iterable[int]) -> str:
-    """How to correct numbers that are all one too high or too low; "" if they are not."""
+    """Return how to correct numbers that are all one too high or too low; "" if they are not."""
     wanted, given = sorted(expected), sorted(found)
     for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
         if [number + step for number in wanted] == given and wanted:

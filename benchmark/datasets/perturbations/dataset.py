@@ -166,7 +166,7 @@ class Perturbed:
 
     @property
     def stand_in_for(self) -> str:
-        """What the clean set stands in for."""
+        """Return what the clean set stands in for."""
         return self.clean.stand_in_for
 
     @property
@@ -216,7 +216,7 @@ class Perturbed:
         return Camera(tuple(turned.tolist()), camera.up)
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
-        """What the depth camera adds to its image; None for a camera without faults."""
+        """Return what the depth camera adds to its image; None for a camera without faults."""
         if self.perturbation != "depth-noise":
             return None
         return DepthSensor(self.amount, self.amount, self._seed(entry))

@@ -70,7 +70,7 @@ class Overview:
         return self._set_of(entry).camera(self.shape)
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
-        """What the depth camera adds to its image."""
+        """Return what the depth camera adds to its image."""
         return self._set_of(entry).sensor(self.shape)
 
     def _set_of(self, entry: Entry) -> Perturbed:

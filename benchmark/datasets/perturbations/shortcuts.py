@@ -63,7 +63,7 @@ def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
 
 
 def _facing(mesh: Mesh, middles: NDArray[np.float64], starts: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Whether two triangles see each other's outer side, so that a tube lies outside the body, shape (k, m)."""
+    """Return whether two triangles see each other's outer side, so that a tube lies outside the body, shape (k, m)."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     if np.einsum("ij,ij", a, normals) < 0:  # six times the volume: of a mesh that is turned inside out

@@ -1,4 +1,4 @@
-"""How a depth camera sees a body that moves in front of it: from above or below, with holes, noise and steps."""
+"""Views of a body that moves in front of a depth camera: from above or below, with holes, noise and steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LEAST_DEPTH = 1e-3
 
 @dataclass(frozen=True)
 class Perturbations:
-    """What is wrong with one image.
+    """Faults of one image.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def rendered(points: Points, faces: Faces, half_width: float, size: int) -> Dept
 
 
 def both_sides(points: Points, faces: Faces, half_width: float, size: int) -> tuple[DepthImage, DepthImage]:
-    """What is nearest and what is farthest at each pixel, both as depths from the same eye; one mask.
+    """Return what is nearest and what is farthest at each pixel, both as depths from the same eye; one mask.
 
     Parameters
     ----------

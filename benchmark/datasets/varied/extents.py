@@ -1,4 +1,4 @@
-"""How far points reach."""
+"""Extents of point sets."""
 
 from __future__ import annotations
 

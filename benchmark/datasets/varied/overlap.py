@@ -1,4 +1,4 @@
-"""Whether a body is pushed through itself: how much of it is inside twice."""
+"""Test for a body that is pushed through itself: how much of it is inside twice."""
 
 from __future__ import annotations
 

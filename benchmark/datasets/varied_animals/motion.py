@@ -1,4 +1,4 @@
-"""Where the bones of an animal may be: between two authored poses of its kind, each chain for itself, and shaken."""
+"""Random poses of an animal: between two authored poses of its kind, each chain for itself, and shaken."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the readers share: numbers out of text, whole numbers, and polygons cut into triangles.
+"""Helpers of the readers: numbers out of text, whole numbers, and polygons cut into triangles.
 
 The converters of Python take more for a number than a mesh file can mean (``1_0``, digits of other scripts), so none is
 used on what a file holds.

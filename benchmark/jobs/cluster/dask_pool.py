@@ -118,7 +118,7 @@ class DaskWorkerPool:
 
     @property
     def waits_for(self) -> str:
-        """What the run waits for where no worker can be used."""
+        """Return what the run waits for where no worker can be used."""
         if any(node.is_ready for node in self._nodes.values()):
             return ""
         asked = sum(node.answer is None for node in self._nodes.values())
@@ -220,7 +220,7 @@ class DaskWorkerPool:
         say(f"left out: {node.told}", err=True)
 
     def _hear(self, event: Any) -> None:
-        """What a task says on the way; called by the client in a thread of its own."""
+        """Return what a task says on the way; called by the client in a thread of its own."""
         with suppress(Exception):  # anybody may write to a topic
             content = event[1]
             said = json.loads(content["said"])
@@ -257,11 +257,11 @@ class DaskWorkerPool:
         return files
 
     def heard(self, token: str) -> tuple[float, Status] | None:
-        """When a task was heard of last, and how far it was."""
+        """Return when a task was heard of last, and how far it was."""
         return self._heard.get(token)
 
     def is_here(self, node: WorkerNode) -> bool:
-        """Whether a worker is still there, as far as the scheduler knows."""
+        """Return whether a worker is still there, as far as the scheduler knows."""
         return self._nodes.get(node.address) is node
 
     def tell_to_stop(self, node: WorkerNode, token: str) -> None:

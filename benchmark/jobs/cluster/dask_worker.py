@@ -1,4 +1,4 @@
-"""What runs inside a dask worker: it hands a task to a process of its own and passes on what that says.
+"""Functions that run inside a dask worker: they hand a task to a process of its own and pass on what that says.
 
 Functions of this module are all that a dask cluster is sent; they take and return texts and bytes, never objects.
 """

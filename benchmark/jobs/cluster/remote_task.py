@@ -24,14 +24,14 @@ LAST_WORDS = 10.0
 
 
 class Home(Protocol):
-    """Where remote tasks come from."""
+    """Sender of remote tasks."""
 
     def heard(self, token: str) -> tuple[float, Status] | None:
-        """When a task was heard of last, and how far it was."""
+        """Return when a task was heard of last, and how far it was."""
         ...
 
     def is_here(self, node: WorkerNode) -> bool:
-        """Whether a worker is still there, as far as the scheduler knows."""
+        """Return whether a worker is still there, as far as the scheduler knows."""
         ...
 
     def tell_to_stop(self, node: WorkerNode, token: str) -> None:
@@ -88,7 +88,7 @@ class RemoteTask:
 
     @property
     def status(self) -> Status:
-        """How far it is."""
+        """Return how far it is."""
         if self._code is not None:
             return self.status_at_end
         heard = self._home.heard(self.token)

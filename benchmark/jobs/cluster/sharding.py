@@ -87,5 +87,5 @@ class Shard:
 
 
 def _identity(job: Job) -> str:
-    """What makes a job one: its key, or its name where it has none."""
+    """Return what makes a job one: its key, or its name where it has none."""
     return job.key or job.name

@@ -125,7 +125,7 @@ def read_scorer(content: Mapping[str, Any]) -> ScorerSpec:
 
 
 def model_folder(place: list[str], results: Path) -> Path:
-    """Where a model lies on this machine.
+    """Return where a model lies on this machine.
 
     Parameters
     ----------

@@ -42,20 +42,20 @@ class WorkerNode:
 
     @property
     def problems(self) -> list[str]:
-        """Why it would do other work than was planned."""
+        """Return why it would do other work than was planned."""
         return list(self.answer["problems"]) if self.answer else []
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can be given work."""
+        """Return whether it can be given work."""
         return self.answer is not None and not self.problems and self.given_up is None
 
     @property
     def shares_folder(self) -> bool:
-        """Whether it reads and writes the results folder of the run."""
+        """Return whether it reads and writes the results folder of the run."""
         return bool(self.answer and self.answer["shares_folder"])
 
     @property
     def told(self) -> str:
-        """Which worker it is and what is wrong with it, in a line."""
+        """Return which worker it is and what is wrong with it, in a line."""
         return f"worker {self.address}: {brief('; '.join(self.problems))}"

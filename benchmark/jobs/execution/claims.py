@@ -1,4 +1,4 @@
-"""Who does which job, where several runs share one folder of results."""
+"""Claims to jobs, where several runs share one folder of results."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Claims:
         os.close(self._file)
 
     def is_last(self) -> bool:
-        """Whether no other run is under way; if so, none begins until this one is over."""
+        """Return whether no other run is under way; if so, none begins until this one is over."""
         return self._lock(_RUN)
 
     def take(self, key: str) -> bool:

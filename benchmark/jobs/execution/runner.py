@@ -1,4 +1,4 @@
-"""What a worker does: treat the shapes of a batch, or rank a gallery and write its record."""
+"""Work of a worker: run methods on the shapes of a batch, or rank a gallery and write its record."""
 
 from __future__ import annotations
 
@@ -262,7 +262,7 @@ def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda sa
 
 
 def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
-    """What the record of a learner tells: its models, and which shapes they had seen; nothing for other methods."""
+    """Return the part of a learner's record: its models, and which shapes they had seen; empty for other methods."""
     if not job.models:
         return {}
     models = {model.training: model.summary() for model in job.models.values()}
@@ -288,7 +288,7 @@ def _costs(results: Sequence[ShapeResult], signatures: Signatures) -> dict[str, 
 
 
 def _environments(results: Sequence[ShapeResult], signatures: Signatures) -> list[dict[str, Any]]:
-    """Where the artefacts were made: each environment with the number of artefacts."""
+    """Return where the artefacts were made: each environment with the number of artefacts."""
     counts = Counter(a.environment for t in results for a in (t.prepared, t.answer)) + Counter(signatures.environments)
     return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
 

@@ -26,7 +26,7 @@ _LAST_WORDS = 0.3
 
 @dataclass(frozen=True)
 class Status:
-    """How far a worker is, as it said last.
+    """Progress of a worker, as it said last.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class TaskWorker:
 
     @property
     def status(self) -> Status:
-        """How far it is."""
+        """Return how far it is."""
         try:
             return Status(**json.loads(self._status_file.read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError):

@@ -1,4 +1,4 @@
-"""Who does the tasks of a run: a pool of workers, on this machine or elsewhere."""
+"""Pools of workers that do the tasks of a run, on this machine or elsewhere."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PoolWorker(Protocol):
 
     @property
     def status(self) -> Status:
-        """How far it is."""
+        """Return how far it is."""
         ...
 
     def stop(self) -> None:
@@ -56,7 +56,7 @@ class WorkerPool(Protocol):
 
     @property
     def waits_for(self) -> str:
-        """What it waits for where it can do nothing; "" where it can."""
+        """Return what it waits for where it can do nothing; "" where it can."""
         ...
 
     def begin(self, task: Task, number: int) -> PoolWorker:

@@ -97,7 +97,7 @@ def unfolded(arrays: Arrays) -> Iterator[dict[str, Any]]:
 
 
 def _measured(facts: Facts, work: Callable[[], Arrays]) -> Answer:
-    """What some work brought, and what it cost."""
+    """Return what some work brought, and what it cost."""
     with _meter.measured(f"{facts['work']} {facts['base_name']}") as cost:
         found = work()
     return {"cost": cost().to_json()}, found

@@ -74,7 +74,7 @@ class ForeignMethodSpec(_FromItsProcess, MethodSpec):
 
     @property
     def info(self) -> MethodInfo:
-        """What the method says about itself."""
+        """Return what the method says about itself."""
         return MethodInfo(**_with_tuples(self._facts["info"]))
 
     @property
@@ -84,12 +84,12 @@ class ForeignMethodSpec(_FromItsProcess, MethodSpec):
 
     @property
     def describes(self) -> bool:
-        """Whether it is a descriptor."""
+        """Return whether it is a descriptor."""
         return bool(self._facts["describes"])
 
     @property
     def learns(self) -> bool:
-        """Whether it is a learner."""
+        """Return whether it is a learner."""
         return bool(self._facts["learns"])
 
     def create(self) -> Method | Descriptor:
@@ -113,7 +113,7 @@ class ForeignScorerSpec(_FromItsProcess, ScorerSpec):
 
     @property
     def info(self) -> ScorerInfo:
-        """What the scorer says about itself."""
+        """Return what the scorer says about itself."""
         return ScorerInfo(**_with_tuples(self._facts["info"]))
 
     def create(self) -> Scorer:

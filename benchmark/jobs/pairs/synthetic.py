@@ -1,4 +1,4 @@
-"""What the makers of data beyond any set share: what is asked for, and how bodies become pairs."""
+"""Training data that is made, not read: what is asked for, and how bodies become pairs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class SyntheticTraining:
     say: Say
 
     def frame(self, *cameras: Camera) -> list[object]:
-        """What determines the images of given meshes, for a digest."""
+        """Return what determines the images of given meshes, for a digest."""
         return [*map(repr, cameras), self.half_width, preparation_code("view").digest]
 
     def data(

@@ -47,7 +47,7 @@ class Candidate:
 
     @property
     def place(self) -> Place:
-        """Where the record belongs in tables."""
+        """Return where the record belongs in tables."""
         return place(self.record)
 
     @property

@@ -65,7 +65,7 @@ class Change:
 
     @property
     def told(self) -> str:
-        """Where it is, in words."""
+        """Return where it is, in words."""
         tree = ("before", "now")[self.tree]
         return f"{self.module}{self.function and '.' + self.function}, line {self.region[0]} ({tree})"
 
@@ -214,7 +214,7 @@ class _Differences:
                     self._changed[NEW].add((other, other_name))
 
     def _counterpart(self, module: str, name: str) -> tuple[str, str]:
-        """Where a constant of the old tree is now: in its place, renamed, or in the one module that has gained it."""
+        """Return where a constant of the old tree is now: in place, renamed, or in the one module that gained it."""
         here = self._all[NEW].get(module)
         if here and name in here.constants:
             return module, name

@@ -36,7 +36,7 @@ _SMALL_ROWS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Scope:
-    """What is asked to move.
+    """Selection of records to move.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Scope:
 
 @dataclass
 class Outcome:
-    """What became of the records.
+    """Counts of the records that moved and stayed.
 
     Parameters
     ----------

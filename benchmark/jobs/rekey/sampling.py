@@ -213,7 +213,7 @@ def _known_lines(out: Path) -> list[dict[str, Any]]:
 
 @dataclass
 class _Tools:
-    """What the rows of a request share."""
+    """Objects that the rows of a request share."""
 
     methods: Mapping[str, MethodSpec]
     scorers: Mapping[str, ScorerSpec]

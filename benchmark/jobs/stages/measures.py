@@ -78,7 +78,7 @@ def _by_measure(found: Sequence[Scores]) -> dict[str, list[float]]:
 def over_splits(
     matrices: Iterable[Matrix], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """How the measures are spread over every way to take some of the subjects for testing.
+    """Return how the measures are spread over every way to take some of the subjects for testing.
 
     Parameters
     ----------

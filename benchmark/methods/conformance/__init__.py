@@ -41,7 +41,7 @@ Outcome = Literal["ok", "warning", "failed", "skipped"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found.
+    """Result of one check.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None
 
 
 def _titled(name: str, kind: str = "data set") -> str:
-    """What the findings of a data set or a scorer are listed under: a method may have the same name."""
+    """Return what the findings of a data set or a scorer are listed under: a method may have the same name."""
     return f"{name} ({kind})"
 
 

@@ -53,12 +53,12 @@ class ConformanceCase:
 
     @cached_property
     def info(self) -> MethodInfo:
-        """What the method says about itself."""
+        """Return what the method says about itself."""
         return self.spec.info
 
     @property
     def reads_images(self) -> bool:
-        """Whether the method is made for depth images alone."""
+        """Return whether the method is made for depth images alone."""
         return "mesh" not in self.info.inputs
 
     def shape(
@@ -82,7 +82,7 @@ class ConformanceCase:
         )
 
     def answer(self, shape: Shape) -> FloatArray:
-        """What a new object of the method answers for a shape."""
+        """Return what a new object of the method answers for a shape."""
         return answer(self.create(), shape)
 
     @cached_property
@@ -152,7 +152,7 @@ def is_mirrored(expected: FloatArray, found: FloatArray) -> bool:
 
 
 def _invariants(found: FloatArray) -> FloatArray:
-    """What no rigid motion changes: distances between vertices of a form; a descriptor itself."""
+    """Return what no rigid motion changes: distances between vertices of a form; a descriptor itself."""
     if found.ndim == 1:
         return found
     return np.asarray(pdist(found[:: max(1, len(found) // _COMPARED_VERTICES)]))

@@ -45,7 +45,7 @@ def _listed(problems: list[str], praise: str) -> str:
 
 
 def check_requirements(case: ConformanceCase) -> str:
-    """Whether the packages beyond the core are installed, and the model of a learner that says where it lies is there.
+    """Return whether further packages are installed, and the model of a learner that says where it lies is there.
 
     A learner that does not say so is trained to be checked.
     """
@@ -74,7 +74,7 @@ def _check_info(case: ConformanceCase) -> str:
 
 
 def check_class(case: ConformanceCase) -> str:
-    """Whether the class is a frozen, keyword-only dataclass whose fields all have defaults."""
+    """Return whether the class is a frozen, keyword-only dataclass whose fields all have defaults."""
     made: Any = case.spec.load()
     if not dataclasses.is_dataclass(made):
         raise Failed(f"{made.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
@@ -95,7 +95,7 @@ def check_class(case: ConformanceCase) -> str:
 
 
 def check_parameters(case: ConformanceCase) -> str:
-    """Whether parameters fit into JSON, and make the same object again."""
+    """Return whether parameters fit into JSON, and make the same object again."""
     parameters = case.spec.resolved_parameters()
     try:
         keys.plain(parameters)
@@ -110,7 +110,7 @@ def check_parameters(case: ConformanceCase) -> str:
 
 
 def check_answer(case: ConformanceCase) -> str:
-    """What the method says of the reference figure."""
+    """Return what the method says of the reference figure."""
     found = case.reference
     if found.ndim == 1:
         return f"{len(found)} numbers, all finite"
@@ -289,7 +289,7 @@ def _require_mesh(case: ConformanceCase) -> None:
 
 
 def check_learner(case: ConformanceCase) -> str:
-    """What a learner says of its models."""
+    """Return what a learner says of its models."""
     learner: Any = case.spec.create()
     problems = []
     if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):

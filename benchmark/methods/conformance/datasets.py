@@ -84,7 +84,7 @@ def _check_fresh_process(case: DatasetCase) -> str:
 
 
 def _described(source: str) -> list[list[str]]:
-    """What determines the set, in plain values; the mesh of the first shape of each class."""
+    """Return what determines the set, in plain values; the mesh of the first shape of each class."""
     case = DatasetCase(source)
     listed = [
         [entry.identifier, entry.subject, entry.pose, case.dataset.recipe(entry), repr(case.dataset.camera(entry))]

@@ -1,4 +1,4 @@
-"""Whether a method answers the same in processes of their own, and on another processor."""
+"""Checks that a method answers the same in processes of their own, and on another processor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ OLD_KERNEL = "Nehalem"
 
 
 def check_fresh_process(case: ConformanceCase) -> str:
-    """Whether another process answers the same, and to the last bit."""
+    """Return whether another process answers the same, and to the last bit."""
     found = _elsewhere(case)
     same(case.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
     if found.tobytes() == case.reference.tobytes():
@@ -50,7 +50,7 @@ def check_fresh_process(case: ConformanceCase) -> str:
 
 
 def check_other_processor(case: ConformanceCase) -> str:
-    """Whether the answer survives other rounding errors: those of the BLAS kernel of another processor."""
+    """Return whether the answer survives other rounding errors: those of the BLAS kernel of another processor."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise Skipped("the kernel of another processor can be chosen on x86-64 only")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL

@@ -134,7 +134,7 @@ def _check_motion(case: ScorerCase) -> str:
 
 
 def _alike(case: ScorerCase, change: Callable[[Mesh], Mesh], hint: str) -> str:
-    """Whether a form is much more like itself after a change that should not matter than like any other one."""
+    """Return whether a form is much more like itself after a change that should not matter than like any other one."""
     forms = case.forms[: len(BENDS)]
     found = case.distances([*forms, *map(change, forms)])
     count = len(forms)

@@ -1,4 +1,4 @@
-"""What is to be checked: a method, a scorer or a data set by name, or all that a plugin file brings."""
+"""Targets of a check: a method, a scorer or a data set by name, or all that a plugin file brings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Target"]
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be checked.
+    """Target of a check.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _MARGIN = 1.06
 
 @dataclass(frozen=True)
 class Gallery:
-    """What the report shows of the forms of one data set.
+    """Pictures of the forms of one data set in the report.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the charts of a table show: scores with intervals, cost, classes, precision over recall, what is confused."""
+"""Data of the charts of a table: scores with intervals, cost, classes, precision over recall, confusions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Ranked:
 
 @dataclass
 class Measured:
-    """What a page about a table shows.
+    """Data of a page about a table.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ TITLE = "Canonical forms benchmark"
 
 @dataclass(frozen=True)
 class TablePages:
-    """What the pages of one table are made of.
+    """Parts of the pages of one table.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class TablePages:
 
 @dataclass(frozen=True)
 class Overview:
-    """What the first page tells of all tables together.
+    """Content of the first page, about all tables together.
 
     Parameters
     ----------

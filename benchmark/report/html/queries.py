@@ -1,4 +1,4 @@
-"""What the browser of queries reads: every shape, its scores, and its nearest shapes under each method, in parts."""
+"""Data of the browser of queries: every shape, its scores, and its nearest shapes under each method, in parts."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
 
 @dataclass(frozen=True)
 class Written:
-    """What a report consists of.
+    """Files of a report.
 
     Parameters
     ----------
@@ -152,13 +152,13 @@ def _by_set(tables: Iterable[TableContent]) -> dict[str, list[Record]]:
 
 
 def _shapes_per_set(sets: dict[str, list[Record]]) -> int:
-    """How many shapes of each data set may be shown with the forms of all methods."""
+    """Return how many shapes of each data set may be shown with the forms of all methods."""
     columns = sum(len({(r["input"], r["method"]) for r in records}) for records in sets.values())
     return max(2, min(MOST_SHAPES, MOST_FORMS // max(columns, 1)))
 
 
 def pages_of(table: TableContent, found: Measured, gallery: Gallery | None = None) -> html.TablePages:
-    """What the pages of a table are made of."""
+    """Return what the pages of a table are made of."""
     phases: dict[str, None] = {}
     cells = [(row["title"], input_, cell) for row in found.data["rows"] for input_, cell in row["inputs"].items()]
     for _, _, cell in cells:
@@ -197,7 +197,7 @@ def _hero(gallery: Gallery | None) -> str | None:
 
 
 def overview(tables: Sequence[html.TablePages], command: str) -> html.Overview:
-    """What the first page tells of all tables together."""
+    """Return what the first page tells of all tables together."""
     failures: list[list[object]] = []
     left_out: list[list[object]] = []
     environments: dict[str, int] = {}

@@ -40,7 +40,7 @@ class Thinned:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """How far out each chosen vertex lies."""
+        """Return how far out each chosen vertex lies."""
         return self.all_values[self.chosen]
 
     def topology(self) -> dict[str, Any]:

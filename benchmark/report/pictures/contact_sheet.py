@@ -178,7 +178,7 @@ class _Sight:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where things are, in pixels.
+    """Layout of a sheet, in pixels.
 
     Parameters
     ----------

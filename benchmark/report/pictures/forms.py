@@ -45,7 +45,7 @@ _MARGIN = 1.03
 
 @dataclass
 class Forms:
-    """What one method makes of some shapes, turned for the eye.
+    """Forms of some shapes by one method, turned for the eye.
 
     Parameters
     ----------

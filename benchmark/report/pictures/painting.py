@@ -31,7 +31,7 @@ _PLAIN = (0.60, 0.68, 0.77)
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
-    """How far out on its surface each vertex lies, shape (n,): 0 in the middle, 1 at the farthest tip.
+    """Return how far out on its surface each vertex lies, shape (n,): 0 in the middle, 1 at the farthest tip.
 
     That is the mean distance along the surface to places all over it, which hardly changes when a limb is bent: the
     same part of a body has the same colour in every pose.
@@ -129,7 +129,7 @@ def _colour_of(
 
 
 def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_], pixel: float) -> NDArray[np.float64]:
-    """How bright each pixel of the surface is: a lamp, some light from everywhere, and a dark rim."""
+    """Return how bright each pixel of the surface is: a lamp, some light from everywhere, and a dark rim."""
     filled = np.where(seen, depth, np.max(depth, where=seen, initial=-np.inf))
     down, right = np.gradient(filled, pixel)
     normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)

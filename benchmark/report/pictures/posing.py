@@ -1,4 +1,4 @@
-"""How a form is turned so that it can be compared by eye: head up, as its shape stands, all poses alike."""
+"""Orientation of forms for comparison by eye: head up, as its shape stands, all poses alike."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What of the paper's tables holds up: an outcome on each of its figures, and on each of its claims."""
+"""Reproduction of the paper's tables: an outcome for each of its figures, and for each of its claims."""

@@ -83,7 +83,7 @@ CLAIMS: tuple[Claim, ...] = (
 
 @dataclass(frozen=True)
 class TestedClaim:
-    """What our queries say about a claim.
+    """Outcome of a claim by our queries.
 
     Parameters
     ----------

@@ -39,12 +39,12 @@ MARKS: Mapping[Outcome, str] = {
 
 
 def has_reproduction(tables: Sequence[TableContent]) -> bool:
-    """Whether there is a table of the paper to judge."""
+    """Return whether there is a table of the paper to judge."""
     return bool(paper_tables(tables))
 
 
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:
-    """What holds up of the paper's figures and claims, as Markdown."""
+    """Return what holds up of the paper's figures and claims, as Markdown."""
     contents, figures = paper_tables(tables), reproduced_figures(tables)
     blocks = [
         "**What of the paper's tables holds up.**",
@@ -65,7 +65,7 @@ def reproduction_markdown(tables: Sequence[TableContent]) -> str:
 
 
 def counts(figures: Sequence[ReproducedFigure]) -> str:
-    """How many figures of each table got which outcome, by input, as a Markdown table."""
+    """Return how many figures of each table got which outcome, by input, as a Markdown table."""
     lines = [markdown_row(["Table", "input", "figures", *OUTCOMES]), markdown_rule(3 + len(OUTCOMES), 2)]
     for input_ in INPUTS:
         of_input = [each for each in figures if each.input == input_]
@@ -94,7 +94,7 @@ def claims(judged: Sequence[TestedClaim]) -> str:
 
 
 def inputs(figures: Sequence[ReproducedFigure]) -> str:
-    """How far our classical rows under each input, and the chance level, are from the paper's, as a Markdown table."""
+    """Return how far our classical rows by input, and the chance level, are from the paper's, as a Markdown table."""
     head = ["Table", "input", "figures", "all measures", "without NN", f"within {TOLERANCE:.2f}"]
     lines = [markdown_row(head), markdown_rule(len(head), 2)]
     classical = [each for each in figures if each.ours is not None and not is_learned(each.method)]

@@ -100,7 +100,7 @@ def reproduced_figures(tables: Iterable[TableContent]) -> list[ReproducedFigure]
 
 
 def is_learned(method: str) -> bool:
-    """Whether a row of the paper is a network, which sees depth images alone."""
+    """Return whether a row of the paper is a network, which sees depth images alone."""
     return method.startswith("learned")
 
 
@@ -141,12 +141,12 @@ def _outcome(
 
 
 def is_near(told: float, found: float) -> bool:
-    """Whether a figure counts as reproduced."""
+    """Return whether a figure counts as reproduced."""
     return abs(told - found) <= TOLERANCE + _SLACK
 
 
 def keeps_order(told: float, found: float, others: Sequence[tuple[float, float]]) -> bool:
-    """Whether enough comparisons with other rows of the table point the same way.
+    """Return whether enough comparisons with other rows of the table point the same way.
 
     Parameters
     ----------

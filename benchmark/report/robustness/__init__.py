@@ -1,1 +1,1 @@
-"""What breaks which method: curves from records, and how they are written."""
+"""Robustness of methods: curves from records, and how they are written."""

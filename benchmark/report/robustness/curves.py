@@ -1,4 +1,4 @@
-"""What breaks which method: curves over the strength of each perturbation, a pure function of records."""
+"""Robustness of methods: curves over the strength of each perturbation, a pure function of records."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Curve:
 
     @property
     def can_halve(self) -> bool:
-        """Whether half of the clean value is above chance, so that falling below it means something."""
+        """Return whether half of the clean value is above chance, so that falling below it means something."""
         return self.clean / 2 > self.chance
 
     @property
@@ -61,7 +61,7 @@ class Curve:
 
     @property
     def is_complete(self) -> bool:
-        """Whether there is a result at each strength."""
+        """Return whether there is a result at each strength."""
         return None not in self.values
 
 

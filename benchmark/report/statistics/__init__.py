@@ -1,1 +1,1 @@
-"""What a figure of a table is worth: intervals over classes, tests between rows."""
+"""Statistics of the figures of a table: intervals over classes, tests between rows."""

@@ -1,4 +1,4 @@
-"""Whether the order of the methods in a table depends on the scorer: a pure function of records."""
+"""Agreement of two scorers on the order of the methods in a table: a pure function of records."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Place = tuple[str, str, bool]
 
 @dataclass(frozen=True)
 class TableAgreement:
-    """How far two scorers agree on one table under one input.
+    """Agreement of two scorers on one table under one input.
 
     Parameters
     ----------

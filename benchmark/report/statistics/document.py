@@ -11,7 +11,7 @@ from retrieval.measures import PRINTED
 
 
 def has_intervals(table: TableContent) -> bool:
-    """Whether some figure of ours can be judged."""
+    """Return whether some figure of ours can be judged."""
     return bool(table.significance)
 
 

@@ -82,7 +82,7 @@ def widened(low: float, high: float, mean: float, deviation: float, least: float
 
 
 def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
-    """How often each class is in each sample, shape (draws, classes), some draws at a time."""
+    """Return how often each class is in each sample, shape (draws, classes), some draws at a time."""
     generator = np.random.default_rng(0)
     most = max(1, _AT_A_TIME // max(n_classes, 1))
     for start in range(0, DRAWS, most):

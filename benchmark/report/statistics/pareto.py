@@ -1,4 +1,4 @@
-"""Which methods are worth their cost: none of the others is both cheaper and better."""
+"""Pareto front of methods: none of the others is both cheaper and better."""
 
 from __future__ import annotations
 

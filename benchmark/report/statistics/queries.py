@@ -15,7 +15,7 @@ UNIT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Queries:
-    """What a method reached for each query.
+    """Measures of a method for each query.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the distances of a record say beyond its scores: nearest shapes, precision over recall, and what is confused."""
+"""Further results from the distances of a record: nearest shapes, precision over recall, and confusions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RECALLS = tuple(round(0.05 * k, 2) for k in range(1, 21))
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """How a method ranks a gallery.
+    """Ranking of a gallery by a method.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 
 def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str, str], int]:
-    """How often a query of one kind has a nearest match of another, or of its own: counts by both kinds."""
+    """Return how often a query of one kind has a nearest match of another, or of its own: counts by both kinds."""
     counts: dict[tuple[str, str], int] = {}
     for query, match in enumerate(nearest[:, 0].tolist() if nearest.size else ()):
         pair = (kinds[query], kinds[match])
@@ -103,7 +103,7 @@ def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str
 
 @dataclass(frozen=True)
 class Attraction:
-    """What the nearest match has in common with its query: shares of all queries.
+    """Shares of all queries whose nearest match is of the same subject, or pose.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Attraction:
 
 
 def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Whether a method retrieves the subject or the pose; None where no pose is shown by two shapes."""
+    """Return whether a method retrieves the subject or the pose; None where no pose is shown by two shapes."""
     if len(set(poses)) == len(poses) or not nearest.size:
         return None
     who, how = (np.unique(list(kinds), return_inverse=True)[1] for kinds in (subjects, poses))

@@ -1,4 +1,4 @@
-"""Whether two rows can be told apart: paired permutation test over queries, and Holm's correction for many rows.
+"""Tests whether two rows differ: paired permutations over queries, and Holm's correction for many rows.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""How much a table depends on the choice of its test subjects: quantiles over all ways to choose."""
+"""Dependence of a table on the choice of its test subjects: quantiles over all ways to choose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from retrieval.measures import PRINTED
 
 
 def has_splits(table: TableContent) -> bool:
-    """Whether some row tells of all splits."""
+    """Return whether some row tells of all splits."""
     return any(_quantiles(row, input_) for row in table.rows for input_ in table.inputs)
 
 

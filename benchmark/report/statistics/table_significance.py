@@ -1,4 +1,4 @@
-"""What can be said about the rows of a table: how sure each figure is, and which rows differ from the best."""
+"""Significance of the rows of a table: how sure each figure is, and which rows differ from the best."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from retrieval.measures import PRINTED
 
 
 class Row(Protocol):
-    """What a judge wants of a row of a table."""
+    """Row of a table, as the tests need it."""
 
     @property
     def method(self) -> str:
@@ -42,7 +42,7 @@ CONTROL = "control"
 
 @dataclass(frozen=True)
 class FigureSignificance:
-    """What can be said about one figure.
+    """Interval and significance of one figure.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class FigureSignificance:
 
     @property
     def is_inseparable(self) -> bool:
-        """Whether the row cannot be told from the best one."""
+        """Return whether the row cannot be told from the best one."""
         return self.probability is not None and self.probability >= ALPHA
 
 
