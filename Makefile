@@ -59,14 +59,14 @@ test-exhaustive: setup
 
 # The compiled kernels with every index checked; two minutes, most of them to compile.
 boundscheck: setup
-	$(BIN)/python -m tests.boundscheck
+	$(BIN)/python -m tools.boundscheck
 
 portability: setup
-	$(BIN)/python -m tests.portability.suite $(ARGS)
+	$(BIN)/python -m tools.portability.suite $(ARGS)
 
 # Kills, bad plugins, damaged files, full disks, odd command lines; about an hour, or give ARGS="--seconds 300".
 faults: setup
-	$(BIN)/python -m tests.faults $(ARGS)
+	$(BIN)/python -m tools.faults $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .
@@ -74,7 +74,7 @@ lint: setup
 	$(BIN)/mypy
 
 speed: setup
-	$(BIN)/python -m tests.speed
+	$(BIN)/python -m tools.speed
 
 # From the records in results/; needs neither data nor models.
 tables: setup

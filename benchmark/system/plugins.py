@@ -126,7 +126,7 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
     defines = re.compile(rf"""\bname\b[^=\n]*=\s*['"]{re.escape(name)}['"]""")
     for path in (*sorted(Path().glob("*.py")), *sorted(Path().glob("*/*.py"))):
         with suppress(OSError, ValueError):
-            if path.parts[0] not in _PROJECT | {"tests"} and defines.search(path.read_text(encoding="utf-8")):
+            if path.parts[0] not in _PROJECT | {"tests", "tools"} and defines.search(path.read_text(encoding="utf-8")):
                 return ConfigurationError(error.problem, f"pass --plugin {path}, which defines it")
     return error
 

@@ -10,7 +10,7 @@ from benchmark.contracts import Shape
 from benchmark.geometry.preparation import decimate
 from benchmark.methods.conformance.shapes import BENDS, figure, view
 from benchmark.methods.registry import methods, variant
-from tests.studies.jitter import aligned
+from tools.studies.jitter import aligned
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 TURNED = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()

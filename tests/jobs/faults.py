@@ -1,4 +1,4 @@
-"""A plugin file of methods that go wrong, and tell which processes they are; ``tests/faults`` has many more."""
+"""A plugin file of methods that go wrong, and tell which processes they are; ``tools/faults`` has many more."""
 
 import multiprocessing
 import os

@@ -15,7 +15,7 @@ from benchmark.reference.paper import PRINTED
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
 from tests.rows import is_form
-from tests.studies import field_detail, learning_curve, strict_training
+from tools.studies import field_detail, learning_curve, strict_training
 
 ROOT = Path(__file__).parents[2]
 PAGES = (

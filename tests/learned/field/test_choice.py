@@ -13,7 +13,7 @@ from learned.field.fitting import fit
 from learned.field.methods import DeformationField
 from tests.learned.field.toy import OPTIONS, TOY, Paddles, paddles
 from tests.learned.toy import quiet
-from tests.studies import field_detail
+from tools.studies import field_detail
 
 
 def test_every_setting_is_ranked_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from learned.paired.pairs import gather
 from learned.paired.schedule import Schedule
 from learned.paired.training import train
 from tests.learned.toy import TINY, files, quiet, toy_data
-from tests.studies import learning_curve
+from tools.studies import learning_curve
 
 PLAN = Schedule(resolution=32, early_epochs=2, batch=2, precision="float32")
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from benchmark.protocols.trainings import POSE_FOLDS
-from tests.studies import strict_training
-from tests.studies.strict_training import ROWS, Form, compared, table
+from tools.studies import strict_training
+from tools.studies.strict_training import ROWS, Form, compared, table
 
 
 def test_each_row_takes_forms_of_its_models_in_galleries_of_its_poses(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from retrieval.measures import PRINTED
 from tests.geometry.surfaces import sphere
 from tests.learned.streamed.toy import Ellipsoids, toy
 from tests.learned.toy import quiet
-from tests.studies import architectures
+from tools.studies import architectures
 
 CHOSEN = [toy(name="toy"), toy(name="toy-two-sided", sides=2)]
 

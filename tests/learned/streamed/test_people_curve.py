@@ -18,7 +18,7 @@ from tests.learned.streamed.test_architectures import Many
 from tests.learned.streamed.test_training import OPEN
 from tests.learned.streamed.toy import TOY, toy_stream
 from tests.learned.toy import quiet
-from tests.studies import people
+from tools.studies import people
 
 POSES = 4
 

@@ -13,9 +13,9 @@ from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import write_report
 from benchmark.report.results import Results
 from benchmark.storage.store import Store
-from tests.browser import CHROMIUM, DRIVER, PHONE, Browser, chromium
 from tests.records import failed
 from tests.toy import write_rods
+from tools.browser import CHROMIUM, DRIVER, PHONE, Browser, chromium
 
 pytestmark = [
     pytest.mark.slow,

@@ -1,0 +1,162 @@
+"""What was tried and what it crossed: as text, as JSON, and as the document of the latest try of each case."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmark.system.fingerprints import fingerprint
+from tools.faults.cases import Border, Outcome
+
+#: Where the latest report of each case is kept, and the document that is made of it.
+REPORT, DOCUMENT = Path("results/faults.json"), Path("docs/appendix/faults.md")
+
+#: Borders that have a column of their own.
+_COLUMNS = (Border.LOST, Border.HALF, Border.ORPHAN, Border.STALL)
+
+_HEADER = (
+    "section", "cases", "tried", "crossed", "records lost", "half records", "orphans", "stalls",
+    "recovery s, median", "max",
+)  # fmt: skip
+
+_TEXT = """\
+# Faults made on purpose
+
+After this page you can try the suite with kills, bad plugins, full disks and damaged files, and read what was found.
+Written by `python -m tools.faults --publish`; do not edit.
+
+    python -m tools.faults [--seed N] [--seconds S] [--kills N] [--only NAME] [--workers 1|2] [--output FILE]
+    python -m tools.faults --publish --rest
+    python -m tools.faults --list
+
+tries the suite with faults of every kind, each made on the fly in a temporary folder from the seed, and asks of each:
+no finished record lost or changed, no half record, no process that outlives its run, no command without an end, no
+traceback for the user, no undocumented exit code, a word on what is wrong, and for everything that the fault does not
+touch the scores of an undisturbed run. It ends with exit code 1 if any of these borders was crossed, and with the
+command that tries the case again. `--seconds` mixes the sections and begins no further case after that time; a short
+round is part of the tests, one of half a minute of the slow ones. It needs Linux.
+
+- **kills**: KILL, TERM, HUP and INT to the harness, its session, its workers and the programs that methods run, five
+  in a results folder, at ages of a worker from 0 to 4 s, half of them in the first second. Where the harness dies the
+  same command is given again, with `--retry all`. Recovery is the time from a kill until some worker is at work again.
+- **plugins**: plugin files that exit, crash, hang, fork, eat memory, answer nonsense, or name themselves oddly, when
+  imported, made, or at work; in `run` beside a method that must keep its scores, and in `plan`, `list`, `check`,
+  `canonicalise`, `report` and `why`. A file that cannot be used at all is refused in one line before any work begins.
+- **folders**: bad shapes among good ones, which must be ranked; folders that cannot be used, which are refused in one
+  line.
+- **disks**: limits on the size of files, small disks, results folders that cannot be written or go away, two runs in
+  one folder, a standard output that is full or closed.
+- **damage**: records and artefacts with changed bits and digits, cut off, doubled, replaced; alien files beside them.
+- **arguments**: command lines of every verb with values that nobody would give; a usage error is one line.
+- **readers**: mesh files of every format with random damage.
+
+Commands are forked from a process that has imported the suite already, and read its sources, for that takes longer than
+most of them; workers start as always.
+
+## Latest report
+
+The latest try of each case. `--publish` keeps each as soon as it has ended, and with `--rest` a program that was
+stopped goes on where it was; the report says whether it was the same code all the time. The seed, the seconds and the
+code of each case are in [results/faults.json](../../results/faults.json).
+
+"""
+
+
+def code() -> str:
+    """Short digest of what is tried: the code of the command line and the versions of its packages."""
+    return fingerprint("benchmark.cli.main", "baselines.surface_area", "baselines.identity").digest[:8]
+
+
+def as_json(outcomes: Sequence[Outcome], seed: int, seconds: float, code: str) -> dict[str, Any]:
+    """All that was tried, by the names of the cases."""
+    return {
+        "seed": seed,
+        "seconds": round(seconds, 1),
+        "cases": {outcome.name: _figures(outcome, seed, code) for outcome in outcomes},
+    }
+
+
+def as_text(report: Mapping[str, Any]) -> str:
+    """A table in Markdown, and below it each crossing with the command that makes it again."""
+    text = table(report["cases"]) + f"\nSeed {report['seed']}, {report['seconds']:.0f} s.\n"
+    for name, figures in report["cases"].items():
+        for crossing in figures["crossings"]:
+            text += f"\n{name}: {Border[crossing['border']]}\n    {crossing['said']}\n    {_again(name, figures)}\n"
+    return text
+
+
+def table(cases: Mapping[str, Mapping[str, Any]]) -> str:
+    """One row a section, and one for all."""
+    sections = dict.fromkeys(name.partition("/")[0] for name in cases)
+    lines: list[Sequence[str]] = [_HEADER, ("---", *["---:"] * (len(_HEADER) - 1))]
+    for section in sections:
+        own = [figures for name, figures in cases.items() if name.startswith(f"{section}/")]
+        lines.append((section, *_cells(own)))
+    lines.append(("all", *_cells(list(cases.values()))))
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def publish(report: Mapping[str, Any], root: Path = Path()) -> None:
+    """Put the cases of a report into the kept one, in place of their former figures, and write the document."""
+    path = root / REPORT
+    kept = json.loads(path.read_text()) if path.exists() else {}
+    kept = dict(sorted((kept | report["cases"]).items()))
+    lines = (f"{json.dumps(name)}: {json.dumps(figures)}" for name, figures in kept.items())
+    path.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    (root / DOCUMENT).write_text(document(kept))
+
+
+def published(seed: int, code: str, root: Path = Path()) -> set[str]:
+    """Names of the cases that the kept report has of a seed and a code, and in which no border was crossed."""
+    path = root / REPORT
+    kept = json.loads(path.read_text()) if path.exists() else {}
+    return {
+        name
+        for name, figures in kept.items()
+        if (figures["seed"], figures["code"]) == (seed, code) and not figures["crossings"]
+    }
+
+
+def document(cases: Mapping[str, Mapping[str, Any]]) -> str:
+    """The whole document."""
+    crossed = [
+        f"\n`{name}`: {Border[crossing['border']]}; `{_again(name, figures)}`.\n"
+        for name, figures in cases.items()
+        for crossing in figures["crossings"]
+    ]
+    return _TEXT + table(cases) + _codes(cases) + "".join(crossed)
+
+
+def _codes(cases: Mapping[str, Mapping[str, Any]]) -> str:
+    """Which code the cases were tried with: one, unless it changed between the parts of the report."""
+    counts = Counter(figures["code"] for figures in cases.values())
+    told = ", ".join(f"`{code}` ({count} of {len(cases)} cases)" for code, count in counts.most_common())
+    return f"\nCode that was tried, as a digest of its modules and packages: {told}.\n"
+
+
+def _figures(outcome: Outcome, seed: int, code: str) -> dict[str, Any]:
+    return {
+        "seed": seed,
+        "code": code,
+        "tried": outcome.tried,
+        "seconds": round(outcome.seconds, 1),
+        "recoveries": [round(seconds, 2) for seconds in outcome.recoveries],
+        "crossings": [{"border": crossing.border.name, "said": crossing.said} for crossing in outcome.crossings],
+    }
+
+
+def _again(name: str, figures: Mapping[str, Any]) -> str:
+    return f"python -m tools.faults --only {name} --seed {figures['seed']}"
+
+
+def _cells(cases: Sequence[Mapping[str, Any]]) -> list[str]:
+    borders = [Border[crossing["border"]] for figures in cases for crossing in figures["crossings"]]
+    recoveries = [seconds for figures in cases for seconds in figures["recoveries"]]
+    counts = [len(cases), sum(figures["tried"] for figures in cases), len(borders)]
+    counts += [borders.count(border) for border in _COLUMNS]
+    times = [statistics.median(recoveries), max(recoveries)] if recoveries else []
+    return [str(count) for count in counts] + ([f"{seconds:.1f}" for seconds in times] or ["", ""])

@@ -1,0 +1,134 @@
+"""``make portability``: the numerical tests under the kernels of other processors, two variants side by side."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from tools.portability.variants import FOLDER, TESTED, TOGETHER, Variant, own_kernels
+
+#: Tests whose outcome can depend on BLAS, numba or numpy's choice of instructions. Those of the harness cannot, and the
+#: network runs on the kernels of torch, which none of the variants changes. Of the data sets, generators compute.
+NUMERICAL = (
+    "tests/baselines",
+    "tests/retrieval",
+    "tests/geometry",
+    *(f"tests/datasets/test_{name}.py" for name in ("animals", "humans", "humans_scanlike")),
+)
+#: Among them, tests of files and their bytes, which no kernel touches.
+READERS = ("tests/geometry/test_formats.py", "tests/geometry/test_io.py")
+#: The first test that needs a kernel compiles it, which takes minutes on a busy machine.
+TIMEOUT = "--timeout=900"
+COMMAND = (
+    sys.executable, "-m", "pytest", "-x", TIMEOUT, "-p", "no:cacheprovider",
+    *NUMERICAL, *(f"--ignore={name}" for name in READERS),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How the tests of one variant went."""
+
+    variant: Variant
+    passed: bool
+    seconds: float
+    output: str
+
+
+class _Runs:
+    """Processes that are under way, so that one failure can end the others."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._running: set[subprocess.Popen[str]] = set()
+        self._stopped = False
+
+    def run(self, variant: Variant, command: Sequence[str]) -> Outcome:
+        """Run the tests of one variant to their end."""
+        start = time.perf_counter()
+        with self._lock:
+            if self._stopped:
+                raise CancelledError
+            process = subprocess.Popen(
+                command, env=variant.variables(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            )
+            self._running.add(process)
+        output, _ = process.communicate()
+        with self._lock:
+            self._running.discard(process)
+            if self._stopped:
+                raise CancelledError
+        return Outcome(variant, process.returncode == 0, time.perf_counter() - start, output)
+
+    def stop(self) -> None:
+        """End what runs, and start nothing more."""
+        with self._lock:
+            self._stopped = True
+            for process in self._running:
+                process.terminate()
+
+
+def run_suite(variants: Sequence[Variant] = TESTED, command: Sequence[str] = COMMAND) -> bool:
+    """Run a command under each variant that the processor can run; print one line each, and stop at a failure.
+
+    Returns
+    -------
+    bool
+        Whether all passed.
+    """
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    able = []
+    for variant in variants:
+        if variant.obstacle():
+            print(f"{variant.name:<10} skipped: {variant.obstacle()}", flush=True)
+        else:
+            able.append(variant)
+    runs = _Runs()
+    with ThreadPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as pool:
+        for future in as_completed([pool.submit(runs.run, variant, command) for variant in able]):
+            try:
+                outcome = future.result()
+            except CancelledError:
+                continue
+            summary = outcome.output.strip().splitlines()[-1:] or ["no output"]
+            outcome = "passed" if outcome.passed else "FAILED"
+            print(f"{outcome.variant.name:<10} {outcome} in {outcome.seconds:.0f} s: {summary[0].strip()}", flush=True)
+            if not outcome.passed:
+                runs.stop()
+                log = FOLDER / f"{outcome.variant.name}.log"
+                log.write_text(outcome.output)
+                settings = " ".join(f"{name}={value}" for name, value in outcome.variant.environment.items())
+                print(outcome.output[-4000:], f"all of it is in {log}; again: {settings} pytest", sep="\n", flush=True)
+                return False
+    return True
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the suite; 0 if all variants passed.
+
+    With ``--others``, without the kernels that this processor chooses by itself, under which the other tests ran, and
+    the old instructions of BLAS, numba and numpy at once.
+    """
+    start = time.perf_counter()
+    variants: Sequence[Variant] = TESTED
+    if "--others" in arguments:
+        own = own_kernels()
+        if own in (variant.name for variant in TESTED):
+            print(f"{own:<10} left out: the choice of this processor", flush=True)
+        variants = [variant for variant in TOGETHER if variant.name != own]
+    passed = run_suite(variants)
+    if passed:
+        print(f"the numerical tests pass under all kernels in {time.perf_counter() - start:.0f} s")
+    return 0 if passed else 1
+
+
+if __name__ == "__main__":
+    Path("build").mkdir(exist_ok=True)
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,167 @@
+"""``docs/appendix/speed.md`` out of ``results/speed.json`` and ``results/growth.json``: no figure is typed."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+SPEED = Path("results/speed.json")
+GROWTH = Path("results/growth.json")
+FIGURE = Path("results/figures/growth.png")
+DOCUMENT = Path("docs/appendix/speed.md")
+UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
+
+INTRODUCTION = """\
+# Speed
+
+After this page you can say how fast each part is beside other programs, and how time grows with the number of vertices.
+Written by `python -m tools.speed` and `python -m tools.speed.growth`; do not edit.
+"""
+
+COMPARISONS = """\
+## Against other programs
+
+The ratio is the time of the other program over ours, both measured in one run on one machine: above 1, ours is faster.
+Processor time is that of one thread and hardly perturbed by other work; wall time is used where several processes or
+threads share the work, or a process starts. Before the semicolon stands what we set out to reach, behind it what makes
+the comparison fair. The command is `make speed`.
+"""
+
+PROFILES = """\
+## Where the time goes
+
+- **Signature.** Blurs, the search for extrema and rows of samples are written in vectors; sums into histograms are half
+  of a descriptor's time.
+- **Least-squares and non-metric MDS.** 256 spread vertices are scaled first, then all take quasi-Newton steps: five or
+  six passes over all pairs instead of up to a hundred, to a lower stress.
+- **Clock matching.** View by view, the table of a block of forms fits the first-level cache.
+- **All geodesics.** Shortest paths take 70 %; 512 sources advance together.
+- **Preparation.** Four fifths are the quadric edge collapse of pymeshlab.
+"""
+
+SIZES = """\
+## Against the number of vertices
+
+Processor seconds of one thread, so that other work on the machine matters little, for one generated human body
+decimated to n vertices: the least of {repeats} runs, or a single one beyond {long_run:g} s. Compiling is not counted.
+The geodesics of all pairs are a row of their own and not counted in the methods that take them; a method marked * asks
+for a few rows of geodesics instead, which are counted. The last column is the exponent k of n^k between the two largest
+sizes. A method that needs more than {limit:g} s stops there; forms are not made of the largest size, where a matrix of
+all pairs is more than 1 GB. The command is `python -m tools.speed.growth`.
+
+![Time against the number of vertices](../../{figure})
+"""
+
+
+def machine() -> dict[str, Any]:
+    """Describe where the measurements were made."""
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+        "python": platform.python_version(),
+        "cores": psutil.cpu_count(),
+    }
+
+
+def _processor() -> str:
+    """Name and width of the vectors, by which figures differ most from machine to machine."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    facts = dict((part.strip() for part in line.split(":", 1)) for line in lines if ":" in line)
+    wide = ", AVX-512" if "avx512f" in facts.get("flags", "").split() else ""
+    return f"{facts.get('model name', platform.processor())}{wide}"
+
+
+def write_document() -> Path:
+    """Write the tables of all results that exist; returns the path."""
+    parts = [INTRODUCTION]
+    if SPEED.exists():
+        parts += [COMPARISONS, speed_table(json.loads(SPEED.read_text())), PROFILES]
+    if GROWTH.exists():
+        found = json.loads(GROWTH.read_text())
+        words = SIZES.format(**found["settings"], figure=FIGURE.as_posix())
+        parts += [
+            words,
+            growth_table(found["sizes"], found["rows"], found["settings"]["limit"]),
+            _place(found["machine"]),
+        ]
+    DOCUMENT.write_text("\n".join(parts))
+    return DOCUMENT
+
+
+def speed_table(found: dict[str, Any]) -> str:
+    """The comparisons, as Markdown."""
+    rows = [
+        (
+            measured["name"],
+            _seconds(measured["ours_seconds"]),
+            measured["peer"] or "",
+            _seconds(measured["peer_seconds"]),
+            f"{measured['ratio']:.2f}" if measured["ratio"] else "",
+            measured["clock"],
+            "yes" if measured["met"] else "**no**",
+            measured["detail"].removeprefix("target: "),
+        )
+        for measured in found["rows"]
+    ]
+    header = (
+        "what",
+        "ours",
+        "other program",
+        "its time",
+        "ratio",
+        "clock",
+        "target met",
+        "target; how it was measured",
+    )
+    places: dict[str, list[str]] = {}
+    for measured in found["rows"]:
+        places.setdefault(_place(measured.get("machine", found["machine"])), []).append(measured["name"])
+    if len(places) == 1:
+        return _table(header, rows) + "\n" + next(iter(places))
+    notes = (f"{place.strip()[:-1]}: {'; '.join(names)}.\n" for place, names in places.items())
+    return _table(header, rows) + "\n" + "\n".join(notes)
+
+
+def growth_table(sizes: Sequence[int], rows: Iterable[dict[str, Any]], limit: float) -> str:
+    """Time against n, as Markdown; a row that ends early was stopped where it took longer than the limit."""
+    lines = []
+    for each in rows:
+        cells = [each["name"] + " *" * each["takes_rows"]]
+        cells += [_seconds(seconds) for seconds in each["seconds"]]
+        cells += ["stopped" if each["seconds"][-1] > limit else ""] * (len(sizes) + 1 - len(cells))
+        lines.append((*cells, exponent(sizes, each["seconds"])))
+    return _table(("", *(f"n = {size}" for size in sizes), "k"), lines)
+
+
+def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> str:
+    """Exponent of the growth between the two largest sizes, where the time is long enough to tell."""
+    if len(seconds) < 2 or seconds[-2] < 1e-3:
+        return ""
+    last = len(seconds) - 1
+    return f"{np.log(seconds[last] / seconds[last - 1]) / np.log(sizes[last] / sizes[last - 1]):.1f}"
+
+
+def _seconds(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    unit, scale = next((pair for pair in UNITS if seconds >= pair[1]), UNITS[-1])
+    return f"{seconds / scale:.3g} {unit}"
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def _place(found: dict[str, Any]) -> str:
+    processor = f" ({found['processor']})" if found.get("processor") else ""
+    return f"Measured on {found['system']}{processor}, Python {found['python']}, {found['cores']} cores.\n"

@@ -1,0 +1,288 @@
+"""How runs grow with the gallery: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --records 10000``.
+
+Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
+measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import psutil
+
+ROOT = Path(__file__).parents[2]
+MEASURED = ROOT / "results" / "scale.json"
+PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
+
+#: Sizes of the page; those that were not run are extrapolated.
+SIZES = (100, 1000, 4000, 10_000)
+POSES = 20
+METHODS = ("identity", "classic-mds", "learned")
+CORES = 2
+MIB = 2**20
+
+#: Quantities of the page, in words.
+RUN = {
+    "run_seconds": "run, wall seconds on 2 cores",
+    "ranking_seconds": "of it ranking, sum over jobs",
+    "peak_mib": "memory of all processes, MiB",
+    "disk_mib": "disk at the end, MiB",
+    "plan_seconds": "plan, seconds",
+    "tables_seconds": "tables, seconds",
+}
+RANKING = {
+    "matching_seconds": "matching one codebook on one core, seconds",
+    "measures_seconds": "measures of one matrix, seconds",
+    "ranking_peak_mib": "memory of matching, keeping and measures, MiB",
+    "record_mib": "record of a job, MiB",
+}
+
+
+def gallery(size: int) -> str:
+    """Name of the data set of so many shapes."""
+    return f"humans[subjects={size // POSES},poses={POSES}]"
+
+
+def command(verb: str, size: int, results: Path, *more: str) -> list[str]:
+    """A verb on a gallery."""
+    methods = [word for name in METHODS for word in ("-m", name)]
+    return [sys.executable, "-m", "benchmark", verb, "-d", gallery(size), *methods, "--results", str(results), *more]
+
+
+def run(size: int, folder: Path) -> dict[str, Any]:
+    """Run a gallery from nothing, or go on where it was stopped, and look at memory and disk meanwhile."""
+    results = folder / str(size)
+    spent = folder / f"{size}.seconds"  # of the runs that were stopped
+    folder.mkdir(parents=True, exist_ok=True)
+    before = float(spent.read_text()) if spent.exists() else 0.0
+    begun = time.perf_counter()
+    process = subprocess.Popen(command("run", size, results, "-j", str(CORES)), cwd=ROOT, stdout=subprocess.DEVNULL)
+    peak, seconds = 0.0, before
+    while process.poll() is None:
+        peak = max(peak, _resident(process.pid) / MIB)
+        time.sleep(0.5)
+        seconds = before + time.perf_counter() - begun
+        spent.write_text(str(seconds))
+    if process.returncode not in (0, 1):
+        raise SystemExit(f"the run of {size} shapes ended with {process.returncode}")
+    records = [json.loads(path.read_text()) for path in (results / "runs" / "records").glob("*.json")]
+    done = [record for record in records if record["status"] == "ok"]
+    return {
+        "run_seconds": seconds,
+        "ranking_seconds": sum(record["wall_seconds"] for record in done),
+        "peak_mib": peak,
+        "disk_mib": sum(path.stat().st_size for path in results.rglob("*") if path.is_file()) / MIB,
+        "plan_seconds": _seconds(command("plan", size, results)),
+        "tables_seconds": _seconds(command("tables", size, results)),
+        "stages": {f"{r['input']} {r['method']}": r["cost"]["seconds_per_shape"] for r in done},
+    }
+
+
+def ranking(size: int) -> dict[str, Any]:
+    """Match made-up signatures as numerous as real ones, keep the distances and score them, in this process."""
+    from benchmark.jobs.stages.measures import scores
+    from benchmark.storage.records import as_text
+    from benchmark.storage.store import Store
+    from retrieval.cmbof import CMBOF
+    from tests.records import record
+    from tools.speed import clock_matching
+
+    # As many different forms would take long to draw; which ones are equal changes neither time nor memory.
+    drawn = clock_matching.gallery(min(size, 200))
+    forms = [drawn[k % len(drawn)] for k in range(size)]
+    CMBOF().distances(forms[:10])  # compiles
+    labels = [f"body-{k // POSES}" for k in range(size)]
+    begun = time.perf_counter()
+    matrix = CMBOF().distances(forms)
+    matched = time.perf_counter()
+    with TemporaryDirectory() as folder:
+        Store.open(Path(folder)).get_or_compute({}, lambda: {"distances": matrix})
+    begun_scoring = time.perf_counter()
+    found = scores([matrix], labels)
+    ended = time.perf_counter()
+    made = record("identity") | found | {"labels": labels, "shapes": [f"{label}_standing-1" for label in labels]}
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {
+        "matching_seconds": matched - begun,
+        "measures_seconds": ended - begun_scoring,
+        "ranking_peak_mib": int(status["VmHWM"].split()[0]) / 1024,
+        "record_mib": len(as_text(made)) / MIB,
+    }
+
+
+def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
+    """Plan a gallery and make its tables, from made-up records as large as real ones."""
+    from benchmark.jobs.plan import make_plan
+    from benchmark.methods.registry import methods, select
+    from benchmark.protocols.galleries import galleries
+    from benchmark.protocols.tables import INPUTS
+    from benchmark.storage.keys import plain
+    from benchmark.storage.store import Store
+    from retrieval.chance import chance_levels
+    from retrieval.measures import MEASURES
+    from tests.records import record
+
+    results = folder / f"{size}-made-up"
+    store = Store.open(results)
+    rng = np.random.default_rng(0)
+    for job in make_plan(galleries((), [gallery(size)]), INPUTS, select(METHODS, methods()), store):
+        if job.to_run:
+            entries = job.gallery.entries
+            labels = [entry.subject for entry in entries]
+            found = record(
+                input_=job.input, shapes=[entry.identifier for entry in entries], labels=labels, n_shapes=len(entries),
+                n_classes=len(set(labels)), chance=chance_levels(labels),
+                scores={measure.name: 0.5 for measure in MEASURES},
+                per_query={measure.name: rng.random(len(entries)).round(6).tolist() for measure in MEASURES},
+            )  # fmt: skip
+            store.write_record(found | job.facts | {"key": job.key, "recipe": plain(job.recipe)})
+    return {
+        "plan_seconds": _seconds(command("plan", size, results)),
+        "tables_seconds": _seconds(command("tables", size, results)),
+    }
+
+
+def _seconds(words: list[str]) -> float:
+    begun = time.perf_counter()
+    subprocess.run(words, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - begun
+
+
+def _resident(pid: int) -> int:
+    total = 0
+    try:
+        parent = psutil.Process(pid)
+        for process in (parent, *parent.children(recursive=True)):
+            total += process.memory_info().rss
+    except psutil.Error:
+        return total
+    return total
+
+
+def figure_of(measured: dict[str, dict[str, float]], name: str, size: int) -> tuple[float, bool] | None:
+    """A quantity at a size, and whether it was measured; else by the slope between two sizes that were, None of one."""
+    points = sorted((int(at), found[name]) for at, found in measured.items() if name in found)
+    known = dict(points)
+    if size in known:
+        return known[size], True
+    if len(points) < 2:
+        return None
+    place = min(max(sum(at < size for at, _ in points), 1), len(points) - 1)
+    (first, low), (second, high) = points[place - 1 : place + 1]
+    if name.endswith("peak_mib"):  # most of it is there before the first shape
+        return low + (high - low) / (second**2 - first**2) * (size**2 - first**2), False
+    if name == "disk_mib":  # forms, and distances of all pairs
+        each_pair = (high / second - low / first) / (second - first)
+        return (low / first + each_pair * (size - first)) * size, False
+    slope = float(np.log(high / low) / np.log(second / first))
+    return low * (size / first) ** slope, False
+
+
+def page(measured: dict[str, dict[str, Any]]) -> str:
+    """The page, from what was measured."""
+    sizes = sorted({*SIZES, *map(int, measured)})
+    lines = [
+        "# Scale",
+        "",
+        "After this page you can say what a gallery of some size costs in seconds, memory and disk.",
+        "Written by `python -m tools.speed.scale`; do not edit. A gallery of generated bodies in 20 poses each",
+        f"(`-d humans[subjects=N,poses=20]`) through {', '.join(METHODS)}, mesh and view, and below it the ranking",
+        "alone on made-up signatures. A figure behind ≈ was not measured: it follows from the slope between the",
+        "nearest two sizes that were (of memory, from a constant and the square of the size; of disk, from the size",
+        "and its square); what was measured at one size is extrapolated to no other. Plan and tables of 1000 and",
+        "of 10 000 shapes are of made-up records as large as real ones.",
+        "",
+        "![Seconds against the number of shapes](../../results/figures/scale.png)",
+        "",
+        "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
+        "| --- |" + " ---: |" * len(sizes),
+    ]
+    for name, title in (RUN | RANKING).items():
+        cells = []
+        for size in sizes:
+            found = figure_of(measured, name, size)
+            cells.append("--" if found is None else f"{'' if found[1] else '≈ '}{found[0]:.3g}")
+        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    with_stages = [(int(at), found["stages"]) for at, found in measured.items() if found.get("stages")]
+    if with_stages:
+        size, stages = max(with_stages, key=lambda pair: pair[0])
+        names = list(dict.fromkeys(stage for found in stages.values() for stage in found))
+        lines += ["", f"Seconds a shape by stage, median over {size} shapes, one core:", ""]
+        lines += ["| job | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(names)]
+        for job, found in sorted(stages.items()):
+            lines.append(f"| {job} | " + " | ".join(f"{found[n]:.3g}" if n in found else "" for n in names) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def draw(measured: dict[str, dict[str, Any]]) -> None:
+    """Draw seconds against shapes; what was not measured is dashed."""
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 4), dpi=120)
+    for name, title in (RUN | RANKING).items():
+        if not name.endswith("seconds") or not any(name in found for found in measured.values()):
+            continue
+        sizes = sorted({*SIZES, *map(int, measured)})
+        found = [figure_of(measured, name, size) for size in sizes]
+        values = [(size, each[0], each[1]) for size, each in zip(sizes, found, strict=True) if each]
+        (line,) = axes.plot([v[0] for v in values], [v[1] for v in values], "--", linewidth=0.8)
+        known = [v for v in values if v[2]]
+        axes.plot([v[0] for v in known], [v[1] for v in known], "o-", color=line.get_color(), label=title)
+    axes.set(xscale="log", yscale="log", xlabel="shapes", ylabel="seconds")
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=8)
+    FIGURE.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FIGURE, bbox_inches="tight", metadata={"Software": None})
+    plt.close(figure)
+
+
+def main() -> None:
+    """Measure what is asked for and not yet known, then write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sizes", default="", help="sizes to run, such as 100,1000")
+    parser.add_argument("--ranking", default="", help="sizes of the ranking alone")
+    parser.add_argument("--records", default="", help="sizes of plan and tables alone")
+    parser.add_argument("--results", type=Path, default=ROOT / "build" / "scale", help="where the runs are kept")
+    parser.add_argument("--write", action="store_true", help="only make the page anew")
+    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        print(json.dumps(ranking(options.one)))
+        return
+    measured: dict[str, dict[str, Any]] = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
+    for text, name, work in (
+        (options.sizes, "run_seconds", lambda size: run(size, options.results)),
+        (options.ranking, "matching_seconds", _ranking_apart),
+        (options.records, "tables_seconds", lambda size: bookkeeping(size, options.results)),
+    ):
+        for size in [int(word) for word in text.split(",") if word and not options.write]:
+            if name not in measured.get(str(size), {}):
+                print(f"{size} shapes ...", flush=True)
+                found = work(size)
+                measured = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}  # others may have written
+                measured[str(size)] = measured.get(str(size), {}) | found
+                MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
+    draw(measured)
+    PAGE.write_text(page(measured))
+
+
+def _ranking_apart(size: int) -> dict[str, Any]:
+    """The ranking in a process of its own, whose memory is its alone."""
+    words = [sys.executable, "-m", "tools.speed.scale", "--one", str(size)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return dict(json.loads(done.stdout))
+
+
+if __name__ == "__main__":
+    main()
