@@ -12,7 +12,7 @@ from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
 from baselines.least_squares_mds import start_positions
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     GeodesicSolver,
@@ -62,7 +62,7 @@ class AcceleratedMDS(CheckedParameters):
     rtol
         ``"rre"`` stops when a transform lowers the stress by less than this fraction.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -11,7 +11,7 @@ from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
 from baselines._kernels.spectral import Metric, spectral_embedding
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -50,7 +50,7 @@ class ClassicMDS(CheckedParameters):
     eigenfunctions
         Largest number of eigenfunctions that the other three are summed over.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 APART = 0.1
 """Least distance between two tips, in roots of the area: more than between two fingers, less than between two legs."""

@@ -10,7 +10,7 @@ import numpy as np
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, vertex_areas
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -44,7 +44,7 @@ class FastMDS(CheckedParameters):
     sweeps
         Largest number of steps from a pivot to the vertex farthest from it, per axis.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics_from`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics_from`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible

@@ -10,7 +10,7 @@ import numpy as np
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.handedness import right_handed, side_notes
 from baselines._kernels.orientation import canonical_signs, settled_axes
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

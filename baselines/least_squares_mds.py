@@ -11,7 +11,7 @@ import numpy as np
 from baselines._kernels.checks import require_pairs, require_vertices
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.spectral import Metric, distances_under
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -51,7 +51,7 @@ class LeastSquaresMDS(CheckedParameters):
     metric, time, eigenfunctions
         Which distances :math:`\delta` are, see :class:`baselines.classic_mds.ClassicMDS`.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

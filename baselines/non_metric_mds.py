@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -45,7 +45,7 @@ class NonMetricMDS(CheckedParameters):
     rtol
         Stop when an iteration lowers the stress by less than this fraction.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

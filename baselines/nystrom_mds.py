@@ -11,7 +11,7 @@ from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     GeodesicSolver,
@@ -45,7 +45,7 @@ class NystromMDS(CheckedParameters):
     rank
         Largest number r of eigenvalues that are kept, up to a gap between their magnitudes.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

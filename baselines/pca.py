@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines._kernels.checks import require_vertices
 from baselines._kernels.orientation import canonical_signs, vertex_areas
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from benchmark.contracts import CheckedParameters, FloatArray, GeodesicSolver, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CheckedParameters, FloatArray, GeodesicSolver, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class SDGDM(CheckedParameters):
     count
         Number of singular values.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -12,7 +12,7 @@ from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.frame import on_grid, principal_frame
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.ties import TIE, largest, order_by_coordinates
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,

@@ -12,7 +12,7 @@ from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.spectral import clear_eigenpairs
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -54,7 +54,7 @@ class SpectralMDS(CheckedParameters):
     fidelity
         Weight :math:`\mu` of the fit against the smoothness.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

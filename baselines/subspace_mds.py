@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from benchmark.contracts import (
+from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
@@ -52,7 +52,7 @@ class SubspaceMDS(CheckedParameters):
     rtol
         A level ends when a transform lowers the stress by less than this fraction.
     solver
-        Geodesic solver, see :meth:`benchmark.contracts.Shape.geodesics`.
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchmark.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
+from benchmark.api.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
 
 
 @dataclass(frozen=True, kw_only=True)

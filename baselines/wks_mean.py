@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from benchmark.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

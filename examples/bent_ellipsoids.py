@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import trimesh
 
-from benchmark.datasets.contract import DatasetInfo, Entry, Mesh
+from benchmark.api import DatasetInfo, Entry, Mesh
 
 #: Half the two widths of each class; half the length is 1.
 WIDTHS = {"flat": (0.12, 0.4), "round": (0.2, 0.2), "thick": (0.4, 0.35)}

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist, pdist
 
-from benchmark.contracts import Interval
+from benchmark.api import Interval, Mesh, ScorerInfo, SignatureArrays
 from benchmark.errors import InvalidMesh
-from benchmark.scoring import Mesh, ScorerInfo, SignatureArrays
 
 #: Distances beyond so many times the mean are left out.
 LARGEST = 3.0

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from benchmark.contracts import FloatArray, Interval, MethodInfo, Shape
+from benchmark.api import FloatArray, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

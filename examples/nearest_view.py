@@ -12,10 +12,19 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from safetensors.numpy import load, save
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape
+from benchmark.api import (
+    CARD,
+    WEIGHTS,
+    CanonicalForm,
+    MethodInfo,
+    Shape,
+    Split,
+    TrainingData,
+    UnsupportedShape,
+    checked_weights,
+)
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import back_project
-from benchmark.learning import CARD, WEIGHTS, Split, TrainingData, checked_weights
 
 #: Every so many-th pixel of an image is kept.
 STRIDE = 5

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.contracts import CanonicalForm, Interval, MethodInfo, Shape
+from benchmark.api import CanonicalForm, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.contracts import Shape
+from benchmark.api import Shape
 from benchmark.methods.conformance import check_target, figure
 from benchmark.methods.registry import plugin_methods
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh, Points
 

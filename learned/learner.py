@@ -9,11 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from benchmark.contracts import CanonicalForm, CheckedParameters, Interval, Matches, MethodInfo, Shape, UnsupportedShape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    Interval,
+    Matches,
+    MethodInfo,
+    Shape,
+    UnsupportedShape,
+)
+from benchmark.api.learning import Split, read_card
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import Split, read_card
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that torch takes."""

@@ -10,8 +10,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import nn
 
+from benchmark.api.learning import checked_weights
 from benchmark.errors import ConfigurationError
-from benchmark.learning import checked_weights
 
 Network = TypeVar("Network", bound=nn.Module)
 

@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.scoring import ScorerInfo, SignatureArrays
 from retrieval.clock import Progress, Signature, count_words, match_across, match_all
 from retrieval.codebook import Descriptors, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views

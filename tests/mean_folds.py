@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from benchmark.contracts import MethodInfo
-from benchmark.learning import Split
+from benchmark.api.contracts import MethodInfo
+from benchmark.api.learning import Split
 from tests.mean_target import MeanTarget
 
 PLUGIN_PATH = Path(__file__)

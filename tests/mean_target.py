@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.learning import CARD, WEIGHTS, Split, TrainingData, checked_weights
 from benchmark.errors import UnsupportedShape
-from benchmark.learning import CARD, WEIGHTS, Split, TrainingData, checked_weights
 
 PLUGIN_PATH = Path(__file__)
 

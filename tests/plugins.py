@@ -9,7 +9,7 @@ import os, signal, sys, threading, time
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from benchmark.contracts import MethodInfo, UnsupportedShape
+from benchmark.api.contracts import MethodInfo, UnsupportedShape
 
 {on_import}
 

@@ -52,9 +52,13 @@ def test_there_is_an_example_of_each_kind():
 
 
 @pytest.mark.parametrize("kind", NAMES)
-def test_an_example_is_what_new_writes(kind, tmp_path):
-    for path in new_plugin(kind, NAMES[kind], tmp_path):
-        assert (EXAMPLES / path.name).read_text() == path.read_text()
+def test_what_new_writes_is_an_example_under_another_name(kind, tmp_path):
+    old = NAMES[kind]
+    for path in new_plugin(kind, "my-own", tmp_path):
+        example = (EXAMPLES / path.name.replace("my_own", old.replace("-", "_"))).read_text()
+        assert path.read_text().count("My Own") == example.count(old.replace("-", " ").title()) > 0
+        assert not any(spelling in path.read_text() for spelling in (old, old.replace("-", "_"), old.title()))
+        assert len(path.read_text().splitlines()) == len(example.splitlines())
 
 
 def test_the_documentation_shows_the_examples():

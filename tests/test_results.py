@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("results")
     write_rods(place / "rods")
     (place / "fails.py").write_text(
-        "from benchmark.contracts import canonical_form\n"
+        "from benchmark.api.contracts import canonical_form\n"
         "@canonical_form(name='fails', title='Fails', inputs=('mesh',))\ndef fails(shape):\n    1 / 0\n"
     )
     run = ["run", "-d", str(place / "rods"), "--input", "mesh", "--executor", "serial", "--results", str(place)]

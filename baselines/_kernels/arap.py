@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from benchmark.contracts import FloatArray, Shape
+from benchmark.api.contracts import FloatArray, Shape
 from benchmark.geometry.laplacian import Laplacian
 
 WEIGHT_FLOOR = 1e-2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.geometry.cleaning import connected_components
 
 MINIMUM_VERTICES = 4

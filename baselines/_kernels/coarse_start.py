@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.ties import largest
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 #: Spread vertices that are scaled first: a sixtieth of the pairs of 2000 vertices. With 160 of them the fingers of some
 #: bodies come to rest in other places, at a stress higher by two per cent.

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array, diags_array
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.sampling import edge_graph, within
 from baselines._kernels.ties import TIE, largest
-from benchmark.contracts import FloatArray, Mesh, Shape
+from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.laplacian import Laplacian
 

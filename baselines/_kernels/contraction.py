@@ -7,7 +7,7 @@ from scipy.sparse import csr_array, diags_array
 
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.refinement import refined_solution
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 

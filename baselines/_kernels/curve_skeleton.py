@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components, shortest_path
 from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.ties import TIE
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 

@@ -7,7 +7,7 @@ from scipy.sparse import coo_array, csr_array, diags_array
 
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
 SLIVER = 1e-6

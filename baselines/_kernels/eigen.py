@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 _BLOCK = 4
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from baselines._kernels.smacof import Scaling, StressProblem, attractions, lossless_single
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 
 def extrapolated_smacof(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines._kernels.orientation import canonical_signs, vertex_areas
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
 CLEAR = 1e-3

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 NEGLIGIBLE = 1e-6
 """Below it a form is its own mirror image, up to rounding errors, and is left as it is."""

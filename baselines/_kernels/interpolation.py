@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import splu
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.laplacian import Laplacian
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.smacof import lossless_single
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from baselines._kernels.handedness import right_handed
 from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
-from benchmark.contracts import FloatArray, Mesh
+from benchmark.api.contracts import FloatArray, Mesh
 
 
 def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from baselines._kernels.ties import largest
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
 EQUAL = 1e-6

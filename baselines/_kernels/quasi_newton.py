@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 #: Steps that the curvature is learnt from.
 MEMORY = 6

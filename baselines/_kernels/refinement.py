@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from baselines._kernels.arap import factorise_definite
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 STEPS = 4
 """Largest number of corrections. Each multiplies the error by the condition number times the rounding unit."""

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from baselines._kernels.arap import AsRigidAsPossible
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 PROXIMITY = 1e-4
 """Diagonal of the global step, as a share of the stiffness. Neither energy feels a translation, so the system needs a

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baselines._kernels.arap import AsRigidAsPossible, nearest_rotation
 from baselines._kernels.ties import TIE
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 CLEARER = 1e-6
 """A vertex changes its part when that brings its target nearer by more than this share of the area of the surface: no

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from baselines._kernels.ties import largest
-from benchmark.contracts import FloatArray, Shape
+from benchmark.api.contracts import FloatArray, Shape
 from benchmark.geometry.edges import edges_of
 
 

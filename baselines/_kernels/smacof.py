@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from baselines._kernels.checks import require_connected
 from baselines._kernels.orientation import EQUAL
-from benchmark.contracts import FloatArray, Shape, UnsupportedShape
+from benchmark.api.contracts import FloatArray, Shape, UnsupportedShape
 from benchmark.geometry.laplacian import Laplacian, eigenpairs
 
 Metric = Literal["geodesic", "diffusion", "commute-time", "biharmonic"]
@@ -119,7 +119,7 @@ def distances_under(shape: Shape, metric: Metric, time: float, eigenfunctions: i
     shape, metric, time, eigenfunctions
         As for :func:`spectral_embedding`; ``"geodesic"`` uses neither time nor eigenfunctions.
     solver
-        As for :meth:`benchmark.contracts.Shape.geodesics`.
+        As for :meth:`benchmark.api.contracts.Shape.geodesics`.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 
 TIE = 1e-6
 """Values nearer to the extreme one than this fraction of it are equal. Distances are stored in single precision, whose

@@ -1,5 +1,27 @@
-"""The suite from Python: arrays in, a canonical form out."""
+"""All that a plugin author imports, and what a program needs to make the canonical form of a depth image.
 
-from benchmark.api.depth_forms import canonical_form_of_depth
+Names are looked up when they are asked for: what one plugin imports is then in no key of another one.
+"""
 
-__all__ = ["canonical_form_of_depth"]
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from benchmark.api.contracts import *  # noqa: F403
+    from benchmark.api.datasets import *  # noqa: F403
+    from benchmark.api.learning import *  # noqa: F403
+    from benchmark.api.scoring import *  # noqa: F403
+    from benchmark.api.streaming import *  # noqa: F403
+
+_MODULES = ("api.contracts", "api.scoring", "api.datasets", "api.learning", "api.streaming", "depth_forms")
+
+
+def __getattr__(name: str) -> Any:
+    """Return a name of one of the modules; raises ``AttributeError`` if none has it."""
+    for module in () if name.startswith("_") else _MODULES:
+        found = importlib.import_module(f"benchmark.{module}")
+        if name in found.__all__:
+            return getattr(found, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import CanonicalForm, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
 from benchmark.methods.output_checks import form_of
 from benchmark.methods.registry import methods, variant

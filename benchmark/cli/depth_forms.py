@@ -136,7 +136,7 @@ def _forms(
     say: Callable[[str], None],
 ) -> int:
     """Make the forms, here; tell of each, and return how many there are not."""
-    from benchmark.api.depth_forms import form_of_object, method_of_depth
+    from benchmark.depth_forms import form_of_object, method_of_depth
 
     intrinsics, mask, scale = options
     maker = method_of_depth(method, tuple(map(Path, plugins)))

@@ -112,7 +112,7 @@ def _data_of(table: Table, data_root: Path | None) -> str:
 
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
-    from benchmark.learning import CARD, Learner, card_digest, read_card
+    from benchmark.api.learning import CARD, Learner, card_digest, read_card
     from benchmark.storage.store import Store
 
     folders = {Store(results / "runs").models: "trained here"}

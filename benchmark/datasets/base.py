@@ -4,37 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from benchmark.api.datasets import Entry
 from benchmark.errors import DatasetError
 
 if TYPE_CHECKING:
     from benchmark.geometry.camera import Camera
     from benchmark.geometry.mesh import Mesh
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One shape of a data set.
-
-    Parameters
-    ----------
-    identifier
-        Unique name inside the data set, e.g. ``"cat0"``.
-    subject
-        The retrieval class.
-    pose
-        The perturbation; equal names mean the same pose where the data set knows that, else unique.
-    path
-        The file that holds the mesh; None for generated shapes.
-    """
-
-    identifier: str
-    subject: str
-    pose: str
-    path: Path | None = None
 
 
 class Dataset(Protocol):

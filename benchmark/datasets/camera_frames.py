@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import ObservedObject, observe

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import FolderDataset, file_digest, is_there, text_of
 from benchmark.depth.frame import FrameFiles, Up, checked_up

@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
+from benchmark.api.datasets import DatasetInfo, ListsShapes
 from benchmark.datasets.base import Entry
-from benchmark.datasets.contract import DatasetInfo, ListsShapes
 from benchmark.datasets.files import file_digest
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_line
 from benchmark.geometry.camera import FRONT, Camera

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
 from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.foreign.specs import kept_apart, scorer_kept_apart

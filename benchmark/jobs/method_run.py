@@ -8,7 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmark.contracts import Descriptor, Mesh, Method
+from benchmark.api.contracts import Descriptor, Mesh, Method
+from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.foreign.specs import Foreign
@@ -18,7 +19,6 @@ from benchmark.jobs.stages import features, form
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
-from benchmark.scoring import Scorer
 from benchmark.storage.store import Artefact, Store
 
 __all__ = ["MethodRun", "ShapeResult"]

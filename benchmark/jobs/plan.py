@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.methods.registry import MethodSpec

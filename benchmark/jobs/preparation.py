@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Input, Mesh, Shape
+from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
@@ -166,7 +166,7 @@ class SharedStages:
         self._found: dict[str, tuple[Arrays, Cost]] = {}
 
     def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
-        """See :class:`benchmark.contracts.ArtefactCache`."""
+        """See :class:`benchmark.api.contracts.ArtefactCache`."""
         name = f"{stage} {sorted(parameters.items())}"
         if name in self._found:
             arrays, cost = self._found[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError

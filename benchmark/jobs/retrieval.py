@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Descriptor, Input, Mesh, Method, Shape
+from benchmark.api.contracts import Descriptor, Input, Mesh, Method, Shape
+from benchmark.api.learning import Learner
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
@@ -25,7 +26,6 @@ from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recip
 from benchmark.jobs.stages import distances, features, form
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import seen
-from benchmark.learning import Learner
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model

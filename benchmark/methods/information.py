@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, get_args, get_type_hints
 
-from benchmark.contracts import Input, MethodInfo
-from benchmark.scoring import ScorerInfo
+from benchmark.api.contracts import Input, MethodInfo
+from benchmark.api.scoring import ScorerInfo
 from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
 
 #: Random draws of a scorer, each of which ranks the whole gallery.

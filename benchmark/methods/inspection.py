@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+from benchmark.api.learning import Split
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.learning import Split
 from benchmark.methods.information import problems_of
 from benchmark.methods.scorers import ScorerSpec, plugin_scorers
 from benchmark.methods.specs import MethodSpec, plugin_methods

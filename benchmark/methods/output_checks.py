@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.errors import InvalidForm, InvalidMesh, one_line
 from benchmark.system.forks import one_of_us
 

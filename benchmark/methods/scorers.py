@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of_scorer
 from benchmark.methods.loading import classes_of, is_foreign, load_class, make, module_of
 from benchmark.parameters.grid import split_name
 from benchmark.parameters.values import assignments, format_value, non_default_values, parameter_values
-from benchmark.scoring import Scorer, ScorerInfo
 from benchmark.storage.records import DEFAULT_SCORER
 from benchmark.system.plugins import unknown
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from benchmark.contracts import Descriptor, Method, MethodInfo
+from benchmark.api.contracts import Descriptor, Method, MethodInfo
+from benchmark.api.scoring import ScorerInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
 from benchmark.methods.information import problems_of
 from benchmark.methods.loading import classes_of, is_foreign, load_class, make, module_of
 from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
-from benchmark.scoring import ScorerInfo
 from benchmark.system import fingerprints
 from benchmark.system.plugins import import_plugin
 
@@ -123,7 +123,7 @@ class MethodSpec:
 
     @property
     def learns(self) -> bool:
-        """Return whether the method is a learner; see :class:`benchmark.learning.Learner`."""
+        """Return whether the method is a learner; see :class:`benchmark.api.learning.Learner`."""
         found = self.load()
         return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
 

@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
+from benchmark.api.learning import Learner, find_model
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, is_known, is_path, is_present, open_dataset
 from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
 from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.learning import Learner, find_model
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.perturbed import conditions, inputs_of, own_table_name
 from benchmark.protocols.rows import (

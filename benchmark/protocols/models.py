@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from benchmark.api.learning import CARD, Learner, card_digest, find_model, read_card
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.jittered import clean_dataset, clean_name
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, Learner, card_digest, find_model, read_card
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape

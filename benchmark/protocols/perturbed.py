@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_known, open_dataset, table_name
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.official.sets import EXTENDED
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
 

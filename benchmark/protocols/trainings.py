@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmark.api.learning import Learner
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.learning import Learner
 
 __all__ = [
     "ANIMALS_SAMPLED",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.own import is_own

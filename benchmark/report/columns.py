@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
 from benchmark.report.statistics.table_significance import CONTROL

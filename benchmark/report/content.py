@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.rows import ONLY_ABLATED

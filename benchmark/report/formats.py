@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.columns import Style, cells, groups_of, number

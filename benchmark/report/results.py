@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import BenchmarkError, ConfigurationError

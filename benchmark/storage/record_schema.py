@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, get_args
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
 from retrieval.chance import chance_levels

@@ -8,8 +8,8 @@ from typing import Any
 
 import torch
 
+from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
-from benchmark.learning import TrainingData
 from learned.field.configuration import Field, field_named
 from learned.field.model import load_field
 from learned.field.network import FieldNetwork

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import CanonicalForm, Interval, MethodInfo, OneOf, Shape
-from benchmark.learning import TrainingData
+from benchmark.api.contracts import CanonicalForm, Interval, MethodInfo, OneOf, Shape
+from benchmark.api.learning import TrainingData
 from learned.field.configuration import FIELDS
 from learned.learner import StreamLearner
 
@@ -62,7 +62,7 @@ class DeformationField(StreamLearner):
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
     def check_options(self, options: Mapping[str, Any]) -> None:
-        """See :class:`benchmark.learning.ChecksOptions`."""
+        """See :class:`benchmark.api.learning.ChecksOptions`."""
         from learned.field.fitting import checked_plan
 
         checked_plan(self.configuration, options)

@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from benchmark.contracts import FloatArray, Shape
+from benchmark.api.contracts import FloatArray, Shape
+from benchmark.api.learning import card_digest, read_card
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.learning import card_digest, read_card
 from learned.described import described_in
 from learned.field.configuration import Field, from_card
 from learned.field.detail import Rest, with_detail

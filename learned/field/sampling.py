@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh, Points
 
 PER_POINT = 4

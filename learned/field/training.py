@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import torch
 from torch import Tensor
 
-from benchmark.contracts import Interval
-from benchmark.streaming import MakesSurfaces
+from benchmark.api.contracts import Interval
+from benchmark.api.streaming import MakesSurfaces
 from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field
 from learned.field.losses import NAMES, losses, weighted

@@ -48,7 +48,7 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
     Parameters
     ----------
     card
-        The card, as :func:`benchmark.learning.read_card` gives it.
+        The card, as :func:`benchmark.api.learning.read_card` gives it.
     folder
         Where the model is, for messages.
 

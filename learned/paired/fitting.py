@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmark.learning import CARD, TrainingData
+from benchmark.api.learning import CARD, TrainingData
 from learned.paired import pictures
 from learned.paired.configuration import Configuration
 from learned.paired.configuration import configuration as configuration_named

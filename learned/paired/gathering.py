@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmark.learning import TrainingData
+from benchmark.api.learning import TrainingData
 from benchmark.system.fingerprints import fingerprint
 from learned.paired.pairs import Pairs, gather, joined
 from learned.training.checkpoint import write

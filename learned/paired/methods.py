@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import Interval, MethodInfo, OneOf
+from benchmark.api.contracts import Interval, MethodInfo, OneOf
+from benchmark.api.learning import Split, TrainingData
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import Split, TrainingData
 from learned.learner import DepthImageLearner
 from learned.paired.configuration import CONFIGURATIONS
 
@@ -61,13 +61,13 @@ class Learned(DepthImageLearner):
     jump: Annotated[float, Interval(0, closed="neither")] | None = None
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train the model; see :class:`benchmark.learning.Learner` and :class:`learned.paired.schedule.Schedule`."""
+        """Train the model; see :class:`.Learner` and :class:`learned.paired.schedule.Schedule`."""
         from learned.paired.fitting import fit
 
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
     def check_options(self, options: Mapping[str, Any]) -> None:
-        """See :class:`benchmark.learning.ChecksOptions`."""
+        """See :class:`benchmark.api.learning.ChecksOptions`."""
         from learned.paired.fitting import checked_options
 
         checked_options(self.configuration, options)

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from benchmark.learning import card_digest, read_card
+from benchmark.api.learning import card_digest, read_card
 from learned.paired.card import network_of
 from learned.paired.network import build
 from learned.weights import with_weights

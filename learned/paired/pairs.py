@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from benchmark.api.learning import TrainingPair
 from benchmark.errors import TrainingError
-from benchmark.learning import TrainingPair
 from learned.images import Floats, checked_image, shrink
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from benchmark.learning import TrainingData
+from benchmark.api.learning import TrainingData
 from learned.paired.configuration import Configuration
 from learned.paired.schedule import Schedule
 from learned.paired.training import Result

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from torch import Tensor
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from benchmark.parameters.values import checked
 from learned.training.arithmetic import Precision
 

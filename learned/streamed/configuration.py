@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError
 from learned.described import configuration_named, described_by
 

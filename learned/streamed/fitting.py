@@ -8,8 +8,8 @@ from typing import Any
 
 import torch
 
+from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
-from benchmark.learning import TrainingData
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from benchmark.streaming import Fresh, MakesFresh
+from benchmark.api.streaming import Fresh, MakesFresh
 from learned.streamed.configuration import Streamed
 from learned.streamed.crop import seen_by, window
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from benchmark.contracts import MethodInfo, OneOf
+from benchmark.api.contracts import MethodInfo, OneOf
+from benchmark.api.learning import TrainingData
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import TrainingData
 from learned.learner import DepthImageLearner, StreamLearner
 from learned.streamed.configuration import STREAMED
 
@@ -50,7 +50,7 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
         fit(self.configuration, self.training_seed, data, folder, options, say)
 
     def check_options(self, options: Mapping[str, Any]) -> None:
-        """See :class:`benchmark.learning.ChecksOptions`."""
+        """See :class:`benchmark.api.learning.ChecksOptions`."""
         from learned.streamed.fitting import checked_plan
 
         checked_plan(self.configuration, options)

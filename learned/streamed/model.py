@@ -10,9 +10,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from benchmark.api.learning import card_digest, read_card
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import card_digest, read_card
 from learned.described import described_in
 from learned.images import checked_image, enlarge
 from learned.streamed.configuration import Streamed, from_card

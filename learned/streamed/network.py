@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from benchmark.streaming import N_POINTS
+from benchmark.api.streaming import N_POINTS
 from learned.paired.network import GROUPS, MASK_LOGIT, SLOPE
 from learned.streamed.configuration import Streamed, check_resolution
 

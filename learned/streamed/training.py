@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from benchmark.streaming import MakesFresh
+from benchmark.api.streaming import MakesFresh
 from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted

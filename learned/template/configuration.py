@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from learned.described import configuration_named, described_by
 
 

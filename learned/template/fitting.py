@@ -9,8 +9,8 @@ from typing import Any
 
 import torch
 
+from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
-from benchmark.learning import TrainingData
 from benchmark.parameters.values import checked
 from learned.template.configuration import Template, template
 from learned.template.model import load_template

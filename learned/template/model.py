@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from benchmark.api.learning import card_digest, read_card
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.learning import card_digest, read_card
 from learned.described import described_in
 from learned.frame import frame_of, of_unit_area
 from learned.template.configuration import Template, from_card

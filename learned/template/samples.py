@@ -14,9 +14,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load, save
 from torch import Tensor
 
+from benchmark.api.streaming import MakesSurfaces
 from benchmark.errors import BenchmarkError, TrainingError, one_line
 from benchmark.geometry.mesh import Mesh
-from benchmark.streaming import MakesSurfaces
 from learned.frame import centred
 from learned.template.distances import rays_around
 from learned.training.checkpoint import training_code, write

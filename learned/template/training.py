@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import torch
 from torch import Tensor
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from learned.template.configuration import Template
 from learned.template.losses import NAMES, losses, weighted
 from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Generic, TypeVar
 
 import torch
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
+from benchmark.api.learning import CARD, TrainingData
+from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, TrainingData
 from benchmark.parameters.values import checked
-from benchmark.streaming import StreamedData
 from benchmark.threads import available_cores
 from learned.training.arithmetic import device_named
 from learned.training.checkpoint import CHECKPOINT

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, TypeVar
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from benchmark.parameters.values import checked
 from benchmark.threads import available_cores
 from learned.training.arithmetic import device_named

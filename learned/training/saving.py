@@ -13,8 +13,8 @@ from typing import Any
 
 import torch
 
+from benchmark.api.learning import CARD, WEIGHTS, read_card
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, WEIGHTS, read_card
 from learned.training.checkpoint import write
 
 HISTORY = "history.csv"

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from benchmark.contracts import Interval
+from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.training import checkpoint
 from learned.training.arithmetic import Precision, has_bfloat16, keep_freed_memory

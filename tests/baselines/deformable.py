@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import CanonicalForm, Mesh, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Mesh, Method, Shape
 
 
 def tube(bend: float, *, radius: float = 0.1, rings: int = 40, sides: int = 14) -> Mesh:

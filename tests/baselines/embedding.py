@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist, pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 
 

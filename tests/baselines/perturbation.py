@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse.linalg
 
 from baselines._kernels import arap, interpolation
-from benchmark.contracts import Mesh
+from benchmark.api.contracts import Mesh
 from benchmark.geometry import geodesics, laplacian
 
 #: Vertices move by up to this share of the size of the shape.

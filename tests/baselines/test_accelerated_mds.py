@@ -6,7 +6,7 @@ from baselines._kernels.interpolation import biharmonic_interpolation
 from baselines._kernels.smacof import smacof
 from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import prepare

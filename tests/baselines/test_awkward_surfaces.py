@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from trimesh.creation import torus
 
-from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.methods.registry import methods, variant
 from tests.baselines.deformable import sheet
 from tests.baselines.embedding import sphere

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.arap import WEIGHT_FLOOR, AsRigidAsPossible, edge_weights, factorise_definite, nearest_rotation
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.least_squares_mds import LeastSquaresMDS
-from benchmark.contracts import UnsupportedShape
+from benchmark.api.contracts import UnsupportedShape
 from tests.baselines.deformable import (
     UNSUPPORTED,
     centre_line,

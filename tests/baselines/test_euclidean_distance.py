@@ -6,7 +6,7 @@ from scipy.spatial.distance import pdist
 from baselines._kernels.conformal import angle_defects, conformal_factors, tips
 from baselines._kernels.springs import Springs
 from baselines.euclidean_distance import EuclideanDistance
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.methods.conformance.shapes import view
 from tests.baselines.deformable import (
     UNSUPPORTED,

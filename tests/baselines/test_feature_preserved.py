@@ -8,7 +8,7 @@ from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.rigid_parts import close_gaps, nearest_seed, refit_parts, rigid_motions, smooth_seams
 from baselines.feature_preserved import FeaturePreserved
 from baselines.least_squares_mds import LeastSquaresMDS
-from benchmark.contracts import UnsupportedShape
+from benchmark.api.contracts import UnsupportedShape
 from benchmark.methods.conformance.shapes import view
 from tests.baselines.deformable import (
     UNSUPPORTED,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.gps import GPS
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
 from tests.baselines.embedding import assert_contract, limbed, moved, sphere
 

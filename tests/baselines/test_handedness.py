@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from baselines._kernels.handedness import DOUBTFUL, NEGLIGIBLE, handedness, right_handed, side_notes
 from baselines._kernels.orientation import vertex_areas
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.geometry.preparation import decimate
 from benchmark.methods.conformance.shapes import BENDS, figure, view
 from benchmark.methods.registry import methods, variant

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.methods.registry import methods, variant
 from tests.baselines.embedding import sphere
 

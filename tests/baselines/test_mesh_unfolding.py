@@ -6,7 +6,7 @@ from baselines._kernels.arap import AsRigidAsPossible
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.repulsion import relax, repulsion
 from baselines.mesh_unfolding import MeshUnfolding
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from tests.baselines.deformable import (
     UNSUPPORTED,
     centre_line,

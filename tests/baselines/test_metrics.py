@@ -11,7 +11,7 @@ from baselines._kernels.spectral import clear_eigenpairs, clear_length, distance
 from baselines.classic_mds import ClassicMDS, classic_scaling
 from baselines.gps import GPS
 from baselines.least_squares_mds import LeastSquaresMDS
-from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread

@@ -3,7 +3,7 @@ import pytest
 
 from baselines._kernels.orientation import vertex_areas
 from baselines.pca import PCA
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from tests.baselines.embedding import limbed, moved, relabelled, sphere
 

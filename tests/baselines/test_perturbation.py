@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmark.contracts import FloatArray, Mesh, Method
+from benchmark.api.contracts import FloatArray, Mesh, Method
 from benchmark.methods.conformance.shapes import figure, view
 from benchmark.methods.registry import BUILT_IN, MethodSpec
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube

@@ -1,7 +1,7 @@
 import numpy as np
 
 from baselines.random_form import RandomForm
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from tests.baselines.embedding import limbed
 
 

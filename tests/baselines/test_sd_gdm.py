@@ -1,7 +1,7 @@
 import numpy as np
 
 from baselines.sd_gdm import SDGDM
-from benchmark.contracts import Descriptor
+from benchmark.api.contracts import Descriptor
 from tests.baselines.embedding import PointShape, assert_refuses, limbed, moved, points_on_ellipsoid, relabelled
 
 

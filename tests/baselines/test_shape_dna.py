@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.shape_dna import ShapeDNA
-from benchmark.contracts import Descriptor, Shape
+from benchmark.api.contracts import Descriptor, Shape
 from tests.baselines.embedding import assert_refuses, limbed, moved, relabelled, sphere
 
 

@@ -17,7 +17,7 @@ from baselines.skeleton import (
     border_length,
     geodesics_from_extremity,
 )
-from benchmark.contracts import Mesh, UnsupportedShape
+from benchmark.api.contracts import Mesh, UnsupportedShape
 from benchmark.geometry.edges import edges_of
 from tests.baselines.deformable import (
     UNSUPPORTED,

@@ -6,7 +6,7 @@ from baselines._kernels.sampling import farthest_points
 from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS, classic_scaling
 from baselines.spectral_mds import SpectralMDS
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from tests.baselines.deformable import shape_of, sheet
 from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread
 

@@ -6,7 +6,7 @@ from baselines._kernels.sampling import farthest_points
 from baselines._kernels.smacof import smacof
 from baselines.least_squares_mds import LeastSquaresMDS
 from baselines.subspace_mds import SubspaceMDS
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
 from benchmark.geometry.preparation import prepare
 from tests.baselines.deformable import shape_of, sheet

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.surface_area import SurfaceArea
-from benchmark.contracts import Descriptor, Shape, UnsupportedShape
+from benchmark.api.contracts import Descriptor, Shape, UnsupportedShape
 from tests.baselines.embedding import sphere
 
 

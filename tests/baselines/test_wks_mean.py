@@ -1,7 +1,7 @@
 import numpy as np
 
 from baselines.wks_mean import MeanWKS
-from benchmark.contracts import Descriptor, Shape
+from benchmark.api.contracts import Descriptor, Shape
 from benchmark.geometry.laplacian import eigenpairs
 from tests.baselines.embedding import assert_refuses, limbed, moved, relabelled, sphere
 

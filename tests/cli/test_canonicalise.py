@@ -16,7 +16,7 @@ from tests.toy import files_of_at_most, rod, write_off
 
 PLUGIN = """
 import os
-from benchmark.contracts import CanonicalForm, canonical_form
+from benchmark.api.contracts import CanonicalForm, canonical_form
 
 @canonical_form(name="noting", title="Noting")
 def noting(shape):
@@ -105,7 +105,7 @@ def test_numbers_that_are_none_are_the_fault_of_the_method_and_not_of_the_mesh(f
 
 
 SHEARED = """
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 @canonical_form(name="sheared", title="Sheared")
 def sheared(shape):

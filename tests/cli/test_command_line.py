@@ -21,7 +21,7 @@ PLUGIN = '''
 from dataclasses import dataclass
 from typing import ClassVar
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +172,7 @@ def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
 
 SLOW_PLUGIN = """
 import time
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 @canonical_form(name="slow", title="Slow")
 def slow(shape):

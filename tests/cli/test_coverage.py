@@ -11,7 +11,7 @@ from tests.toy import write_rods
 
 #: Returns the mesh as it is, but for shapes that are bent.
 REFUSING = """
-from benchmark.contracts import UnsupportedShape, canonical_form
+from benchmark.api.contracts import UnsupportedShape, canonical_form
 
 
 @canonical_form(name="refusing", title="Refusing", inputs=("mesh",))

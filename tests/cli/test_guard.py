@@ -217,7 +217,7 @@ def test_canonicalise_survives_its_method(call, act, message, tmp_path):
 FORKED = """
 import os
 from pathlib import Path
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.methods.output_checks import form_of
 from benchmark.methods.specs import plugin_methods
 from tests.toy import rod
@@ -260,7 +260,7 @@ def test_check_fails_the_check_in_which_a_method_ends_its_process_and_goes_on_wi
         f"@canonical_form(name='{name}', title='T')\ndef act_{number}(shape):\n    {ACTS[name]}\n"
         for number, name in enumerate(("sys-exits", "crashes", "interrupts"))
     )
-    plugin.write_text(f"import os, signal, sys\nfrom benchmark.contracts import canonical_form\n{methods}")
+    plugin.write_text(f"import os, signal, sys\nfrom benchmark.api.contracts import canonical_form\n{methods}")
     code, output, error = call("check", plugin)
     failed = [line.split(maxsplit=3) for line in output.splitlines() if "  failed  " in line]
     assert (code, error) == (1, "")
@@ -280,7 +280,7 @@ def test_a_figure_draws_what_can_be_drawn(call, rods, names, tmp_path):
         f"@canonical_form(name='{name}', title='Cost $ x_{{')\ndef act_{number}(shape):\n    {ACTS[name]}\n"
         for number, name in enumerate(names)
     )
-    plugin.write_text(f"import os, signal, time\nfrom benchmark.contracts import canonical_form\n{methods}")
+    plugin.write_text(f"import os, signal, time\nfrom benchmark.api.contracts import canonical_form\n{methods}")
     store = Store.open(tmp_path / "results")
     store.write_record(record(method="surface-area", data={"source": str(rods)}))
     selection = ("-d", rods, "--input", "mesh", "-m", "surface-area", "--results", tmp_path / "results")

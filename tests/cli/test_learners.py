@@ -6,12 +6,12 @@ import shlex
 import pytest
 from click.testing import CliRunner
 
+from benchmark.api.learning import card_digest, read_card
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
 from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.run_plan import run_plan
-from benchmark.learning import card_digest, read_card
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store

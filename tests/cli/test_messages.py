@@ -8,7 +8,7 @@ from benchmark.errors import BenchmarkError
 from tests.test_results import ROOT
 
 PLUGIN = """
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 @canonical_form(name="smooth", title="Smooth")
 def smooth(shape):

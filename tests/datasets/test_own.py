@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from benchmark.datasets.contract import SIDE, Camera, DatasetInfo, Entry, Mesh
+from benchmark.api.datasets import SIDE, Camera, DatasetInfo, Entry, Mesh
 from tests.toy import rod
 
 

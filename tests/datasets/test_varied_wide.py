@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmark.api.streaming import N_POINTS
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
 from benchmark.datasets.varied import wide
 from benchmark.datasets.varied.bodies import CLEARANCE, Body, clearance, varied_body
@@ -17,7 +18,6 @@ from benchmark.datasets.varied.model import CANONICAL
 from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.errors import DatasetError
-from benchmark.streaming import N_POINTS
 from learned.streamed.configuration import STREAMED
 
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.

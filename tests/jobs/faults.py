@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.contracts import UnsupportedShape, canonical_form
+from benchmark.api.contracts import UnsupportedShape, canonical_form
 
 #: Where methods say which processes they are and have started.
 NOTES = Path(os.environ["FAULTS_NOTES"])

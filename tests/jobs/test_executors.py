@@ -319,7 +319,7 @@ def test_every_shape_of_every_job_is_in_one_share(tmp_path):
 
 def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "from benchmark.contracts import canonical_form\n\n\n"
+        "from benchmark.api.contracts import canonical_form\n\n\n"
         '@canonical_form(name="mine", title="Mine")\ndef mine(shape):\n    return shape.mesh.vertices\n'
     )
     (mine,) = (spec for name, spec in methods([tmp_path / "mine.py"]).items() if name == "mine")

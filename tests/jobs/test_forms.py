@@ -5,7 +5,7 @@ import types
 import numpy as np
 import pytest
 
-from benchmark.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
 from benchmark.jobs.stages.distances import descriptor_distances
 from benchmark.jobs.stages.form import canonicalise, describe, form_mesh

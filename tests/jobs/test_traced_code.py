@@ -94,7 +94,7 @@ def assert_named(found, **expected):
 DYNAMIC = """
 import importlib
 
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 
 @canonical_form(name="sly", title="Sly", inputs=("mesh",))
@@ -116,7 +116,7 @@ def test_stages_run_what_their_recipes_name_and_a_hidden_import_is_seen(rods, tm
         view="benchmark.jobs.stages.view benchmark.geometry.depth benchmark.geometry.rasterise",
         frame="benchmark.jobs.stages.view benchmark.geometry.depth",
         measures="benchmark.jobs.stages.measures retrieval.metrics retrieval.chance",
-        **{"form identity": "baselines.identity benchmark.contracts benchmark.jobs.stages.form"},
+        **{"form identity": "baselines.identity benchmark.api.contracts benchmark.jobs.stages.form"},
     )
 
 

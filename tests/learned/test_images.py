@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from benchmark.api.learning import TrainingPair
 from benchmark.errors import InvalidMesh, TrainingError, UnsupportedShape
 from benchmark.geometry.depth import SIZE
-from benchmark.learning import TrainingPair
 from learned.images import checked_image, enlarge, shrink, smooth
 from learned.paired.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from torch import nn
 
+from benchmark.api.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.datasets import human_subjects
 from benchmark.datasets.animals import Animals
 from benchmark.datasets.animals.species import SPECIES
@@ -24,7 +25,6 @@ from benchmark.datasets.varied.bodies import clearance, varied_body
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.datasets.varied_animals.proportions import drawn_species
 from benchmark.jobs.pairs import animals
-from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
 from learned.field.model import load_field

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.learning import TrainingData, TrainingPair
 from benchmark.geometry.depth import SIZE
-from benchmark.learning import TrainingData, TrainingPair
 from learned.paired.configuration import LITERAL
 
 TINY = replace(LITERAL, name="tiny", width=8)

@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.laplacian import eigenpairs
@@ -26,7 +26,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchmark.contracts import CanonicalForm, MethodInfo, UnsupportedShape
+from benchmark.api.contracts import CanonicalForm, MethodInfo, UnsupportedShape
 
 CALLS = []
 
@@ -369,7 +369,7 @@ def test_a_target_is_a_name_or_a_file(tmp_path):
 def test_all_methods_of_a_file_are_checked_and_one_fault_fails_it(tmp_path, in_this_process):
     path = tmp_path / "pair_of_methods.py"
     path.write_text(
-        "from benchmark.contracts import canonical_form\n"
+        "from benchmark.api.contracts import canonical_form\n"
         "@canonical_form(name='kept', title='ArtefactReader')\ndef kept(shape):\n    return shape.mesh.vertices\n"
         "@canonical_form(name='flat', title='Flat')\ndef flat(shape):\n    return shape.mesh.vertices * [1, 1, 0]\n"
     )

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 PLUGIN = """
 {before}
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 
 @canonical_form(name="{name}", title="Stretched")

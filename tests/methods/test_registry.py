@@ -2,13 +2,13 @@ import pickle
 
 import pytest
 
-from benchmark.contracts import Descriptor, Method
+from benchmark.api.contracts import Descriptor, Method
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
 from benchmark.methods import registry
 
 PLUGIN = '''
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 
 @canonical_form(name="{name}", title="Flattened")
@@ -93,7 +93,7 @@ def test_a_missing_plugin_is_named(tmp_path):
 def test_a_class_without_behaviour_is_refused(tmp_path):
     path = tmp_path / "lazy.py"
     path.write_text(
-        "from benchmark.contracts import MethodInfo\nclass Lazy:\n    info = MethodInfo(name='lazy', title='Lazy')\n"
+        "from benchmark.api import MethodInfo\nclass Lazy:\n    info = MethodInfo(name='lazy', title='Lazy')\n"
     )
     with pytest.raises(ConfigurationError, match="neither 'canonicalise' nor 'describe'"):
         registry.methods([path])["lazy"].create()
@@ -293,7 +293,7 @@ def test_a_method_without_parameters_says_so(name):
 PARAMETERS = """
 from dataclasses import dataclass
 from typing import ClassVar
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 @dataclass(frozen=True, kw_only=True)
 class Plain:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmark.api.scoring import Scorer
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
 from benchmark.jobs import recipes
@@ -11,7 +12,6 @@ from benchmark.jobs.stages import distances, features
 from benchmark.methods.inspection import describe
 from benchmark.methods.registry import plugin_methods
 from benchmark.methods.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
-from benchmark.scoring import Scorer
 from tests.toy import rod, write_rods
 
 PLUGIN = '''
@@ -20,8 +20,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.contracts import Interval
-from benchmark.scoring import ScorerInfo
+from benchmark.api.contracts import Interval
+from benchmark.api.scoring import ScorerInfo
 
 
 @dataclass(frozen=True, kw_only=True)

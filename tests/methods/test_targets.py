@@ -8,7 +8,7 @@ from benchmark.methods import conformance
 TWO = """
 from dataclasses import dataclass
 from typing import ClassVar
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 @dataclass(frozen=True, kw_only=True)
 class First:

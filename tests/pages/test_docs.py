@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmark.api.contracts import CanonicalForm, Descriptor, Method, MethodInfo, Shape
+from benchmark.api.datasets import DatasetInfo, Entry, ListsShapes
+from benchmark.api.learning import ChecksOptions, Learner, TrainingData, TrainingPair
+from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.cli.main import cli
-from benchmark.contracts import CanonicalForm, Descriptor, Method, MethodInfo, Shape
-from benchmark.datasets.contract import DatasetInfo, Entry, ListsShapes
-from benchmark.learning import ChecksOptions, Learner, TrainingData, TrainingPair
-from benchmark.scoring import Scorer, ScorerInfo
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))

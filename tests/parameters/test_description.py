@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import pytest
 
-from benchmark.contracts import Interval, Matches, OneOf
+from benchmark.api.contracts import Interval, Matches, OneOf
 from benchmark.methods.registry import BUILT_IN, methods
 from benchmark.parameters.description import described, explained
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from benchmark.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
+from benchmark.api.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
 from benchmark.parameters.values import assignments, checked, format_value, non_default_values, parameter_values

@@ -6,15 +6,15 @@ from html.parser import HTMLParser
 import pytest
 from click.testing import CliRunner
 
+from benchmark.api.contracts import Shape
 from benchmark.cli.main import cli
-from benchmark.contracts import Shape
 from benchmark.storage.store import Store
 from tests.toy import RADII, rod, write_off
 
 NAMES = {"thin": "=th\udcffin |$_{", "thick": "<b>th\x1b[31mick\n&amp;"}
 
 PLUGIN = """
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 class Rude:
     info = MethodInfo(name="rude", title="|Rude_$<b>{", inputs=("mesh",))

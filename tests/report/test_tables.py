@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.plan import difference
 from benchmark.protocols.tables import Table

@@ -175,7 +175,9 @@ def clean():
 
 
 def test_the_closure_names_what_is_imported_inside_functions():
-    assert {"benchmark.contracts", "benchmark.geometry.geodesics"} <= set(fingerprints.code_of("baselines.classic_mds"))
+    assert {"benchmark.api.contracts", "benchmark.geometry.geodesics"} <= set(
+        fingerprints.code_of("baselines.classic_mds")
+    )
 
 
 def test_modules_that_cannot_change_a_result_are_left_out_with_what_they_import(package, monkeypatch):

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class Children(Size):
 _METHOD = """\
 import os, sys, time, signal, threading, subprocess, ctypes, atexit, builtins, warnings
 import numpy as np
-from benchmark.contracts import CanonicalForm, canonical_form
+from benchmark.api.contracts import CanonicalForm, canonical_form
 
 
 @canonical_form(name="bad", title="Bad")
@@ -59,7 +59,7 @@ import os, sys, time
 from dataclasses import dataclass
 from typing import ClassVar
 import numpy as np
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 
 {body}
@@ -70,7 +70,7 @@ import os, sys, time
 from dataclasses import dataclass
 from typing import ClassVar
 import numpy as np
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class Bad:
 """
 
 _INFO = """\
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 
 @canonical_form({info})
@@ -96,7 +96,7 @@ def bad(shape):
 
 _IMPORT = """\
 import os, sys, time, signal, threading, subprocess, ctypes
-from benchmark.contracts import canonical_form
+from benchmark.api.contracts import canonical_form
 
 
 @canonical_form(name="bad", title="Bad")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.contracts import Descriptor, Method, Shape
+from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.datasets.base import Entry
 from benchmark.datasets.official.tosca import tosca
 from benchmark.datasets.settings import FolderDataset

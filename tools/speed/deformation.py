@@ -12,7 +12,7 @@ from baselines._kernels.arap import AsRigidAsPossible
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.mesh_unfolding import MeshUnfolding
 from baselines.skeleton import Skeleton
-from benchmark.contracts import Mesh, Shape
+from benchmark.api.contracts import Mesh, Shape
 from tests.baselines.deformable import capsule, implicit_surface, tube
 from tools.speed._timing import alternately, least_seconds, row
 

@@ -16,7 +16,7 @@ from baselines._kernels.smacof import normalised_stress
 from baselines._kernels.spectral import distances_under
 from baselines._kernels.springs import Springs
 from baselines.subspace_mds import SubspaceMDS
-from benchmark.contracts import Method, Shape
+from benchmark.api.contracts import Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.laplacian import eigenpairs
 from benchmark.geometry.preparation import prepare

@@ -12,13 +12,13 @@ import numpy as np
 import torch
 from PIL import Image
 
-from benchmark.api.depth_forms import form_of_object, method_of_depth
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import FrameFiles, observe
 from benchmark.depth.mask import read_mask
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.depth.reading import read_depth
 from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
+from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry.depth import render_depth
 from benchmark.jobs.stages.features import extract
 from benchmark.methods.scorers import ScorerSpec

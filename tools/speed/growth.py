@@ -18,7 +18,7 @@ import matplotlib as mpl  # noqa: E402
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from benchmark.contracts import Mesh, Method, Shape  # noqa: E402
+from benchmark.api.contracts import Mesh, Method, Shape  # noqa: E402
 from benchmark.datasets.humans import Humans  # noqa: E402
 from benchmark.geometry import geodesics  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402

@@ -19,7 +19,7 @@ from baselines.least_squares_mds import LeastSquaresMDS
 from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
 from baselines.nystrom_mds import NystromMDS
 from baselines.spectral_mds import SpectralMDS
-from benchmark.contracts import Mesh, Method, Shape
+from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.preparation import prepare
 from tools.speed._timing import alternately, least_seconds, processor_seconds, row

@@ -16,7 +16,7 @@ from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.rigid_parts import nearest_seed, rigid_motions, smooth_seams
 from baselines._kernels.sampling import farthest_points
 from baselines.least_squares_mds import LeastSquaresMDS
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.preparation import prepare
 from tools.speed._timing import alternately, row

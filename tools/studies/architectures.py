@@ -24,11 +24,11 @@ import numpy as np  # noqa: E402
 import torch  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
+from benchmark.api.streaming import Fresh, MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED  # noqa: E402
-from benchmark.streaming import Fresh, MakesFresh  # noqa: E402
 from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
 from learned.streamed.model import form_of, predicted  # noqa: E402

@@ -13,11 +13,11 @@ import argparse
 
 import numpy as np
 
-from benchmark.api.depth_forms import form_of_object, method_of_depth
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import observe
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.scene import Pose, Scene
+from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.jobs.preparation import shape_of
 from benchmark.jobs.stages.features import extract

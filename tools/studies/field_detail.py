@@ -20,12 +20,12 @@ import click  # noqa: E402
 import numpy as np  # noqa: E402
 
 from baselines.identity import Identity  # noqa: E402
-from benchmark.contracts import Shape  # noqa: E402
+from benchmark.api.contracts import Shape  # noqa: E402
+from benchmark.api.learning import read_card  # noqa: E402
+from benchmark.api.streaming import Surfaces  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
-from benchmark.learning import read_card  # noqa: E402
-from benchmark.streaming import Surfaces  # noqa: E402
 from learned.field.methods import DeformationField  # noqa: E402
 from learned.field.model import configuration_of as field_in  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402

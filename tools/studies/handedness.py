@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation  # noqa: E402
 
 from baselines._kernels.handedness import handedness  # noqa: E402
 from baselines._kernels.orientation import vertex_areas  # noqa: E402
-from benchmark.contracts import FloatArray, Mesh, Shape  # noqa: E402
+from benchmark.api.contracts import FloatArray, Mesh, Shape  # noqa: E402
 from benchmark.datasets.catalogue import open_dataset  # noqa: E402
 from benchmark.datasets.jittered import jittered  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402

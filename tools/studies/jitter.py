@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 from baselines._kernels.orientation import vertex_areas  # noqa: E402
-from benchmark.contracts import FloatArray, Mesh, Shape  # noqa: E402
+from benchmark.api.contracts import FloatArray, Mesh, Shape  # noqa: E402
 from benchmark.datasets.base import Entry  # noqa: E402
 from benchmark.jobs.preparation import Preparation  # noqa: E402
 from benchmark.methods.registry import methods  # noqa: E402

@@ -13,11 +13,11 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmark.contracts import Method
+from benchmark.api.contracts import Method
+from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.preparation import Preparation
-from benchmark.learning import Learner
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.report.pictures.forms import WIDTH, save

@@ -27,13 +27,13 @@ import numpy as np  # noqa: E402
 import torch  # noqa: E402
 from safetensors import safe_open  # noqa: E402
 
+from benchmark.api.learning import read_card  # noqa: E402
+from benchmark.api.streaming import Fresh, MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.jobs.stages.distances import form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
-from benchmark.learning import read_card  # noqa: E402
-from benchmark.streaming import Fresh, MakesFresh  # noqa: E402
 from learned.streamed.configuration import Streamed, from_card  # noqa: E402
 from learned.streamed.images import batch_of  # noqa: E402
 from learned.streamed.losses import NAMES, losses  # noqa: E402

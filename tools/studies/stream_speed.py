@@ -17,10 +17,10 @@ import click  # noqa: E402
 import torch  # noqa: E402
 from torch import nn  # noqa: E402
 
+from benchmark.api.streaming import MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.datasets.varied.wide import WideSampler  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED, VIEWS  # noqa: E402
-from benchmark.streaming import MakesFresh  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed  # noqa: E402
 from learned.streamed.images import MakesImages  # noqa: E402
 from learned.streamed.losses import weighted  # noqa: E402

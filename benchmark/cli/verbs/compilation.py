@@ -24,7 +24,7 @@ from benchmark.system.text import say
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from benchmark.contracts import Input
+    from benchmark.api.contracts import Input
     from benchmark.methods.registry import MethodSpec
 
 

@@ -58,7 +58,7 @@ def train(
     **given: Any,
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
-    from benchmark.learning import Learner
+    from benchmark.api.learning import Learner
     from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, trainings_of, with_validation
     from benchmark.storage.store import Store
     from benchmark.system.calls import call_apart
@@ -110,8 +110,8 @@ def train_one(
     say
         Told about progress.
     """
+    from benchmark.api.learning import CARD, ChecksOptions, read_card
     from benchmark.jobs.pairs import training_data
-    from benchmark.learning import CARD, ChecksOptions, read_card
     from benchmark.storage.store import Store
 
     learner: Any = spec.create()

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface

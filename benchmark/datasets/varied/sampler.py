@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmark.api.streaming import Fresh, Surfaces
 from benchmark.datasets.human_poses import Pose
 from benchmark.datasets.varied.bodies import varied_body
 from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, perturbed, rendered, turned
@@ -15,7 +16,6 @@ from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import varied_pose
 from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Points
-from benchmark.streaming import Fresh, Surfaces
 
 LARGEST_DOUBLED = 0.004
 """Share of a body that may lie inside of it twice.
@@ -39,7 +39,7 @@ BODIES_LEAVE, POSES_OVERLAP = "bodies of no human height", "poses through the bo
 
 @dataclass(frozen=True)
 class Sampler:
-    """Makes batches; see :class:`benchmark.streaming.MakesFresh`.
+    """Makes batches; see :class:`benchmark.api.streaming.MakesFresh`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Sampler:
         return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
-        """Make the bodies of one batch without images; see :class:`benchmark.streaming.MakesSurfaces`."""
+        """Make the bodies of one batch without images; see :class:`benchmark.api.streaming.MakesSurfaces`."""
         again = Counter[str]()
         names, _, shapes, posed = self._made(number, bodies, again)
         return Surfaces(

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from benchmark.api.streaming import N_POINTS, Fresh
 from benchmark.datasets.human_poses import Arm, Column, Leg, Pose
 from benchmark.datasets.varied.bodies import varied_body
 from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, rendered, turned
@@ -30,7 +31,6 @@ from benchmark.datasets.varied.sampler import (
 )
 from benchmark.geometry.mesh import Faces, Points
 from benchmark.geometry.rasterise import DepthImage
-from benchmark.streaming import N_POINTS, Fresh
 
 Limits = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -55,7 +55,7 @@ _LEAST_DEPTH = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class WideSampler:
-    """Makes batches; see :class:`benchmark.streaming.MakesFresh`.
+    """Makes batches; see :class:`benchmark.api.streaming.MakesFresh`.
 
     Parameters
     ----------

@@ -82,11 +82,11 @@ def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
     dict
         ``shares_folder``: whether the file is there. ``problems``: differences in words; none if this machine will do.
     """
+    from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.jobs import recipes
     from benchmark.jobs.cluster.task_messages import model_folder, read_method, read_scorer
     from benchmark.jobs.plan import difference
-    from benchmark.learning import card_digest, read_card
 
     problems: dict[str, None] = {}
     for job in message["jobs"]:

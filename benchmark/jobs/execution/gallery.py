@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Method
+from benchmark.api.contracts import Method
+from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.jobs import recipes
@@ -21,7 +22,6 @@ from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.foreign.specs import Foreign
 from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of
 from benchmark.jobs.stages import distances
-from benchmark.scoring import Scorer
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.store import Artefact, Store

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmark.contracts import Method
+from benchmark.api.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message

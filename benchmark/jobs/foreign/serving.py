@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.contracts import Descriptor, Method, Shape
+from benchmark.api.contracts import Descriptor, Method, Shape
+from benchmark.api.scoring import Scorer
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import SharedStages
 from benchmark.jobs.stages import distances, features, form
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of
-from benchmark.scoring import Scorer
 from benchmark.storage.costs import Meter
 from benchmark.storage.keys import plain
 from benchmark.system.messages import Arrays
@@ -109,7 +109,7 @@ class _NumberedShape(Shape):
     ask: Ask
 
     def random(self, purpose: str = "") -> np.random.Generator:
-        """See :meth:`benchmark.contracts.Shape.random`."""
+        """See :meth:`benchmark.api.contracts.Shape.random`."""
         return np.random.default_rng(self.ask({"purpose": purpose})["entropy"])
 
 

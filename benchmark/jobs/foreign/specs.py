@@ -11,12 +11,12 @@ from typing import Any, ClassVar, NoReturn, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
+from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.foreign.serving import folded, serve
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.storage.costs import Cost
 from benchmark.system.messages import Arrays
 from benchmark.system.services import Service
@@ -216,32 +216,32 @@ class Foreign:
 
 class _RemoteMethod(Foreign):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """See :class:`benchmark.contracts.Method`."""
+        """See :class:`benchmark.api.contracts.Method`."""
         found = self._on_shape("canonicalise", shape)
         notes = {name.removeprefix("note:"): value.item() for name, value in found.items() if name.startswith("note:")}
         return CanonicalForm(found["vertices"], found.get("faces", shape.mesh.faces), notes)
 
     def load(self, folder: Path) -> Self:
-        """See :class:`benchmark.learning.Learner`."""
+        """See :class:`benchmark.api.learning.Learner`."""
         return replace(self, model=str(folder))
 
 
 class _RemoteDescriptor(Foreign):
     def describe(self, shape: Shape) -> FloatArray:
-        """See :class:`benchmark.contracts.Descriptor`."""
+        """See :class:`benchmark.api.contracts.Descriptor`."""
         return np.asarray(self._on_shape("describe", shape)["descriptor"])
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """See :class:`benchmark.contracts.Descriptor`."""
+        """See :class:`benchmark.api.contracts.Descriptor`."""
         arrays = folded([{"descriptor": each} for each in descriptors])
         return np.asarray(self._worked("distances", {}, arrays)["distances"])
 
 
 class _RemoteScorer(Foreign):
     def signature(self, form: Mesh) -> SignatureArrays:
-        """See :class:`benchmark.scoring.Scorer`."""
+        """See :class:`benchmark.api.scoring.Scorer`."""
         return self._worked("signature", {}, {"vertices": form.vertices, "faces": form.faces})
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """See :class:`benchmark.scoring.Scorer`."""
+        """See :class:`benchmark.api.scoring.Scorer`."""
         return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.learning import MakesPairs, TrainingData
 from benchmark.datasets.animals import CANONICAL_POSE, Animals
 from benchmark.datasets.animals.people import CENTIMETRES
 from benchmark.datasets.base import Entry
@@ -15,7 +16,6 @@ from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import dataset_module, source_code
-from benchmark.learning import MakesPairs, TrainingData
 from benchmark.protocols.trainings import ANIMAL_POSES
 
 SEED = 2

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
+from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import dataset_module, source_code
-from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import SAMPLED_POSES
 
 _Body = tuple[humans.Subject, Sequence[Pose]]

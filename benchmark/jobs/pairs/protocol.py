@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets.base import Entry
 from benchmark.datasets.canonical import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
@@ -20,7 +21,6 @@ from benchmark.jobs.pairs.people import sampled_people
 from benchmark.jobs.pairs.stream import varied_data
 from benchmark.jobs.pairs.synthetic import Say, SyntheticTraining
 from benchmark.jobs.preparation import Preparation
-from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import ANIMALS_SAMPLED, SAMPLED, SAMPLED_BODIES, VARIED, Training
 from benchmark.storage import keys
 from benchmark.storage.store import Store

@@ -6,14 +6,14 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
+from benchmark.api.learning import MakesPairs, TrainingPair
+from benchmark.api.streaming import StreamedData
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
 from benchmark.jobs.recipes import source_code
-from benchmark.learning import MakesPairs, TrainingPair
 from benchmark.storage import keys
-from benchmark.streaming import StreamedData
 
 TRAINED, VALIDATED = 0, 1
 """Seeds of the streams."""

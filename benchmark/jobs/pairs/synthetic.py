@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets.base import Dataset
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.recipes import preparation_code
-from benchmark.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.protocols.trainings import Training
 from benchmark.storage import keys
 

@@ -30,7 +30,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from benchmark.contracts import Input, Mesh
+from benchmark.api.contracts import Input, Mesh
+from benchmark.api.learning import CARD, WEIGHTS, TrainingData, TrainingPair, read_card
+from benchmark.api.streaming import StreamedData
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.parts import Part
@@ -43,7 +45,6 @@ from benchmark.jobs.plan import Job, data_recipe, job_recipe
 from benchmark.jobs.preparation import REFUSED, Preparation
 from benchmark.jobs.recipes import distances_recipe, draws_of, source_recipe, training_code
 from benchmark.jobs.rekey.reached import Reached
-from benchmark.learning import CARD, WEIGHTS, TrainingData, TrainingPair, read_card
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
@@ -53,7 +54,6 @@ from benchmark.protocols.trainings import find_training
 from benchmark.storage.keys import digest
 from benchmark.storage.records import answered_labels, answered_shapes, scorer_name
 from benchmark.storage.store import Artefact, Store
-from benchmark.streaming import StreamedData
 from benchmark.system.arrays import digest_of
 
 #: Stages in their order, as an answer names them.

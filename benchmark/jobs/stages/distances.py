@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from benchmark.methods.output_checks import distances_of, real_numbers
 
 if TYPE_CHECKING:
-    from benchmark.contracts import Descriptor
-    from benchmark.scoring import Scorer, SignatureArrays
+    from benchmark.api.contracts import Descriptor
+    from benchmark.api.scoring import Scorer, SignatureArrays
 
 Matrix = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.scoring import Scorer
 from benchmark.errors import InvalidSignature
 from benchmark.geometry.mesh import Mesh
-from benchmark.scoring import Scorer
 
 _HINT = "return a mapping from names to arrays of finite numbers"
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Descriptor, Mesh, Method, Shape
+from benchmark.api.contracts import Descriptor, Mesh, Method, Shape
 from benchmark.errors import InvalidForm
 from benchmark.methods.output_checks import descriptor_of, form_of
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from benchmark.contracts import Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.api.learning import Learner
 from benchmark.errors import BenchmarkError, UnsupportedShape, message, one_line
-from benchmark.learning import Learner
 from benchmark.methods.conformance.shapes import BENDS, figure, view
 from benchmark.methods.output_checks import descriptor_of, form_of
 from benchmark.methods.registry import MethodSpec

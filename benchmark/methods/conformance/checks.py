@@ -11,9 +11,9 @@ from typing import Any, get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.learning import CARD, Split
 from benchmark.errors import UnsupportedShape
-from benchmark.learning import CARD, Split
 from benchmark.methods.conformance.case import (
     ConformanceCase,
     Failed,

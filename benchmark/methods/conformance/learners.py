@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmark.contracts import Method
-from benchmark.learning import CARD, Learner, TrainingData, TrainingPair, checked_weights, read_card
+from benchmark.api.contracts import Method
+from benchmark.api.learning import CARD, Learner, TrainingData, TrainingPair, checked_weights, read_card
 from benchmark.methods.conformance.case import Failed
 from benchmark.methods.conformance.shapes import BENDS, view
 from benchmark.methods.registry import MethodSpec

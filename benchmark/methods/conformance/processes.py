@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
 from benchmark.methods.conformance.case import (
     REPEAT_TOLERANCE,
     ConformanceCase,

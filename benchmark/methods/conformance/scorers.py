@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import FloatArray
+from benchmark.api.contracts import FloatArray
+from benchmark.api.scoring import SignatureArrays
 from benchmark.errors import ShapeError
 from benchmark.geometry.mesh import Mesh
 from benchmark.methods.conformance.case import REPEAT_TOLERANCE, Failed, Skipped, explain, relative_difference
 from benchmark.methods.conformance.shapes import BENDS, awkward, figure, view
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.scoring import SignatureArrays
 from benchmark.system.calls import BrokenCall, call_apart
 
 __all__ = ["OF_REQUIREMENTS", "OF_SCORERS", "OF_SIGNATURES", "ScorerCase", "ScorerCheck"]

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from benchmark.contracts import FloatArray, Mesh, Shape
+from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact
 from benchmark.geometry.depth import back_project, fit_half_width, render_depth

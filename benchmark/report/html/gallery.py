@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from PIL import Image
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.files import FolderDataset
 from benchmark.errors import BenchmarkError

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.errors import BenchmarkError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell

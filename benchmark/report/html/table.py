@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.report.columns import BLANK, Style, cells, groups_of, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.contracts import Mesh, Method, Shape
+from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from benchmark.contracts import Method
+from benchmark.api.contracts import Method
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.geometry.mesh import Mesh, Points

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.reference import paper
 from benchmark.report.content import TableContent
 from benchmark.report.reproduction.figures import is_learned

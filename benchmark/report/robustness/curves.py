@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
 from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS

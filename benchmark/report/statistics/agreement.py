@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.report.content import TableContent, contents
 from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
 from benchmark.report.results import Result

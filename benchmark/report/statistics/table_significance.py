@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.contracts import Input
+from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.intervals import intervals, widened
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from benchmark.contracts import MethodInfo
+from benchmark.api.contracts import MethodInfo
 
 NOTES = Path(__file__).parent / "notes"
 

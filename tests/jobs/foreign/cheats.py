@@ -9,7 +9,7 @@ import numpy as np
 
 import benchmark.jobs.stages.measures as measures_of_the_suite
 import retrieval.metrics
-from benchmark.contracts import MethodInfo, canonical_form
+from benchmark.api.contracts import MethodInfo, canonical_form
 
 #: Part of a class label of the gallery, written so that no constant of this file holds it.
 LABEL = "".join(["th", "ick"])

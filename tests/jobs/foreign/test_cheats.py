@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmark.api.contracts import Mesh, Shape
 from benchmark.cli.main import cli
-from benchmark.contracts import Mesh, Shape
 from tests.toy import write_rods
 
 pytestmark = pytest.mark.slow

@@ -60,8 +60,8 @@ SAME = {
     "a function that is moved": [
         (ORIENTATION, AREAS, ""),
         (ORIENTATION, "ties import largest\n", "ties import largest, vertex_areas\n"),
-        (TIES, "from benchmark.contracts import FloatArray\n",
-         "from benchmark.contracts import FloatArray\nfrom benchmark.geometry.mesh import Mesh\n"),
+        (TIES, "from benchmark.api.contracts import FloatArray\n",
+         "from benchmark.api.contracts import FloatArray\nfrom benchmark.geometry.mesh import Mesh\n"),
         (TIES, "def largest(", f"{AREAS}\n\ndef largest("),
     ],
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmark.contracts import Shape
+from benchmark.api.contracts import Shape
 from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans import human_mesh

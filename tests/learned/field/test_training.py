@@ -12,9 +12,9 @@ import pytest
 import torch
 import trimesh
 
-from benchmark.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.api.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
-from benchmark.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.methods import registry
 from benchmark.methods.conformance.case import ConformanceCase
 from benchmark.methods.conformance.checks import OF_THE_ANSWER

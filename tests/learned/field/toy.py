@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from benchmark.api.streaming import StreamedData, Surfaces
 from benchmark.geometry.mesh import Mesh
-from benchmark.streaming import StreamedData, Surfaces
 from learned.field.configuration import PLAIN
 from tests.learned.streamed.toy import Ellipsoids, bent, surface_stream
 

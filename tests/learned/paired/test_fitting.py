@@ -15,8 +15,8 @@ import pytest
 import torch
 from PIL import Image
 
+from benchmark.api.learning import CARD, WEIGHTS, TrainingData, read_card
 from benchmark.errors import ConfigurationError, TrainingError
-from benchmark.learning import CARD, WEIGHTS, TrainingData, read_card
 from learned.paired.fitting import fit
 from learned.paired.model import load_model, predict
 from learned.paired.network import build

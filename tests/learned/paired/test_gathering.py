@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmark.learning import TrainingData, TrainingPair
+from benchmark.api.learning import TrainingData, TrainingPair
 from learned.paired import gathering
 from learned.paired.fitting import fit
 from learned.paired.gathering import forget, gather_kept

@@ -15,12 +15,12 @@ import torch
 from safetensors.torch import load, save
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import CanonicalForm, Shape, UnsupportedShape
+from benchmark.api.contracts import CanonicalForm, Shape, UnsupportedShape
+from benchmark.api.learning import CARD, WEIGHTS, Learner
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
 from benchmark.geometry.edges import edges_of
-from benchmark.learning import CARD, WEIGHTS, Learner
 from benchmark.methods.registry import methods, variant
 from benchmark.parameters.values import parameter_values
 from learned.paired.configuration import CONFIGURATIONS

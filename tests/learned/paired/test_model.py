@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from safetensors.torch import load, save
 
+from benchmark.api.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.errors import ConfigurationError
-from benchmark.learning import CARD, WEIGHTS, card_digest, read_card
 from learned.paired.card import _TOLD, LARGEST, network_of
 from learned.paired.model import load_model, predict
 from learned.paired.network import build

@@ -14,8 +14,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from benchmark.api.learning import CARD, WEIGHTS
 from benchmark.errors import ConfigurationError, TrainingError
-from benchmark.learning import CARD, WEIGHTS
 from learned.paired import training
 from learned.paired.configuration import LITERAL, Configuration, configuration
 from learned.paired.fitting import fit

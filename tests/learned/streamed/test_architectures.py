@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from torch import nn
 
+from benchmark.api.streaming import Fresh
 from benchmark.errors import UnsupportedShape
-from benchmark.streaming import Fresh
 from retrieval.measures import PRINTED
 from tests.geometry.surfaces import sphere
 from tests.learned.streamed.toy import Ellipsoids, toy

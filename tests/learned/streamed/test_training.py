@@ -19,10 +19,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
+from benchmark.api.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import back_project
-from benchmark.learning import CARD, WEIGHTS, Learner, read_card
 from learned.streamed import configuration, fitting, training
 from learned.streamed.fitting import fit
 from learned.streamed.images import MakesImages

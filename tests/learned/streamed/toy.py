@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from benchmark.api.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData, Surfaces
 from benchmark.errors import DatasetError
-from benchmark.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData, Surfaces
 from learned.streamed.configuration import PLAIN, Streamed
 from tests.learned.toy import toy_data
 

@@ -15,10 +15,10 @@ from safetensors.torch import save
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from benchmark.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape, UnsupportedShape
+from benchmark.api.learning import CARD, WEIGHTS, ChecksOptions, Learner
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.learning import CARD, WEIGHTS, ChecksOptions, Learner
 from benchmark.methods.conformance.shapes import awkward
 from learned.template import configuration, model, search
 from learned.template.methods import ImplicitTemplate

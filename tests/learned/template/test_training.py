@@ -11,8 +11,8 @@ import pytest
 import torch
 from safetensors import safe_open
 
+from benchmark.api.learning import CARD, WEIGHTS, read_card
 from benchmark.errors import ConfigurationError, TrainingError
-from benchmark.learning import CARD, WEIGHTS, read_card
 from learned.template import configuration, fitting, samples, training
 from learned.template.fitting import fit
 from learned.template.model import deformed

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from benchmark.api.streaming import StreamedData, Surfaces
 from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Mesh
-from benchmark.streaming import StreamedData, Surfaces
 from learned.template.configuration import PLAIN
 from tests.learned.streamed.toy import bent, surface_stream
 

@@ -8,13 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar, Protocol, runtime_checkable
 
-from benchmark.datasets.base import Entry
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
 
 __all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Mesh"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One shape of a data set.
+
+    Parameters
+    ----------
+    identifier
+        Unique name inside the data set, e.g. ``"cat0"``.
+    subject
+        The retrieval class.
+    pose
+        The pose; equal names mean the same pose where the data set knows that, else unique.
+    path
+        The file that holds the mesh; None for generated shapes.
+    """
+
+    identifier: str
+    subject: str
+    pose: str
+    path: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

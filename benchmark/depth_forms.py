@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.contracts import CanonicalForm, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.depth.errors import InvalidIntrinsics
 from benchmark.depth.frame import ObservedObject, Up, observe
 from benchmark.depth.intrinsics import Intrinsics, parse_intrinsics

@@ -9,20 +9,27 @@ import sys
 from collections.abc import Container
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from typing import NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import methods
-from benchmark.methods.scaffold import dataset, descriptor, learner, method, scorer
 from benchmark.methods.scorers import scorers
 from benchmark.system.files import write_text
 from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
 
-_TEMPLATES = {"method": method, "descriptor": descriptor, "learner": learner, "scorer": scorer, "dataset": dataset}
+#: Plugin of each kind in the folder of examples: with another name it is what is written.
+_EXAMPLES = {
+    "method": "ray-stretch",
+    "descriptor": "distance-profile",
+    "learner": "nearest-view",
+    "scorer": "distance-distribution",
+    "dataset": "bent-ellipsoids",
+}
 
-KINDS = tuple(_TEMPLATES)
+KINDS = tuple(_EXAMPLES)
 """What can be written."""
 
 
@@ -49,15 +56,10 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
         If the name cannot be used, a file is there already, or the folder cannot be written to.
     """
     _check_name(kind, name)
-    module, class_name = name.replace("-", "_"), "".join(word.capitalize() for word in name.split("-"))
-    title = " ".join(word.capitalize() for word in name.split("-"))
-    values = {"name": name, "module": module, "class_name": class_name, "title": title}
-    plugin = _TEMPLATES[kind].PLUGIN.substitute(values)
-    _check_python(name, module, class_name, plugin)
-    texts = {
-        folder / f"{module}.py": plugin,
-        folder / f"test_{module}.py": _TEMPLATES[kind].TEST.substitute(values),
-    }
+    spellings = _spellings(name)
+    plugin, test = (_renamed(text, _EXAMPLES[kind], name) for text in _sources(_EXAMPLES[kind]))
+    _check_python(name, spellings.module, spellings.class_name, plugin)
+    texts = {folder / f"{spellings.module}.py": plugin, folder / f"test_{spellings.module}.py": test}
     for path in texts:
         if path.exists():
             raise ConfigurationError(f"{path} exists already", "choose another name or folder")
@@ -67,6 +69,35 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
     except OSError as error:
         raise ConfigurationError(f"{folder} cannot be written to: {error}", "choose another folder") from error
     return list(texts)
+
+
+class _Spellings(NamedTuple):
+    """One name as it is written on the command line, of a module, of a class, and in tables."""
+
+    name: str
+    module: str
+    class_name: str
+    title: str
+
+
+def _spellings(name: str) -> _Spellings:
+    words = [word.capitalize() for word in name.split("-")]
+    return _Spellings(name, name.replace("-", "_"), "".join(words), " ".join(words))
+
+
+def _sources(example: str) -> tuple[str, str]:
+    """Return the plugin file of an example, and its test."""
+    package = Path(__file__).parents[1] / "examples"  # of an installed suite; in a checkout they lie beside it
+    folder = package if package.is_dir() else Path(__file__).parents[2] / "examples"
+    module = _spellings(example).module
+    plugin, test = (folder / f"{prefix}{module}.py" for prefix in ("", "test_"))
+    return plugin.read_text(encoding="utf-8"), test.read_text(encoding="utf-8")
+
+
+def _renamed(text: str, example: str, name: str) -> str:
+    for old, new in zip(_spellings(example), _spellings(name), strict=True):
+        text = text.replace(old, new)
+    return text
 
 
 def _check_name(kind: str, name: str) -> None:

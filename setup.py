@@ -1,0 +1,8 @@
+"""What pyproject.toml cannot say: the examples are a folder of the checkout, and a part of the installed package."""
+
+from setuptools import find_packages, setup
+
+setup(
+    packages=[*find_packages(include=["benchmark*", "baselines*", "learned*", "retrieval*"]), "benchmark.examples"],
+    package_dir={"benchmark.examples": "examples"},
+)
