@@ -161,7 +161,7 @@ def make_plan(
 
 @dataclass(frozen=True)
 class _Planning:
-    """What all jobs of a plan have in common."""
+    """Context that all jobs of a plan share."""
 
     store: Store
     seed: int

@@ -98,8 +98,8 @@ def run_suite(variants: Sequence[Variant] = TESTED, command: Sequence[str] = COM
             except CancelledError:
                 continue
             summary = outcome.output.strip().splitlines()[-1:] or ["no output"]
-            outcome = "passed" if outcome.passed else "FAILED"
-            print(f"{outcome.variant.name:<10} {outcome} in {outcome.seconds:.0f} s: {summary[0].strip()}", flush=True)
+            ending = "passed" if outcome.passed else "FAILED"
+            print(f"{outcome.variant.name:<10} {ending} in {outcome.seconds:.0f} s: {summary[0].strip()}", flush=True)
             if not outcome.passed:
                 runs.stop()
                 log = FOLDER / f"{outcome.variant.name}.log"

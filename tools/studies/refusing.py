@@ -25,9 +25,9 @@ MEASURES = ("nn", "ft", "st", "dcg")
 def tallest(results: ResultsFolder, key: str, shapes: list[str]) -> list[int]:
     """Places of the tenth of the shapes whose prepared surfaces are the longest."""
     record = results._scored(key)
-    dataset = results._kept.dataset(record)
+    dataset = results._artefacts.dataset(record)
     entries = {entry.identifier: entry for entry in dataset.entries}
-    surfaces = [results._kept.surface(record, entries[name]) for name in shapes]
+    surfaces = [results._artefacts.surface(record, entries[name]) for name in shapes]
     sizes = [0.0 if each is None else float(np.ptp(each.vertices, axis=0).max()) for each in surfaces]
     return np.argsort(sizes, kind="stable")[::-1][: len(shapes) // 10].tolist()
 

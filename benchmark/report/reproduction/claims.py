@@ -82,7 +82,7 @@ CLAIMS: tuple[Claim, ...] = (
 
 
 @dataclass(frozen=True)
-class TestedClaim:
+class AssessedClaim:
     """Outcome of a claim by our queries.
 
     Parameters
@@ -108,7 +108,7 @@ class TestedClaim:
     missing: tuple[str, ...] = ()
 
 
-def tested_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[TestedClaim]:
+def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[AssessedClaim]:
     """Decide each claim by paired permutation tests over queries, with Holm's correction over its comparisons.
 
     Parameters
@@ -121,7 +121,7 @@ def tested_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] 
     return [_judged(claim, contents.get(claim.table)) for claim in claims]
 
 
-def _judged(claim: Claim, content: TableContent | None) -> TestedClaim:
+def _judged(claim: Claim, content: TableContent | None) -> AssessedClaim:
     records = {
         row.method: row.cells[claim.input].records
         for row in (content.rows if content is not None else ())
@@ -129,7 +129,7 @@ def _judged(claim: Claim, content: TableContent | None) -> TestedClaim:
     }
     missing = tuple(name for name in (claim.better, *claim.others) if name not in records)
     if missing:
-        return TestedClaim(claim, "not comparable", missing=missing)
+        return AssessedClaim(claim, "not comparable", missing=missing)
     differences = np.column_stack(
         [_differences(records[claim.better], records[name], claim.measures) for name in claim.others]
     )
@@ -140,7 +140,7 @@ def _judged(claim: Claim, content: TableContent | None) -> TestedClaim:
         decision = "contradicted"
     elif np.all(certain & leads):
         decision = "supported"
-    return TestedClaim(claim, decision, int(leads.sum()), len(leads), int(certain.sum()))
+    return AssessedClaim(claim, decision, int(leads.sum()), len(leads), int(certain.sum()))
 
 
 def _differences(

@@ -10,7 +10,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.report.columns import BLANK, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
-from benchmark.report.reproduction.claims import TestedClaim, tested_claims
+from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.figures import (
     AGREEING,
     FEWEST,
@@ -51,7 +51,7 @@ def reproduction_markdown(tables: Sequence[TableContent]) -> str:
         counts(figures),
         _rules(),
         "**Its claims.**",
-        claims(tested_claims(contents)),
+        claims(assess_claims(contents)),
         _tests(),
         "**Which input comes nearer?** Mean absolute difference to the paper's classical rows, and of the chance level "
         "of our gallery to them: what a random order would reproduce, too, tells little.",
@@ -78,7 +78,7 @@ def counts(figures: Sequence[ReproducedFigure]) -> str:
     return "\n".join(lines)
 
 
-def claims(judged: Sequence[TestedClaim]) -> str:
+def claims(judged: Sequence[AssessedClaim]) -> str:
     """Each claim with its decision, as a Markdown table."""
     lines = [markdown_row(["Claim of the paper", "table", "decision", "leads", "certain"]), markdown_rule(5, 3)]
     for each in judged:

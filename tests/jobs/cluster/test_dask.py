@@ -243,9 +243,9 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
 
 
 def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
-    from benchmark.jobs.cluster import pool
+    from benchmark.jobs.cluster import dask_pool
 
-    monkeypatch.setattr(pool, "_CONNECTING", 1.0)
+    monkeypatch.setattr(dask_pool, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):
         run(*selection(place, "results"), "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     assert list((place / "results" / "runs" / "progress").iterdir()) == []

@@ -10,7 +10,7 @@ import pytest
 from benchmark.reference import paper
 from benchmark.report.content import TableContent, contents
 from benchmark.report.files import render
-from benchmark.report.reproduction.claims import CLAIMS, Claim, TestedClaim, tested_claims
+from benchmark.report.reproduction.claims import CLAIMS, AssessedClaim, Claim, assess_claims
 from benchmark.report.reproduction.document import claims, reproduction_markdown
 from benchmark.report.reproduction.figures import (
     TOLERANCE,
@@ -127,17 +127,17 @@ def queries(method: str, hits: int, input_: str = "view") -> Result:
     )  # fmt: skip
 
 
-def decided(*results: Result, claim: Claim | None = None) -> TestedClaim:
+def decided(*results: Result, claim: Claim | None = None) -> AssessedClaim:
     chosen = claim or Claim("GPS leads.", "III", "gps", ("fast-mds", "skeleton"), measures=("NN",))
-    (judged,) = tested_claims(paper_tables(contents(results)), [chosen])
+    (judged,) = assess_claims(paper_tables(contents(results)), [chosen])
     return judged
 
 
 def test_a_claim_that_all_queries_carry_is_supported_and_its_opposite_contradicted() -> None:
     rows = (queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 6))
-    assert decided(*rows) == TestedClaim(decided(*rows).claim, "supported", 2, 2, 2)
+    assert decided(*rows) == AssessedClaim(decided(*rows).claim, "supported", 2, 2, 2)
     opposite = Claim("GPS is behind.", "III", "fast-mds", ("gps",), measures=("NN", "DCG"))
-    assert decided(*rows, claim=opposite) == TestedClaim(opposite, "contradicted", 0, 2, 2)
+    assert decided(*rows, claim=opposite) == AssessedClaim(opposite, "contradicted", 0, 2, 2)
 
 
 def test_one_lead_that_may_be_chance_leaves_a_claim_undecided() -> None:
