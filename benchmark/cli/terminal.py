@@ -6,10 +6,9 @@ import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from benchmark.report.columns import Style, cells, groups_of, number
+from benchmark.report.grid import Figure, Style, grid_of
 from benchmark.report.notes import notes
 from benchmark.system.text import clean
-from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,10 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["draw", "drawn"]
 
-#: What stands before the best figures, and those that cannot be told from them, until they are drawn.
-_BEST, _INSEPARABLE = "\x00", "\x01"
+_STYLE = Style("{}", "{}", "±{}")
 
-_STYLES = {_BEST: "bold", _INSEPARABLE: "italic"}
+_FONTS = {"best": "bold", "inseparable": "italic", "": ""}
 
 #: More columns than a table has.
 _WIDEST = 10_000
@@ -44,7 +42,7 @@ def draw(tables: Iterable[TableContent]) -> None:
     for table in tables:
         whole = drawn(table)
         fits = Console(width=_WIDEST).measure(whole).minimum <= console.width
-        for part in [whole] if fits else [drawn(table, group) for group in range(len(groups_of(table)))]:
+        for part in [whole] if fits else [drawn(table, group) for group in range(len(grid_of(table).groups))]:
             console.print()
             console.print(part)
         for note in notes(table):
@@ -65,28 +63,24 @@ def drawn(table: TableContent, only: int | None = None) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    groups = groups_of(table)
-    shown = [place for place in range(len(groups) * len(PRINTED)) if only in (None, place // len(PRINTED))]
+    grid = grid_of(table)
+    shown = range(len(grid.groups)) if only is None else [only]
     title = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
     made = Table(
         title=Text(clean(title)), title_justify="left", title_style="bold", box=Box(_RULE), show_edge=False,
         pad_edge=False, padding=0,
     )  # fmt: skip
     made.add_column("Method", overflow="fold", min_width=_NARROWEST)
-    for place in shown:
-        made.add_column(
-            f"{groups[place // len(PRINTED)].title}\n{PRINTED[place % len(PRINTED)]}", justify="right", no_wrap=True
-        )
-    style = Style(f"{_BEST}{{}}", f"{_INSEPARABLE}{{}}", "±{}")
-    for row, values in zip(table.rows, cells(table, groups, style), strict=True):
-        made.add_row(Text(clean(row.label)), *(_figure(values[place]) for place in shown))
-    chance = [number(table.chance[PRINTED[place % len(PRINTED)]]) for place in shown]
-    made.add_row(Text("Chance", style="italic"), *chance)
+    for group in (grid.groups[place] for place in shown):
+        for name in group.names:
+            made.add_column(f"{group.title}\n{name}", justify="right", no_wrap=True)
+    for line in grid.lines:
+        label = Text(clean(line.label), style="" if line.row else "italic")
+        made.add_row(label, *(_drawn(figure) for place in shown for figure in line.groups[place]))
     return made
 
 
-def _figure(text: str) -> Text:
+def _drawn(figure: Figure) -> Text:
     from rich.text import Text
 
-    style = _STYLES.get(text[:1], "")
-    return Text(text[1:] if style else text, style=style)
+    return Text(_STYLE.write(figure), style=_FONTS[figure.mark])

@@ -9,9 +9,9 @@ from typing import Any
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
-from benchmark.report.columns import Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
+from benchmark.report.grid import Style, grid_of, number
 from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
@@ -22,11 +22,12 @@ _STYLE = Style("**{}**", "*{}*")
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
-    groups = groups_of(table)
-    header = ["Method", *(f"{group.title} {metric}" for group in groups for metric in PRINTED)]
-    figures = cells(table, groups, _STYLE)
-    body = [[markdown_text(row.label), *values] for row, values in zip(table.rows, figures, strict=True)]
-    body.append(["*Chance*", *(number(table.chance[metric]) for _ in groups for metric in PRINTED)])
+    grid = grid_of(table)
+    header = ["Method", *(f"{group.title} {name}" for group in grid.groups for name in group.names)]
+    body = [
+        [markdown_text(line.label) if line.row else f"*{line.label}*", *map(_STYLE.write, line.figures)]
+        for line in grid.lines
+    ]
     lines = [f"**{markdown_text(f'{_title(table)}. {table.caption}: {table.data_title} ({table.size}).')}**", ""]
     lines += _aligned(header, body)
     told = notes(table)

@@ -17,22 +17,22 @@ from benchmark.methods.registry import BUILT_IN, MethodSpec
 from benchmark.methods.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed
 from benchmark.report.cell import Cell
-from benchmark.report.columns import BLANK, Group, Style, cells, groups_of, number
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import latex_text
 from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
+from benchmark.report.grid import Grid, Group, Style, grid_of
+from benchmark.report.grid import Line as GridLine
 from benchmark.report.notes import notes
 from benchmark.storage.keys import digest
 from benchmark.storage.records import first_key
-from retrieval.measures import PRINTED
 
 Notes = Literal["table", "appendix", "none"]
 """Where notes stand: under their table, in a file beside that of the table, or nowhere."""
 
 _STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"\,$\pm${}", "$-$")
 
-#: Points that a figure of the paper, one of ours, its spread, and a difference take at footnote size.
-_PRINTED, _FIGURE, _SPREAD, _DIFFERENCE = 15.6, 17.6, 23.5, 22.2
+#: Points that a measure takes at footnote size by the kind of its group, and its spread.
+_WIDTHS, _SPREAD = {"paper": 15.6, "ours": 17.6, "difference": 22.2}, 23.5
 
 _INPUTS = {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}
 
@@ -70,7 +70,7 @@ def _variants(tables: Sequence[TableContent]) -> Iterator[tuple[str, TableConten
             if len(table.inputs) > 1:
                 yield f"{table.file_stem}-{input_}", table.of(input_), ()
             if table.has_paper:
-                difference = Group(f"{input_} minus paper", input_, is_difference=True)
+                difference = Group(f"{input_} minus paper", "difference", input_)
                 yield f"paper-{table.file_stem}-{input_}", table.of(input_, paper_only=True), (difference,)
 
 
@@ -88,12 +88,12 @@ def latex(table: TableContent, name: str = "", further: Sequence[Group] = (), *,
     has_notes
         Whether its notes stand under it.
     """
-    groups = [*groups_of(table), *further]
+    grid = grid_of(table, further)
     return table_floats(
         name or table.file_stem,
         _caption(table),
-        [_block(table, group) for group in groups],
-        [*_body(table, groups), _chance(table, groups)],
+        [_block(grid, place) for place in range(len(grid.groups))],
+        list(_body(grid)),
         remark=f"made from records {_digest(table)}",
         notes=notes(table, reasons=False) if has_notes else (),
     )
@@ -104,41 +104,32 @@ def _appendix(name: str, said: Sequence[str]) -> str:
     return f"% notes to {name}\n\\paragraph{{Table~\\ref{{tab:{name}}}.}} {sentences}\n"
 
 
-def _block(table: TableContent, group: Group) -> Block:
-    found = [row.cells[group.input] for row in table.rows if group.input in row.cells] if group.input else []
-    figure = _DIFFERENCE if group.is_difference else _FIGURE if group.input else _PRINTED
-    if not group.is_difference and any(cell.deviation for cell in found):
-        figure += _SPREAD
-    width = sum(max(figure, points(metric)) + SEPARATION for metric in PRINTED)
-    return Block(latex_text(group.title), PRINTED, width)
+def _block(grid: Grid, place: int) -> Block:
+    group = grid.groups[place]
+    spread = _SPREAD if any(figure.spread for line in grid.lines for figure in line.groups[place]) else 0.0
+    widest = max(points(figure.text) for line in grid.lines for figure in line.groups[place])
+    figure = _WIDTHS.get(group.kind, widest) + spread
+    width = sum(max(figure, points(name)) + SEPARATION for name in group.names)
+    return Block(latex_text(group.title), group.names, width)
 
 
-def _body(table: TableContent, groups: Sequence[Group]) -> Iterator[Line]:
+def _body(grid: Grid) -> Iterator[Line]:
     last = ""
-    for row, values in zip(table.rows, cells(table, groups, _STYLE), strict=True):
-        cite = _citation(row)
-        blocks = tuple(
-            _status(row, group) or tuple(values[k * len(PRINTED) : (k + 1) * len(PRINTED)])
-            for k, group in enumerate(groups)
-        )
-        title = latex_text(row.label) + cite
-        yield Line(title, points(row.label, cited=bool(cite)), blocks, bool(last) and row.family != last)
-        last = row.family
+    for line in grid.lines:
+        cite = _citation(line.row) if line.row else ""
+        family = line.row.family if line.row else ""
+        blocks = tuple(_figures(line, place, group) for place, group in enumerate(grid.groups))
+        has_rule = bool(last) and family != last
+        yield Line(latex_text(line.label) + cite, points(line.label, cited=bool(cite)), blocks, has_rule)
+        last = family
 
 
-def _status(row: Row, group: Group) -> tuple[str, ...]:
-    """Return the text in place of the figures of a job without scores; "" for one that has them or was not run."""
-    cell = row.cells.get(group.input) if group.input else None
+def _figures(line: GridLine, place: int, group: Group) -> tuple[str, ...]:
+    """Return the figures of a line, or the status of a job that has none."""
+    cell = line.row.cells.get(group.input) if line.row and group.input else None
     if cell is None or cell.status in ("ok", "missing"):
-        return ()
-    status = cell.status
-    return (rf"\multicolumn{{{len(PRINTED)}}}{{c}}{{\textit{{{latex_text(status)}}}}}",)
-
-
-def _chance(table: TableContent, groups: Sequence[Group]) -> Line:
-    figures = tuple(number(table.chance[metric]) for metric in PRINTED)
-    blank = (BLANK,) * len(PRINTED)
-    return Line("Chance", points("Chance"), tuple(blank if g.is_difference else figures for g in groups), True)
+        return tuple(map(_STYLE.write, line.groups[place]))
+    return (rf"\multicolumn{{{len(group.names)}}}{{c}}{{\textit{{{latex_text(cell.status)}}}}}",)
 
 
 def _citation(row: Row) -> str:

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from benchmark.report.columns import number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
+from benchmark.report.grid import number
 from benchmark.report.html.scripts import script_json
 from benchmark.report.html.table import plain_table, score_table
 from benchmark.report.notes import notes

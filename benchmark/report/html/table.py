@@ -4,38 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from benchmark.api.contracts import Input
-from benchmark.report.columns import BLANK, Style, cells, groups_of, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
-from retrieval.measures import MEASURES, PRINTED
+from benchmark.report.grid import BLANK, Figure, Style, grid_of
+from retrieval.measures import MEASURES
 
 _TITLES = {measure.name: measure.title for measure in MEASURES}
+
+_STYLE = Style("<b>{}</b>", "<i>{}</i>")
 
 
 def score_table(table: TableContent) -> str:
     """The scores of all methods, and those of chance."""
-    groups = groups_of(table)
+    grid = grid_of(table)
     lines = ["<table class='sortable'><thead><tr><td></td>"]
-    lines += [f"<th colspan='{len(PRINTED)}' scope='colgroup'>{html_text(group.title)}</th>" for group in groups]
+    lines += [
+        f"<th colspan='{len(group.names)}' scope='colgroup'>{html_text(group.title)}</th>" for group in grid.groups
+    ]
     lines += ["</tr><tr>", heading("Method", text=True)]
-    for _ in groups:
-        lines += [heading(name, title=_TITLES[name], first=number_ == 0) for number_, name in enumerate(PRINTED)]
+    for group in grid.groups:
+        lines += [heading(name, title=_TITLES.get(name, ""), first=not k) for k, name in enumerate(group.names)]
     lines.append("</tr></thead><tbody>")
-    width = len(PRINTED)
-    for row, values in zip(table.rows, cells(table, groups, Style("<b>{}</b>", "<i>{}</i>")), strict=True):
-        told = "".join(
-            f"<td{_classes(k % width == 0, value == BLANK)}{_interval(table, row.method, groups[k // width].input, k)}>"
-            f"{value}</td>"
-            for k, value in enumerate(values)
-        )
-        label = f"<th scope='row' data-name='{html_text(row.method)}'>{html_text(row.label)}</th>"
-        lines.append(f"<tr data-family='{html_text(row.family)}'>{label}{told}</tr>")
-    chance = "".join(
-        f"<td{_classes(k == 0)}>{number(table.chance[name])}</td>" for _ in groups for k, name in enumerate(PRINTED)
-    )
-    lines.append(f"</tbody><tfoot><tr class='chance'><th scope='row'>Chance</th>{chance}</tr></tfoot></table>")
-    return "".join(lines)
+    for line in grid.lines:
+        told = "".join(_cell(figure, is_first=not k) for group in line.groups for k, figure in enumerate(group))
+        if line.row is None:
+            lines.append(f"</tbody><tfoot><tr class='chance'><th scope='row'>{line.label}</th>{told}</tr></tfoot>")
+        else:
+            label = f"<th scope='row' data-name='{html_text(line.row.method)}'>{html_text(line.label)}</th>"
+            lines.append(f"<tr data-family='{html_text(line.row.family)}'>{label}{told}</tr>")
+    return "".join([*lines, "</table>"])
 
 
 def plain_table(headings: Iterable[str], rows: Iterable[Iterable[object]], n_text: int = 1) -> str:
@@ -61,12 +58,8 @@ def heading(name: str, *, title: str = "", text: bool = False, first: bool = Fal
     )
 
 
-def _classes(first: bool, blank: bool = False) -> str:
-    words = " ".join(word for word, is_so in (("first", first), ("blank", blank)) if is_so)
-    return f" class='{words}'" if words else ""
-
-
-def _interval(table: TableContent, method: str, input_: Input | None, column: int) -> str:
-    """The interval of a figure, told where it is pointed at."""
-    judged = table.significance.get((method, input_, PRINTED[column % len(PRINTED)])) if input_ else None
-    return f" title='95 %: {number(judged.low)} to {number(judged.high)}'" if judged else ""
+def _cell(figure: Figure, is_first: bool) -> str:
+    """A figure, with its interval where it is pointed at."""
+    words = " ".join(word for word, is_so in (("first", is_first), ("blank", figure.text == BLANK)) if is_so)
+    interval = f" title='95 %: {figure.interval}'" if figure.interval else ""
+    return f"<td{f' class={chr(39)}{words}{chr(39)}' if words else ''}{interval}>{_STYLE.write(figure)}</td>"

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from benchmark.protocols.tables import INPUTS
-from benchmark.report.columns import BLANK, number
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
+from benchmark.report.grid import BLANK, number
 from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.figures import (
     AGREEING,

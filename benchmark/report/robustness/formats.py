@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
-from benchmark.report.columns import BLANK, number
 from benchmark.report.escaping import csv_text, latex_text, markdown_row, markdown_rule, markdown_text
 from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
+from benchmark.report.grid import BLANK, number
 from benchmark.report.robustness.curves import Curve, Robustness, worst
 
 _LEGEND = (
