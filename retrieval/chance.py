@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.metrics import E_MEASURE_DEPTH, discounts
-
-MEASURES = ("NN", "FT", "ST", "E", "DCG", "nDCG", "mAP")
+from retrieval.measures import MEASURES, RandomOrder
 
 
 def chance_levels(labels: ArrayLike) -> dict[str, float]:
@@ -24,7 +22,7 @@ def chance_levels(labels: ArrayLike) -> dict[str, float]:
     Returns
     -------
     dict
-        Each of :data:`MEASURES`, averaged over all queries that have a relevant model.
+        Each of :data:`retrieval.measures.MEASURES`, averaged over all queries that have a relevant model.
 
     Raises
     ------
@@ -71,39 +69,11 @@ def _levels(labels: NDArray[Any], n_leading: NDArray[np.int64]) -> dict[str, flo
     n_relevant = (labels[:, None] == labels).sum(axis=1) - 1
     if not (n_relevant > 0).any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
-    weights = np.concatenate([[0.0], np.cumsum(discounts(n_results))])
-    ranks = np.arange(1, n_results + 1)
-    text_weights = np.concatenate([[0.0], np.cumsum(1.0 / np.log2(ranks + 1))])
-    depth = min(E_MEASURE_DEPTH, n_results)
     kinds, multiplicity = np.unique(np.stack([n_relevant, n_leading], axis=1), axis=0, return_counts=True)
     total, n_queries = np.zeros(len(MEASURES)), 0
     for (relevant, leading), queries in zip(kinds.tolist(), multiplicity.tolist(), strict=True):
-        if relevant == 0:
-            continue
-        share = relevant / (n_results - leading)
-
-        def hits(rank: int, share: float = share, leading: int = leading) -> float:
-            return share * max(min(rank, n_results) - leading, 0)
-
-        total += queries * np.array(
-            [
-                hits(1),
-                hits(relevant) / relevant,
-                hits(2 * relevant) / relevant,
-                2.0 * hits(depth) / (depth + relevant),
-                share * (weights[n_results] - weights[leading]) / weights[relevant],
-                share * (text_weights[n_results] - text_weights[leading]) / text_weights[relevant],
-                _average_precision(ranks[leading:], n_results - leading, relevant),
-            ]
-        )
-        n_queries += queries
-    return dict(zip(MEASURES, (total / n_queries).tolist(), strict=True))
-
-
-def _average_precision(ranks: NDArray[np.int64], n_drawn: int, relevant: int) -> float:
-    """Expected average precision where the relevant results lie at random on some ranks, the last of all.
-
-    A relevant result at one of the ranks has one in ``(relevant - 1) / (n_drawn - 1)`` of those ranks before it.
-    """
-    before = np.arange(n_drawn) * (relevant - 1) / max(n_drawn - 1, 1)
-    return float(((1.0 + before) / ranks).mean())
+        if relevant:
+            order = RandomOrder(n_results, relevant, leading)
+            total += queries * np.array([measure.by_chance(order) for measure in MEASURES])
+            n_queries += queries
+    return dict(zip((measure.name for measure in MEASURES), (total / n_queries).tolist(), strict=True))

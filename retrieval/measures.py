@@ -1,15 +1,77 @@
-"""The measures of retrieval: one table with name, formula, source, direction and worst value."""
+"""The measures of retrieval: one table with what a measure is for a query, by chance, and over parts of a gallery.
+
+For a query of a class of size C there are c = C - 1 relevant models among the N - 1 others; g_i = 1 if the model at
+rank i is relevant. A measure is added here and nowhere else.
+
+References
+----------
+Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
+McSherry & Najork, "Computing information retrieval performance measures efficiently in the presence of tied scores",
+ECIR 2008 (expected values under ties).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
-__all__ = ["MEASURES", "PRINTED", "Measure"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
+
+FloatArray = NDArray[np.float64]
+
+#: Length of the result list that the E-measure looks at.
+E_MEASURE_DEPTH = 32
+
+
+@dataclass(frozen=True, eq=False)
+class RankedResults:
+    """The results of one query in their order.
+
+    Parameters
+    ----------
+    gains
+        Relevance of each rank, shape (N - 1,): 0 or 1, and its expectation where results tie.
+    hits_up_to
+        Relevant results up to each rank, given that there is one at it, shape (N - 1,).
+    n_relevant
+        Relevant results in the whole list.
+    """
+
+    gains: FloatArray
+    hits_up_to: FloatArray
+    n_relevant: int
+
+    @property
+    def ranks(self) -> NDArray[np.int64]:
+        """The ranks 1 ... N - 1."""
+        return np.arange(1, len(self.gains) + 1)
+
+
+@dataclass(frozen=True)
+class RandomOrder:
+    """A list of N - 1 results in which irrelevant ones lead, and the others follow in random order."""
+
+    n_results: int
+    n_relevant: int
+    n_leading: int
+
+    @property
+    def share(self) -> float:
+        """Share of the results behind the leading ones that is relevant."""
+        return self.n_relevant / (self.n_results - self.n_leading)
+
+    def hits(self, rank: int) -> float:
+        """Return the relevant results that are expected up to a rank."""
+        return self.share * max(min(rank, self.n_results) - self.n_leading, 0)
 
 
 @dataclass(frozen=True)
 class Measure:
-    """One measure; C is the size of the class of a query, c = C - 1, N the size of the gallery, g_i the gain at rank i.
+    """One measure.
 
     Parameters
     ----------
@@ -21,58 +83,122 @@ class Measure:
         What it is for one query.
     source
         Who defines it so.
-    attribute
-        Its mean in :class:`retrieval.metrics.Scores`.
-    query_attribute
-        Its values in :class:`retrieval.metrics.PerQuery`.
-    higher_is_better
-        Direction.
-    worst
-        Value of the worst ranking.
+    of_query
+        Its value for a query.
+    by_chance
+        Its expectation for a query whose results come in random order.
+    cumulated
+        What the first k ranks of a query with ``n_relevant`` relevant results add at most, for an array of the numbers
+        k = 0 ... N - 1; None for a measure that is no weighted sum over ranks.
     """
 
     name: str
     title: str
     formula: str
     source: str
-    attribute: str
-    query_attribute: str
-    higher_is_better: bool = True
-    worst: float = 0.0
+    of_query: Callable[[RankedResults], float]
+    by_chance: Callable[[RandomOrder], float]
+    cumulated: Callable[[FloatArray, int], FloatArray] | None = None
+
+
+def discounts(count: int) -> FloatArray:
+    """Weights of the ranks 1 ... ``count`` in the benchmark's DCG, shape (count,): 1, then 1 / log2(i)."""
+    return 1.0 / np.log2(np.maximum(np.arange(1, count + 1), 2))
+
+
+def _text_discounts(count: int) -> FloatArray:
+    """Weights of the ranks in evaluation packages for text: 1 / log2(i + 1)."""
+    return 1.0 / np.log2(np.arange(1, count + 1) + 1)
+
+
+@lru_cache(maxsize=64)
+def _sums(weights: Callable[[int], FloatArray], count: int) -> FloatArray:
+    """Return the sums of the weights of the first k ranks, k = 0 ... ``count``."""
+    found = np.concatenate([[0.0], np.cumsum(weights(count))])
+    found.flags.writeable = False
+    return found
+
+
+def _discounted(results: RankedResults, weights: FloatArray) -> float:
+    return float((weights * results.gains).sum() / weights[: results.n_relevant].sum())
+
+
+def _discounted_by_chance(order: RandomOrder, weights: Callable[[int], FloatArray]) -> float:
+    sums = _sums(weights, order.n_results)
+    return float(order.share * (sums[order.n_results] - sums[order.n_leading]) / sums[order.n_relevant])
+
+
+def _cumulated_discounts(counts: FloatArray, n_relevant: int) -> FloatArray:
+    sums: FloatArray = _sums(discounts, len(counts) - 1)
+    shares: FloatArray = sums / sums[n_relevant]
+    return shares
+
+
+def _e_measure(results: RankedResults) -> float:
+    depth = min(E_MEASURE_DEPTH, len(results.gains))
+    return float(2.0 * results.gains[:depth].sum() / (depth + results.n_relevant))
+
+
+def _e_measure_by_chance(order: RandomOrder) -> float:
+    depth = min(E_MEASURE_DEPTH, order.n_results)
+    return 2.0 * order.hits(depth) / (depth + order.n_relevant)
+
+
+def _average_precision_by_chance(order: RandomOrder) -> float:
+    """Return the expected average precision.
+
+    A relevant result behind the leading ones has one in ``(n_relevant - 1) / (n_drawn - 1)`` of the ranks before it
+    there.
+    """
+    n_drawn = order.n_results - order.n_leading
+    before = np.arange(n_drawn) * (order.n_relevant - 1) / max(n_drawn - 1, 1)
+    return float(((1.0 + before) / np.arange(order.n_leading + 1, order.n_results + 1)).mean())
 
 
 _PSB = "Shilane, Min, Kazhdan, Funkhouser 2004"
 
 MEASURES: tuple[Measure, ...] = (
-    Measure("NN", "nearest neighbour", "g_1", _PSB, "nn", "nn"),
-    Measure("FT", "first tier", "(g_1 + ... + g_c) / c", _PSB, "ft", "ft"),
-    Measure("ST", "second tier", "(g_1 + ... + g_min(2c, N - 1)) / c", _PSB, "st", "st"),
     Measure(
-        "DCG",
-        "discounted cumulative gain",
-        "sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
-        _PSB,
-        "dcg",
-        "dcg",
+        "NN", "nearest neighbour", "g_1", _PSB,
+        lambda results: float(results.gains[0]),
+        lambda order: order.hits(1),
+        lambda counts, n_relevant: np.minimum(counts, 1.0),
     ),
-    Measure("E", "E-measure", "2 h / (k + c), h hits in the first k = min(32, N - 1) ranks", _PSB, "e", "e"),
     Measure(
-        "nDCG",
-        "normalised discounted cumulative gain",
-        "as DCG with w_i = 1 / log2(i + 1)",
+        "FT", "first tier", "(g_1 + ... + g_c) / c", _PSB,
+        lambda results: float(results.gains[: results.n_relevant].sum() / results.n_relevant),
+        lambda order: order.hits(order.n_relevant) / order.n_relevant,
+        lambda counts, n_relevant: np.minimum(counts, n_relevant) / n_relevant,
+    ),
+    Measure(
+        "ST", "second tier", "(g_1 + ... + g_min(2c, N - 1)) / c", _PSB,
+        lambda results: float(results.gains[: 2 * results.n_relevant].sum() / results.n_relevant),
+        lambda order: order.hits(2 * order.n_relevant) / order.n_relevant,
+        lambda counts, n_relevant: np.minimum(counts, 2.0 * n_relevant) / n_relevant,
+    ),
+    Measure(
+        "DCG", "discounted cumulative gain", "sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)", _PSB,
+        lambda results: _discounted(results, discounts(len(results.gains))),
+        lambda order: _discounted_by_chance(order, discounts),
+        _cumulated_discounts,
+    ),
+    Measure(
+        "E", "E-measure", "2 h / (k + c), h hits in the first k = min(32, N - 1) ranks", _PSB,
+        _e_measure, _e_measure_by_chance,
+    ),
+    Measure(
+        "nDCG", "normalised discounted cumulative gain", "as DCG with w_i = 1 / log2(i + 1)",
         "Jarvelin, Kekalainen 2002",
-        "ndcg",
-        "ndcg",
+        lambda results: _discounted(results, _text_discounts(len(results.gains))),
+        lambda order: _discounted_by_chance(order, _text_discounts),
     ),
     Measure(
-        "mAP",
-        "mean average precision",
-        "mean over the relevant shapes of the precision at their rank",
+        "mAP", "mean average precision", "mean over the relevant shapes of the precision at their rank",
         "Manning, Raghavan, Schutze 2008",
-        "mean_ap",
-        "ap",
+        lambda results: float((results.gains * results.hits_up_to / results.ranks).sum() / results.n_relevant),
+        _average_precision_by_chance,
     ),
-)
+)  # fmt: skip
 """All measures that a record holds."""
 
 PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])

@@ -1,36 +1,20 @@
-"""Retrieval measures as the Princeton Shape Benchmark and the SHREC tracks define them.
+"""Scores of a distance matrix: each measure for each query, and its mean.
 
-For a query of a class of size C there are c = C - 1 relevant models among the N - 1 others; the query itself is removed
-by its index, so that a duplicate at distance 0 counts as a result. With g_i = 1 if the model at rank i is relevant:
-
-- NN (nearest neighbour) = g_1
-- FT (first tier) = sum of g_1 ... g_c, divided by c; ST (second tier) the same up to rank min(2c, N - 1)
-- E (E-measure) = 2 h / (k + c) with h hits in the first k = min(32, N - 1) ranks
-- DCG = sum w_i g_i / (sum of w_1 ... w_c) with w_1 = 1 and w_i = 1 / log2(i), over the full list
-- nDCG: the same with w_i = 1 / log2(i + 1), as evaluation packages for text have it; another number
-- AP (average precision) = mean over the relevant models of the precision at their rank
-
-References
-----------
-Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
-McSherry & Najork, "Computing information retrieval performance measures efficiently in the presence of tied scores",
-ECIR 2008 (expected values under ties).
+The query itself is removed by its index, so that a duplicate at distance 0 counts as a result. What the measures are
+stands in :mod:`retrieval.measures`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
+from retrieval.measures import MEASURES, FloatArray, RankedResults
 
-FloatArray = NDArray[np.float64]
-
-#: Length of the result list that the E-measure looks at.
-E_MEASURE_DEPTH = 32
 #: Largest asymmetry of a distance matrix, relative to its largest entry.
 ASYMMETRY = 1e-6
 #: Rows of a distance matrix that are looked at together.
@@ -38,44 +22,23 @@ ROWS = 256
 
 
 @dataclass(frozen=True, eq=False)
-class PerQuery:
-    """Measures of each query, each of shape (N,); NaN for the only member of a class."""
-
-    nn: FloatArray
-    ft: FloatArray
-    st: FloatArray
-    e: FloatArray
-    dcg: FloatArray
-    ndcg: FloatArray
-    ap: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Scores:
-    """Measures averaged over all queries that have a relevant model.
+    """Scores of a gallery.
 
     Parameters
     ----------
-    nn, ft, st, e, dcg, ndcg
-        Means of the measures defined at the top of this module.
-    mean_ap
-        Mean average precision.
+    means
+        Each of :data:`retrieval.measures.MEASURES`, averaged over all queries that have a relevant model.
     per_query
-        The same for each query.
+        The same for each query, each of shape (N,); NaN for the only member of a class.
     tied_queries
         Number of queries with two results at the same distance of which one is relevant and one is not.
     lone_queries
         Number of queries without a relevant model; they count in no mean.
     """
 
-    nn: float
-    ft: float
-    st: float
-    e: float
-    dcg: float
-    ndcg: float
-    mean_ap: float
-    per_query: PerQuery
+    means: dict[str, float]
+    per_query: dict[str, FloatArray]
     tied_queries: int
     lone_queries: int
 
@@ -115,25 +78,29 @@ def evaluate(
     matrix, classes, has_result = with_missing(distances, labels, answered)
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
-    rows = [_score_query(matrix[query], classes, query, ties) for query in range(len(classes))]
-    rows = [row if has else _failed(row) for row, has in zip(rows, has_result, strict=True)]
-    values = np.array([row[:-1] for row in rows]).reshape(-1, len(fields(PerQuery)))
+    rows, are_tied = [], []
+    for query, has in enumerate(has_result):
+        results, is_tied = _ranked(matrix[query], classes, query, ties)
+        rows.append(_measured(results) if has or not results.n_relevant else [0.0] * len(MEASURES))
+        are_tied.append(bool(has and results.n_relevant and is_tied))
+    values = np.array(rows).reshape(-1, len(MEASURES))
     scored = ~np.isnan(values[:, 0])
     if not scored.any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
-    nn, ft, st, e, dcg, ndcg, mean_ap = values[scored].mean(axis=0).tolist()
+    names = [measure.name for measure in MEASURES]
     return Scores(
-        nn=nn,
-        ft=ft,
-        st=st,
-        e=e,
-        dcg=dcg,
-        ndcg=ndcg,
-        mean_ap=mean_ap,
-        per_query=PerQuery(*values.T),
-        tied_queries=sum(bool(row[-1]) for row in rows),
+        means=dict(zip(names, values[scored].mean(axis=0).tolist(), strict=True)),
+        per_query=dict(zip(names, values.T, strict=True)),
+        tied_queries=sum(are_tied),
         lone_queries=int((~scored).sum()),
     )
+
+
+def _measured(results: RankedResults) -> list[float]:
+    """Return all measures of a query: NaN where nothing is relevant."""
+    if not results.n_relevant:
+        return [np.nan] * len(MEASURES)
+    return [measure.of_query(results) for measure in MEASURES]
 
 
 def with_missing(
@@ -169,16 +136,6 @@ def with_missing(
     return whole, np.unique(names, return_inverse=True)[1], has_result
 
 
-def _failed(row: tuple[float, ...]) -> tuple[float, ...]:
-    """Measures of a query without a result: none, but where it has no relevant model anyway."""
-    return (*np.where(np.isnan(row[:-1]), np.nan, 0.0).tolist(), False)
-
-
-def discounts(count: int) -> FloatArray:
-    """Weights of the ranks 1 ... ``count`` in the benchmark's DCG, shape (count,): 1, then 1 / log2(i)."""
-    return 1.0 / np.log2(np.maximum(np.arange(1, count + 1), 2))
-
-
 def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray, NDArray[np.intp]]:
     """The matrix of shape (N, N) and the number of the class of each shape, shape (N,).
 
@@ -212,41 +169,25 @@ def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray
     return matrix, np.unique(names, return_inverse=True)[1]
 
 
-def _score_query(row: FloatArray, classes: NDArray[np.intp], query: int, ties: str) -> tuple[float, ...]:
-    """Return NN, FT, ST, E, DCG, nDCG, AP and whether ties matter."""
+def _ranked(row: FloatArray, classes: NDArray[np.intp], query: int, ties: str) -> tuple[RankedResults, bool]:
+    """Return the results of a query in their order, and whether ties matter."""
     others = np.delete(np.arange(len(row)), query)
     order = others[np.argsort(row[others], kind="stable")]
     relevant = (classes[order] == classes[query]).astype(np.float64)
     n_relevant, n_results = int(relevant.sum()), len(order)
-    if n_relevant == 0:
-        return (*[np.nan] * len(fields(PerQuery)), False)
+    if not n_relevant:
+        return RankedResults(relevant, relevant, 0), False
 
     # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and before it.
     starts = np.flatnonzero(np.diff(row[order], prepend=-np.inf) > 0)
     sizes = np.diff(starts, append=n_results)
     group_hits = np.add.reduceat(relevant, starts)
-    tied = bool(((group_hits > 0) & (group_hits < sizes)).any())
-    ranks = np.arange(1, n_results + 1)
+    is_tied = bool(((group_hits > 0) & (group_hits < sizes)).any())
     if ties == "index":
-        gains = relevant
-        hits_up_to = np.cumsum(relevant)
-    else:
-        size, hits = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
-        gains = hits / size
-        # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
-        inside = ranks - 1 - np.repeat(starts, sizes)
-        before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
-        hits_up_to = before + 1 + inside * (hits - 1) / np.maximum(size - 1, 1)
-
-    depth = min(E_MEASURE_DEPTH, n_results)
-    weights, text_weights = discounts(n_results), 1.0 / np.log2(ranks + 1)
-    return (
-        gains[0],
-        gains[:n_relevant].sum() / n_relevant,
-        gains[: 2 * n_relevant].sum() / n_relevant,
-        2.0 * gains[:depth].sum() / (depth + n_relevant),
-        (weights * gains).sum() / weights[:n_relevant].sum(),
-        (text_weights * gains).sum() / text_weights[:n_relevant].sum(),
-        (gains * hits_up_to / ranks).sum() / n_relevant,
-        tied,
-    )
+        return RankedResults(relevant, np.cumsum(relevant), n_relevant), is_tied
+    size, hits = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
+    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
+    inside = np.arange(n_results) - np.repeat(starts, sizes)
+    before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
+    hits_up_to = before + 1 + inside * (hits - 1) / np.maximum(size - 1, 1)
+    return RankedResults(hits / size, hits_up_to, n_relevant), is_tied

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.metrics import FloatArray, discounts, with_missing
+from retrieval.measures import MEASURES, PRINTED, FloatArray
+from retrieval.metrics import with_missing
 
-__all__ = ["MEASURES", "Range", "all_splits", "ranges", "scores_of_splits"]
-
-MEASURES = ("NN", "FT", "ST", "DCG")
+__all__ = ["Range", "all_splits", "ranges", "scores_of_splits"]
 
 Label = TypeVar("Label", bound=Hashable)
 
@@ -103,8 +102,8 @@ def scores_of_splits(
     Returns
     -------
     dict
-        ``NN``, ``FT``, ``ST`` and ``DCG``, each of shape (splits,), averaged over the queries of the gallery that have
-        a relevant model.
+        The printed measures that are weighted sums over ranks, each of shape (splits,), averaged over the queries of
+        the gallery that have a relevant model.
 
     Raises
     ------
@@ -118,7 +117,9 @@ def scores_of_splits(
     matrix, _, has_result = with_missing(distances, classes, answered)
     chosen = _membership(splits, number)
     members = [np.flatnonzero(classes == k) for k in range(len(names))]
-    totals, queries = np.zeros((len(splits), len(MEASURES))), np.zeros(len(splits))
+    summed = {each.name: each.cumulated for each in MEASURES if each.cumulated and each.name in PRINTED}
+    counts = np.arange(len(classes) + 1, dtype=np.float64)
+    totals, queries = np.zeros((len(splits), len(summed))), np.zeros(len(splits))
     for own, of_class in enumerate(members):
         n_relevant = len(of_class) - 1
         if not n_relevant:
@@ -127,17 +128,17 @@ def scores_of_splits(
         nearer, as_near = _counts(matrix, members, own)
         inside = chosen[with_class].T.astype(np.int64)
         first, size = nearer @ inside, as_near @ inside
-        weights = _cumulated(n_relevant, len(classes))
         counted = np.repeat(has_result[of_class], n_relevant)
         # A group of equal distances fills the ranks first + 1 ... first + size in random order.
-        for column, cumulated in enumerate(weights):
-            gains = (cumulated[first + size] - cumulated[first]) / size
+        for column, cumulated in enumerate(summed.values()):
+            reached = cumulated(counts, n_relevant)
+            gains = (reached[first + size] - reached[first]) / size
             totals[with_class, column] += gains[counted].sum(axis=0)
         queries[with_class] += len(of_class)
     if not queries.all():
         raise ConfigurationError("a split has no class with two members", "leave it out: nothing can be retrieved")
     means = totals / queries[:, None]
-    return {measure: means[:, column] for column, measure in enumerate(MEASURES)}
+    return {measure: means[:, column] for column, measure in enumerate(summed)}
 
 
 def ranges(scores: Mapping[str, FloatArray]) -> dict[str, Range]:
@@ -180,15 +181,3 @@ def _counts(
             up_to[place, :, column] = np.searchsorted(ordered, results, side="right")
     flat = (-1, len(members))
     return nearer.reshape(flat), (up_to - nearer).reshape(flat)
-
-
-def _cumulated(n_relevant: int, n_ranks: int) -> tuple[FloatArray, ...]:
-    """For each measure, what the first k ranks of a query add at most, k = 0 ... ``n_ranks``."""
-    counted = np.arange(n_ranks + 1, dtype=np.float64)
-    gains = np.concatenate([[0.0], np.cumsum(discounts(n_ranks))])
-    return (
-        np.minimum(counted, 1.0),
-        np.minimum(counted, n_relevant) / n_relevant,
-        np.minimum(counted, 2.0 * n_relevant) / n_relevant,
-        gains / gains[n_relevant],
-    )

@@ -16,7 +16,6 @@ from benchmark.results import open_results
 from benchmark.storage.records import as_text
 from benchmark.storage.store import StorageError
 from benchmark.system.files import write_text
-from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 from tests.toy import write_rods
 
@@ -82,8 +81,7 @@ def test_distances_give_the_scores_again(results):
     matrices = results.distance_matrices(key)
     assert matrices.shape == (3, 6, 6)
     subjects = list(results.queries(key)["subject"])
-    nearest = next(measure for measure in MEASURES if measure.name == "NN")
-    scores = [getattr(evaluate(matrix, subjects), nearest.attribute) for matrix in matrices]
+    scores = [evaluate(matrix, subjects).means["NN"] for matrix in matrices]
     assert np.mean(scores) == pytest.approx(results.records().loc[key, "NN"])
     frame = results.distances(key)
     np.testing.assert_allclose(frame, frame.T)

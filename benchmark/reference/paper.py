@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from retrieval.measures import PRINTED
+MEASURES = ("NN", "FT", "ST", "DCG")
+"""The measures that the paper prints, in its order."""
 
 SCHEDULE = "500 x 500 pixels, 500 epochs, batch 8, about three days on one RTX 4090"
 """How the paper trained its network."""
@@ -37,7 +38,7 @@ class PaperRow:
 def _row(method: str, title: str, *tables: str, **named: str) -> PaperRow:
     """Read "NN FT ST DCG" for Tables I, II and III, or for a table named by its numeral."""
     printed = dict(zip(("I", "II", "III"), tables, strict=False)) | named
-    values = {table: dict(zip(PRINTED, map(float, row.split()), strict=True)) for table, row in printed.items()}
+    values = {table: dict(zip(MEASURES, map(float, row.split()), strict=True)) for table, row in printed.items()}
     return PaperRow(method, title, values)
 
 

@@ -205,4 +205,4 @@ def _competes(row: Row, cell: Cell | None) -> bool:
 
 
 def _value(scores: Figures | None, measure: str) -> float | None:
-    return scores[measure] if scores else None
+    return scores.get(measure) if scores else None

@@ -31,7 +31,7 @@ def test_the_nearest_are_those_of_the_scores_and_a_query_is_none_of_its_own():
         others = sorted((matrix[query, k], k) for k in range(len(LABELS)) if k != query)
         assert nearest.tolist() == [k for _, k in others[:3]]
     hits = [LABELS[nearest[0]] == LABELS[query] for query, nearest in enumerate(found.nearest)]
-    assert np.mean(hits[:5]) == pytest.approx(evaluate(matrix, LABELS).nn)
+    assert np.mean(hits[:5]) == pytest.approx(evaluate(matrix, LABELS).means["NN"])
 
 
 def test_of_equal_distances_the_first_shape_comes_first():

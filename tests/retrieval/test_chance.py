@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.chance import MEASURES, chance_levels, pose_first_levels
+from retrieval.chance import chance_levels, pose_first_levels
+from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 
 TOSCA = {
@@ -24,6 +25,7 @@ TOSCA = {
 ANIMALS = ("cat", "centaur", "dog", "gorilla", "horse", "wolf")
 QUADRUPEDS = ("cat", "dog", "horse", "wolf")
 
+COLUMNS = ("NN", "FT", "ST", "E", "DCG")
 RANDOM = {
     "synthetic 5 x 20": ([20] * 5, (0.192, 0.192, 0.384, 0.241, 0.548)),
     "synthetic 15 x 20": ([20] * 15, (0.064, 0.064, 0.127, 0.080, 0.403)),
@@ -49,7 +51,7 @@ def labels_of(sizes: list[int]) -> NDArray[Any]:
 @pytest.mark.parametrize("name", RANDOM)
 def test_table_of_chance_levels(name: str) -> None:
     sizes, expected = RANDOM[name]
-    assert tuple(round(level, 3) for level in list(chance_levels(labels_of(sizes)).values())[:5]) == expected
+    assert tuple(round(chance_levels(labels_of(sizes))[name], 3) for name in COLUMNS) == expected
 
 
 @pytest.mark.parametrize("size", POSE_FIRST)
@@ -57,8 +59,8 @@ def test_table_of_pose_first_levels(size: tuple[int, int]) -> None:
     subjects, poses = size
     labels, pose = np.repeat(np.arange(subjects), poses), np.tile(np.arange(poses), subjects)
     levels = pose_first_levels(labels, pose)
-    assert tuple(levels) == MEASURES
-    assert tuple(round(level, 3) for level in list(levels.values())[:5]) == POSE_FIRST[size]
+    assert list(levels) == [measure.name for measure in MEASURES]
+    assert tuple(round(levels[name], 3) for name in COLUMNS) == POSE_FIRST[size]
 
 
 def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[Any]:
@@ -67,7 +69,7 @@ def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[
     for _ in range(rounds):
         noise = rng.uniform(1, 2, first.shape)
         scores = evaluate(np.where(first, 0.5 * (noise + noise.T) - 1, 0.5 * (noise + noise.T)), labels)
-        totals += [scores.nn, scores.ft, scores.st, scores.e, scores.dcg, scores.ndcg, scores.mean_ap]
+        totals += list(scores.means.values())
     return totals / rounds
 
 
@@ -87,7 +89,7 @@ def test_simulation_of_pose_first_agrees() -> None:
 def test_an_all_tied_matrix_is_at_chance_exactly() -> None:
     labels = labels_of([2, 5, 9])
     scores = evaluate(np.ones((16, 16)), labels)
-    levels = [scores.nn, scores.ft, scores.st, scores.e, scores.dcg, scores.ndcg, scores.mean_ap]
+    levels = list(scores.means.values())
     np.testing.assert_allclose(levels, list(chance_levels(labels).values()))
 
 

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.metrics import PerQuery, Scores, evaluate
+from retrieval.measures import MEASURES
+from retrieval.metrics import Scores, evaluate
 
-NAMES = ("nn", "ft", "st", "e", "dcg", "ndcg", "mean_ap")
+NAMES = tuple(measure.name for measure in MEASURES)
 
 
 def values(scores: Scores) -> NDArray[Any]:
-    return np.array([getattr(scores, name) for name in NAMES])
+    return np.array([scores.means[name] for name in NAMES])
 
 
 def one_query(relevance: str, keys: list[float] | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -38,39 +39,39 @@ def gallery(seed: int, ties: bool) -> tuple[NDArray[Any], NDArray[Any]]:
 def test_golden_row() -> None:
     distances, labels = one_query("01101000")
     row = evaluate(distances, labels).per_query
-    assert row.nn[0] == 0
-    assert row.ft[0] == pytest.approx(2 / 3)
-    assert row.st[0] == 1
-    assert row.e[0] == pytest.approx(6 / 11)
+    assert row["NN"][0] == 0
+    assert row["FT"][0] == pytest.approx(2 / 3)
+    assert row["ST"][0] == 1
+    assert row["E"][0] == pytest.approx(6 / 11)
     # (1 + 1/log2(3) + 1/log2(5)) / (1 + 1 + 1/log2(3)) and (log2(3)^-1 + log2(4)^-1 + log2(6)^-1) over its ideal.
-    assert row.dcg[0] == pytest.approx(0.7836, abs=5e-5)
-    assert row.ndcg[0] == pytest.approx(0.7123, abs=5e-5)
-    assert row.ap[0] == pytest.approx((1 / 2 + 2 / 3 + 3 / 5) / 3)
+    assert row["DCG"][0] == pytest.approx(0.7836, abs=5e-5)
+    assert row["nDCG"][0] == pytest.approx(0.7123, abs=5e-5)
+    assert row["mAP"][0] == pytest.approx((1 / 2 + 2 / 3 + 3 / 5) / 3)
 
 
 def test_ideal_matrix_scores_one() -> None:
     labels = np.repeat(np.arange(4), [2, 3, 5, 40])
     scores = evaluate((labels[:, None] != labels).astype(float), labels)
-    ideal = [1, 1, 1, scores.e, 1, 1, 1]
+    ideal = [1, 1, 1, 1, scores.means["E"], 1, 1]
     np.testing.assert_allclose(values(scores), ideal)
     # The E-measure cannot reach 1: its list has 32 places whatever the class.
-    assert scores.per_query.e[0] == pytest.approx(2 / 33)
-    assert scores.per_query.e[-1] == pytest.approx(64 / 71)
+    assert scores.per_query["E"][0] == pytest.approx(2 / 33)
+    assert scores.per_query["E"][-1] == pytest.approx(64 / 71)
     assert scores.tied_queries == 0
 
 
 def test_ideal_e_measure_is_one_when_the_class_fills_the_list() -> None:
     labels = np.repeat([0, 1], 33)
-    assert evaluate((labels[:, None] != labels).astype(float), labels).e == 1
+    assert evaluate((labels[:, None] != labels).astype(float), labels).means["E"] == 1
 
 
 def test_a_duplicate_at_distance_zero_is_a_result() -> None:
     # Shapes 0 and 1 coincide but belong to different classes: the wrong one must come first for both.
     distances = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], float)
     scores = evaluate(distances, ["a", "b", "a"])
-    assert scores.per_query.nn[0] == 0
+    assert scores.per_query["NN"][0] == 0
     assert scores.lone_queries == 1
-    assert np.isnan(scores.per_query.nn[1])
+    assert np.isnan(scores.per_query["NN"][1])
 
 
 def test_second_tier_stops_at_the_end_of_the_list() -> None:
@@ -79,15 +80,15 @@ def test_second_tier_stops_at_the_end_of_the_list() -> None:
     distances = rng.uniform(size=(19, 19))
     scores = evaluate(distances + distances.T, labels)
     # 11 cats and 8 horses: twice the class size exceeds the list, so every cat has a second tier of 1.
-    np.testing.assert_array_equal(scores.per_query.st[:11], 1)
+    np.testing.assert_array_equal(scores.per_query["ST"][:11], 1)
 
 
 def test_index_rule_puts_the_lower_index_first() -> None:
     distances = np.ones((5, 5)) - np.eye(5)
     by_index = evaluate(distances, [0, 0, 1, 1, 1], ties="index").per_query
-    np.testing.assert_array_equal(by_index.nn, [1, 1, 0, 0, 0])
-    np.testing.assert_allclose(by_index.ft, [1, 1, 0, 0, 0])
-    np.testing.assert_allclose(by_index.ap, [1, 1, (1 / 3 + 2 / 4) / 2, (1 / 3 + 2 / 4) / 2, (1 / 3 + 2 / 4) / 2])
+    np.testing.assert_array_equal(by_index["NN"], [1, 1, 0, 0, 0])
+    np.testing.assert_allclose(by_index["FT"], [1, 1, 0, 0, 0])
+    np.testing.assert_allclose(by_index["mAP"], [1, 1, (1 / 3 + 2 / 4) / 2, (1 / 3 + 2 / 4) / 2, (1 / 3 + 2 / 4) / 2])
 
 
 @pytest.mark.parametrize("keys", [[1, 1, 1, 1, 1], [1, 2, 2, 2, 3], [1, 1, 2, 2, 2], [3, 1, 3, 3, 1]])
@@ -99,18 +100,21 @@ def test_expected_ties_are_the_mean_over_all_orders(keys: list[float]) -> None:
     for order in permutations(range(5)):
         broken, _ = one_query(relevance, [key + 1e-6 * order[k] for k, key in enumerate(keys)])
         orders.append(evaluate(broken, labels).per_query)
-    for name in PerQuery.__dataclass_fields__:
-        mean = np.mean([getattr(row, name)[0] for row in orders])
-        assert getattr(expected, name)[0] == pytest.approx(mean), name
+    for name in NAMES:
+        mean = np.mean([row[name][0] for row in orders])
+        assert expected[name][0] == pytest.approx(mean), name
 
 
 def test_queries_whose_ties_matter_are_counted() -> None:
     distances, labels = one_query("01101", [1, 1, 2, 3, 3])
     assert evaluate(distances, labels).tied_queries == 1 + sum(
-        evaluate(distances, labels, ties="index").per_query.ap[1:] != evaluate(distances, labels).per_query.ap[1:]
+        evaluate(distances, labels, ties="index").per_query["mAP"][1:]
+        != evaluate(distances, labels).per_query["mAP"][1:]
     )
     distances, labels = one_query("0110", [1, 2, 2, 3])
-    assert evaluate(distances, labels).per_query.ap[0] == evaluate(distances, labels, ties="index").per_query.ap[0]
+    assert (
+        evaluate(distances, labels).per_query["mAP"][0] == evaluate(distances, labels, ties="index").per_query["mAP"][0]
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -141,8 +145,8 @@ def test_agrees_with_scikit_learn() -> None:
         others = np.delete(np.arange(len(labels)), query)
         relevant = labels[others] == labels[query]
         similarity = -distances[query, others]
-        assert scores.per_query.ap[query] == pytest.approx(average_precision_score(relevant, similarity))
-        assert scores.per_query.ndcg[query] == pytest.approx(ndcg_score([relevant.astype(int)], [similarity]))
+        assert scores.per_query["mAP"][query] == pytest.approx(average_precision_score(relevant, similarity))
+        assert scores.per_query["nDCG"][query] == pytest.approx(ndcg_score([relevant.astype(int)], [similarity]))
 
 
 @pytest.mark.parametrize(

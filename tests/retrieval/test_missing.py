@@ -20,7 +20,7 @@ def gallery(seed, most=14):
 
 
 def values(scores):
-    return np.array([getattr(scores, measure.attribute) for measure in MEASURES])
+    return np.array([scores.means[measure.name] for measure in MEASURES])
 
 
 def whole(seed):
@@ -45,20 +45,20 @@ def test_golden_gallery():
     # a a a b b, of which the last a has no result: c = 2 for a, 1 for b.
     distances = np.array([[0, 1, 3, 4], [1, 0, 5, 6], [3, 5, 0, 2], [4, 6, 2, 0]], dtype=float)
     scores = evaluate(distances, ["a", "a", "a", "b", "b"], answered=[0, 1, 3, 4])
-    np.testing.assert_allclose(scores.per_query.nn, [1, 1, 0, 1, 1])
-    np.testing.assert_allclose(scores.per_query.ft, [0.5, 0.5, 0, 1, 1])
-    np.testing.assert_allclose(scores.per_query.st, [1, 1, 0, 1, 1])  # behind all others is rank 4 of 4
-    assert scores.nn == pytest.approx(0.8)
+    np.testing.assert_allclose(scores.per_query["NN"], [1, 1, 0, 1, 1])
+    np.testing.assert_allclose(scores.per_query["FT"], [0.5, 0.5, 0, 1, 1])
+    np.testing.assert_allclose(scores.per_query["ST"], [1, 1, 0, 1, 1])  # behind all others is rank 4 of 4
+    assert scores.means["NN"] == pytest.approx(0.8)
     gain = (1 + 1 / np.log2(4)) / (1 + 1 / np.log2(2))  # hits at ranks 1 and 4
-    np.testing.assert_allclose(scores.per_query.dcg, [gain, gain, 0, 1, 1])
+    np.testing.assert_allclose(scores.per_query["DCG"], [gain, gain, 0, 1, 1])
 
 
 def test_several_missing_targets_share_the_last_ranks():
     # Of the two shapes without a result one is relevant: half of it lies at each of the last two ranks.
     scores = evaluate(np.array([[0.0, 1.0], [1.0, 0.0]]), ["a", "b", "a", "b"], answered=[0, 1])
-    assert scores.per_query.ft[0] == 0
-    assert scores.per_query.st[0] == pytest.approx(0.5)
-    assert scores.per_query.ap[0] == pytest.approx((1 / 2 + 1 / 3) / 2)
+    assert scores.per_query["FT"][0] == 0
+    assert scores.per_query["ST"][0] == pytest.approx(0.5)
+    assert scores.per_query["mAP"][0] == pytest.approx((1 / 2 + 1 / 3) / 2)
 
 
 def test_all_answered_is_no_difference():
@@ -83,4 +83,4 @@ def test_splits_count_missing_shapes_alike():
         places = [inside.index(answered[k]) for k in kept]
         alone = evaluate(distances[np.ix_(kept, kept)], [labels[k] for k in inside], answered=places)
         for name in ("NN", "FT", "ST", "DCG"):
-            assert found[name][number] == pytest.approx(getattr(alone, name.lower())), (split, name)
+            assert found[name][number] == pytest.approx(alone.means[name]), (split, name)

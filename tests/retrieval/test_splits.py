@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
+from retrieval.measures import PRINTED
 from retrieval.metrics import evaluate
-from retrieval.splits import MEASURES, all_splits, ranges, scores_of_splits
+from retrieval.splits import all_splits, ranges, scores_of_splits
 
 
 def distances_of(n: int, seed: int, ties: bool) -> NDArray[Any]:
@@ -32,8 +33,8 @@ def test_each_split_scores_as_its_own_matrix_does(ties: bool) -> None:
     for row, split in enumerate(splits):
         inside = np.flatnonzero([label in split for label in labels])
         single = evaluate(distances[np.ix_(inside, inside)], [labels[i] for i in inside])
-        expected = (single.nn, single.ft, single.st, single.dcg)
-        assert [scores[name][row] for name in MEASURES] == pytest.approx(expected, abs=1e-12)
+        expected = (single.means["NN"], single.means["FT"], single.means["ST"], single.means["DCG"])
+        assert [scores[name][row] for name in PRINTED] == pytest.approx(expected, abs=1e-12)
     assert ties == (evaluate(distances, labels).tied_queries > 0)
 
 
@@ -52,7 +53,9 @@ def test_a_gallery_by_hand() -> None:
 def test_the_whole_set_is_one_of_the_splits() -> None:
     labels = [k for k in range(5) for _ in range(4)]
     distances = distances_of(20, 1, ties=False)
-    assert scores_of_splits(distances, labels, [range(5)])["DCG"][0] == pytest.approx(evaluate(distances, labels).dcg)
+    assert scores_of_splits(distances, labels, [range(5)])["DCG"][0] == pytest.approx(
+        evaluate(distances, labels).means["DCG"]
+    )
 
 
 def test_all_ways_to_take_five_of_fifteen() -> None:
@@ -72,7 +75,7 @@ def test_a_split_of_a_set_that_separates_scores_one_and_its_range_is_a_point() -
     distances = np.not_equal.outer(labels, labels).astype(float)
     found = ranges(scores_of_splits(distances, labels, list(combinations(range(6), 2))))
     assert {(name, value.low, value.median, value.high) for name, value in found.items()} == {
-        (name, 1.0, 1.0, 1.0) for name in MEASURES
+        (name, 1.0, 1.0, 1.0) for name in PRINTED
     }
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmark.results import ResultsFolder, open_results
 from retrieval.metrics import evaluate
 
-MEASURES = ("nn", "ft", "st", "dcg")
+MEASURES = ("NN", "FT", "ST", "DCG")
 
 
 def tallest(results: ResultsFolder, key: str, shapes: list[str]) -> list[int]:
@@ -44,7 +44,7 @@ def scores(matrices: NDArray[Any], labels: list[str], refused: list[int]) -> NDA
     """NN, FT, ST and DCG, the mean over the draws of the scorer."""
     answered = [place for place in range(len(labels)) if place not in refused]
     found = [evaluate(matrix[np.ix_(answered, answered)], labels, answered=answered) for matrix in matrices]
-    return np.mean([[getattr(each, name) for name in MEASURES] for each in found], axis=0)
+    return np.mean([[each.means[name] for name in MEASURES] for each in found], axis=0)
 
 
 def main() -> None:

@@ -53,10 +53,7 @@ def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence
     made = list(map(scored, matrices))
     found, alone = [whole for whole, _ in made], [part for _, part in made if part is not None]
     means = _by_measure(found)
-    queries = {
-        measure.name: np.mean([getattr(each.per_query, measure.query_attribute) for each in found], axis=0)
-        for measure in MEASURES
-    }
+    queries = {measure.name: np.mean([each.per_query[measure.name] for each in found], axis=0) for measure in MEASURES}
     return {
         "scores": {name: float(np.mean(values)) for name, values in means.items()},
         "codebook_deviation": {name: float(np.std(values)) for name, values in means.items()},
@@ -72,7 +69,7 @@ def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence
 
 
 def _by_measure(found: Sequence[Scores]) -> dict[str, list[float]]:
-    return {measure.name: [float(getattr(each, measure.attribute)) for each in found] for measure in MEASURES}
+    return {measure.name: [each.means[measure.name] for each in found] for measure in MEASURES}
 
 
 def over_splits(

@@ -15,7 +15,6 @@ from benchmark.report.content import TableContent
 from benchmark.report.reproduction.figures import is_learned
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
-from retrieval.measures import PRINTED
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
 
@@ -45,7 +44,7 @@ class Claim:
     better: str
     others: tuple[str, ...]
     input: Input = "view"
-    measures: tuple[str, ...] = PRINTED
+    measures: tuple[str, ...] = paper.MEASURES
 
 
 CLASSICAL = tuple(row.method for row in paper.ROWS if not is_learned(row.method))

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from benchmark.protocols.tables import INPUTS
+from benchmark.reference.paper import MEASURES
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
 from benchmark.report.grid import BLANK, number
@@ -25,7 +26,6 @@ from benchmark.report.reproduction.figures import (
     paper_tables,
     reproduced_figures,
 )
-from retrieval.measures import PRINTED
 
 #: Stands beside our figure.
 MARKS: Mapping[Outcome, str] = {
@@ -115,7 +115,7 @@ def inputs(figures: Sequence[ReproducedFigure]) -> str:
 
 def each_figure(figures: Sequence[ReproducedFigure]) -> str:
     """The paper's figure, ours and the mark of the outcome, a row for each method and input."""
-    lines = [markdown_row(["Method", "input", *PRINTED]), markdown_rule(2 + len(PRINTED), 2)]
+    lines = [markdown_row(["Method", "input", *MEASURES]), markdown_rule(2 + len(MEASURES), 2)]
     rows = dict.fromkeys((each.method, each.title, each.input) for each in figures)
     for method, title, input_ in rows:
         chosen = [each for each in figures if (each.method, each.input) == (method, input_)]

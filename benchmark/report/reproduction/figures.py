@@ -10,7 +10,6 @@ from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import Row, TableContent
-from retrieval.measures import PRINTED
 
 Outcome = Literal["reproduced", "same order", "other data", "other training", "unexplained", "not comparable"]
 
@@ -108,7 +107,7 @@ def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iter
     ours = {row.method: row for row in content.rows} if content is not None else {}
     rows = {name: row for name, row in paper.rows(numeral).items() if input_ == "view" or not is_learned(name)}
     for name, printed in rows.items():
-        for measure in PRINTED:
+        for measure in paper.MEASURES:
             told = printed.values[numeral][measure]
             found = _score(ours.get(name), input_, measure)
             others = [
