@@ -112,7 +112,7 @@ _SCORED: Kind = {
     "unsupported": [_is_pair], "unprepared?": _are_texts, "coverage?": _is_share,
     "supported?": {...: _is_share} | _PRINTED,
     "cost": {"seconds_per_shape": {...: _is_duration}},
-    "splits?": {"count": _is_count, "size": _is_count, "quantiles": dict.fromkeys(PRINTED, _quantiles)},
+    "splits?": {"count": _is_count, "size": _is_count, "quantiles": {...: _quantiles}},
 }  # fmt: skip
 
 #: Large parts whose every number was looked at.

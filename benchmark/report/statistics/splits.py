@@ -23,15 +23,16 @@ def splits_markdown(table: TableContent) -> str:
         if (quantiles := _quantiles(row, input_))
     ]
     counts = next(cell.record["splits"] for row in table.rows for cell in row.cells.values() if "splits" in cell.record)
+    names = [name for name in PRINTED if all(name in quantiles for *_, quantiles in found)]
     lines = [
         f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
         f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**",
         "",
-        markdown_row(["Method", "input", *PRINTED]),
-        markdown_rule(2 + len(PRINTED), 2),
+        markdown_row(["Method", "input", *names]),
+        markdown_rule(2 + len(names), 2),
     ]
     for label, input_, quantiles in found:
-        figures = ("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in PRINTED)
+        figures = ("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in names)
         lines.append(markdown_row([markdown_text(label), input_, *figures]))
     return "\n".join(lines) + "\n"
 
