@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 from benchmark.contracts import Input
@@ -145,8 +146,7 @@ def make_plan(
     scorer
         What compares the forms; None for the default one.
     """
-    chosen = scorer or ScorerSpec()
-    before = by_place(store.records)
+    plan = _Planning(store, seed, retry, scorer or ScorerSpec(), by_place(store.records))
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     with kept_parses():
@@ -155,55 +155,63 @@ def make_plan(
             for input_ in wanted_inputs:
                 if rows and input_ in gallery.inputs:
                     data = data_recipe(gallery, input_)
-                    jobs += [_job(gallery, input_, spec, data, before, store, seed, retry, chosen) for spec in rows]
+                    jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
     return jobs
 
 
-def _job(
-    gallery: Gallery,
-    input_: Input,
-    spec: MethodSpec,
-    data: Mapping[str, Any],
-    before: Mapping[Place, list[Record]],
-    store: Store,
-    seed: int,
-    retry: frozenset[str],
-    scorer: ScorerSpec,
-) -> Job:
-    models: dict[str, Model] = {}
+@dataclass(frozen=True)
+class _Planning:
+    """What all jobs of a plan have in common."""
 
-    def job(state: State, reason: str, recipe: Mapping[str, Any] | None = None) -> Job:
-        key = keys.digest(recipe) if recipe else ""
-        return Job(key, gallery, input_, spec, recipe or {}, state, reason, models, scorer)
+    store: Store
+    seed: int
+    retry: frozenset[str]
+    scorer: ScorerSpec
+    before: Mapping[Place, list[Record]]
 
-    missing = spec.missing_packages()
-    if not missing and spec.describes:
-        scorer = ScorerSpec()  # it compares its descriptors itself: one job, whatever compares the forms
-    if missing:
-        return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
-    if input_ not in spec.info.inputs:
-        return job("unsupported", f"does not take the {input_} input")
-    try:
-        models = find_models(spec, gallery, store.models)
-    except MissingModel as error:
-        return job("unavailable", str(error))
-    except NoFolds as error:
-        return job("unsupported", str(error))
-    recipe = job_recipe(gallery, input_, spec, data, models, seed, scorer)
-    key = keys.digest(recipe)
-    record = store.records.read(key)
-    if record is not None and record["status"] not in (CHANGED, UNSAVED):
-        status = record["status"]
-        if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
-            return job("cached" if status == "ok" else "failed", _told(record), recipe)
-        return job("stale", f"{status} before, asked to retry", recipe)
-    if store.published.read(key) is not None:
-        return job("published", "finished elsewhere; a run makes it anew here", recipe)
-    older = before.get(Place(gallery.name, input_, spec.name, seed, scorer.name))
-    if not older:
+    @cached_property
+    def _published_before(self) -> Mapping[Place, list[Record]]:
+        return by_place(self.store.published)
+
+    def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
+        """Return the job of a row, and whether a run would make it."""
+        store, retry = self.store, self.retry
+        models: dict[str, Model] = {}
+        # A descriptor compares its descriptors itself: one job, whatever compares the forms.
+        scorer = ScorerSpec() if not spec.missing_packages() and spec.describes else self.scorer
+
+        def job(state: State, reason: str, recipe: Mapping[str, Any] | None = None) -> Job:
+            key = keys.digest(recipe) if recipe else ""
+            return Job(key, gallery, input_, spec, recipe or {}, state, reason, models, scorer)
+
+        if missing := spec.missing_packages():
+            return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
+        if input_ not in spec.info.inputs:
+            return job("unsupported", f"does not take the {input_} input")
+        try:
+            models = find_models(spec, gallery, store.models)
+        except MissingModel as error:
+            return job("unavailable", str(error))
+        except NoFolds as error:
+            return job("unsupported", str(error))
+        recipe = job_recipe(gallery, input_, spec, data, models, self.seed, scorer)
+        key = keys.digest(recipe)
+        record = store.records.read(key)
+        if record is not None and record["status"] not in (CHANGED, UNSAVED):
+            status = record["status"]
+            if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
+                return job("cached" if status == "ok" else "failed", _told(record), recipe)
+            return job("stale", f"{status} before, asked to retry", recipe)
+        if store.published.read(key) is not None:
+            return job("published", "finished elsewhere; a run makes it anew here", recipe)
+        place = Place(gallery.name, input_, spec.name, self.seed, scorer.name)
+        if older := self.before.get(place):
+            stale = job("stale", what_changed(older[-1], recipe), recipe)
+            return replace(stale, ranks_again=_has_distances(older[-1], recipe, store))
+        # No quick row is published, and to read all records takes a second.
+        if not gallery.quick and (elsewhere := self._published_before.get(place)):
+            return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
         return job("missing", "never run", recipe)
-    stale = job("stale", what_changed(older[-1], recipe), recipe)
-    return replace(stale, ranks_again=_has_distances(older[-1], recipe, store))
 
 
 def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
