@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from benchmark.methods.registry import BUILT_IN
-from benchmark.reference.paper import PRINTED
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
+from retrieval.measures import PRINTED
 from tests.rows import is_form
 from tools.studies import field_detail, learning_curve, strict_training
 
