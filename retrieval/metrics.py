@@ -184,10 +184,13 @@ def _ranked(row: FloatArray, classes: NDArray[np.intp], query: int, ties: str) -
     group_hits = np.add.reduceat(relevant, starts)
     is_tied = bool(((group_hits > 0) & (group_hits < sizes)).any())
     if ties == "index":
-        return RankedResults(relevant, np.cumsum(relevant), n_relevant), is_tied
-    size, hits = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
-    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
-    inside = np.arange(n_results) - np.repeat(starts, sizes)
-    before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
-    hits_up_to = before + 1 + inside * (hits - 1) / np.maximum(size - 1, 1)
-    return RankedResults(hits / size, hits_up_to, n_relevant), is_tied
+        gains = relevant
+        hits_up_to = np.cumsum(relevant)
+    else:
+        size, hits = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
+        gains = hits / size
+        # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
+        inside = np.arange(n_results) - np.repeat(starts, sizes)
+        before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
+        hits_up_to = before + 1 + inside * (hits - 1) / np.maximum(size - 1, 1)
+    return RankedResults(gains, hits_up_to, n_relevant), is_tied

@@ -23,9 +23,11 @@ from urllib.parse import unquote, urlsplit
 
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
-#: Modules that cannot change a result: the version of the suite, the wording of errors, the way files are written, and
-#: this one, by which a data set made from another tells of its code.
-IGNORED = frozenset({"benchmark", "benchmark.errors", "benchmark.system.files", "benchmark.system.fingerprints"})
+#: Modules that cannot change a result: the version of the suite, the names under which authors import its parts, the
+#: wording of errors, the way files are written, and this one, by which a data set made from another tells of its code.
+IGNORED = frozenset(
+    {"benchmark", "benchmark.api", "benchmark.errors", "benchmark.system.files", "benchmark.system.fingerprints"}
+)
 
 
 @dataclass(frozen=True)

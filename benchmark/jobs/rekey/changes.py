@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from benchmark.jobs.rekey.reached import Region
 from benchmark.jobs.rekey.syntax import (
@@ -153,7 +154,7 @@ class _Differences:
             compared = Comparison(self._names, *versions)
             self._add(OLD, module, name, compared.old)
             self._add(NEW, other, other_name, compared.new)
-            if module != other and not self._names.same(module, other):  # its globals may mean something else there
+            if module != other and not self._keeps_globals((module, name), (other, other_name), pairs):
                 self._add(OLD, module, name, [beginning(versions[OLD])])
                 self._add(NEW, other, other_name, [beginning(versions[NEW])])
         for tree, partners in ((OLD, set(pairs)), (NEW, set(pairs.values()))):
@@ -165,6 +166,23 @@ class _Differences:
         self._compare_imports(pairs)
         self._add_uses()
         return self._without_moved()
+
+    def _keeps_globals(self, old: tuple[str, str], new: tuple[str, str], pairs: Mapping[tuple[str, str], Any]) -> bool:
+        """Return whether each global name of a function means the same in the module that it moved to."""
+        if self._names.same(old[0], new[0]):
+            return True
+        places = self._all[OLD][old[0]], self._all[NEW][new[0]]
+        used = [_globals_of(place.functions[name]) for place, (_, name) in zip(places, (old, new), strict=True)]
+        return used[OLD] == used[NEW] and all(
+            pairs.get((old[0], name)) == (new[0], name)
+            or (name in places[OLD].imports and places[OLD].imports.get(name) == places[NEW].imports.get(name))
+            or any(
+                each in places[OLD].constants and self._counterpart(old[0], each) == (new[0], each)
+                for each in (name, f"{name}.")
+            )
+            or not any(_defines(place, name) for place in places)
+            for name in used[OLD]
+        )
 
     def _add(self, tree: int, module: str, function: str, nodes: Iterable[ast.AST]) -> None:
         self._found += [(tree, module, function, node) for node in nodes if hasattr(node, "end_lineno")]
@@ -295,6 +313,18 @@ class _Differences:
             change = Change(tree, module, function, known.file, region, known.is_compiled(function))
             found[tree, change.name] = change
         return sorted(found.values(), key=lambda change: (change.module, change.region, change.tree))
+
+
+def _globals_of(function: Function) -> set[str]:
+    local = bound_in(function)
+    names = {part.id for part in ast.walk(function) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Load)}
+    return names - local
+
+
+def _defines(module: _Module, name: str) -> bool:
+    return (
+        name in module.functions or name in module.imports or not module.constants.keys().isdisjoint((name, f"{name}."))
+    )
 
 
 def _look(function: Function) -> str:

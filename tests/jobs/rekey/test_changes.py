@@ -111,6 +111,32 @@ def test_a_module_may_be_renamed_if_its_functions_run(compared):
     assert not [c for c in found if c.module == "baselines.form"]
 
 
+ALIAS = "from baselines.tools import *\n"
+
+
+def test_a_function_that_moved_with_the_meaning_of_its_globals_need_not_run(compared, tmp_path):
+    def moved(*edits):
+        helpers = dedent(BEFORE[HELPERS])
+        (tmp_path / "new" / "baselines").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "new" / "baselines" / "tools.py").write_text(helpers)
+        first = (HELPERS, helpers, ALIAS)
+        found = compared(first, (FORM, "baselines.helpers", "baselines.tools"), *edits)
+        return {(change.module, change.function) for change in found}
+
+    assert moved() == set()
+    meant = {("baselines.helpers", "clipped"), ("baselines.tools", "clipped")}
+    tools = tmp_path / "new" / "baselines" / "tools.py"
+    assert moved((HELPERS, ALIAS, "")) == set()
+
+    def with_own_maximum(*edits):
+        tools.write_text(f"def max(*values):\n    return min(values)\n\n{dedent(BEFORE[HELPERS])}")
+        return {(change.module, change.function) for change in compared(*edits)}
+
+    assert meant <= with_own_maximum(
+        (HELPERS, dedent(BEFORE[HELPERS]), ALIAS), (FORM, "baselines.helpers", "baselines.tools")
+    )
+
+
 DIFFERENT = {
     "a constant in a kernel": ([(HELPERS, "* 0.5", "* 0.25")], {"baselines.helpers.kernel"}),
     "an operator": ([(HELPERS, "total * factor", "total + factor")], {"baselines.helpers.scaled"}),
