@@ -155,7 +155,7 @@ def _print(title: str, rows: Sequence[dict[str, Any]], heat_seconds: float) -> N
 
 
 def main() -> None:
-    """Print the tables of docs/geodesics.md."""
+    """Print the tables of docs/appendix/geodesics.md."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--data-root", type=Path, default=os.environ.get("CANONICAL_FORMS_DATA"))
     shapes = sample(parser.parse_args().data_root)
