@@ -315,6 +315,7 @@ def _move(candidate: Candidate, scope: Scope, trees: tuple[Tree, Tree]) -> Recor
     for before, now in arrays.items():
         _copy(scope.store, before, now)
     made = old | {"key": new["key"], "recipe": new["recipe"], "rekeyed": [*old.get("rekeyed", ()), note]}
+    made |= {"target": new["target"], "data": old["data"] | {"module": new["module"]}}
     if "artefacts" in old:
         made["artefacts"] = sorted(arrays.get(key, key) for key in old["artefacts"])
     scope.records.write(made)

@@ -254,7 +254,8 @@ class _Tools:
         for number, job in jobs.items():
             if number not in asked:
                 artefacts = list(self.artefacts(job)) if rows[number].has_artefacts else []
-                found = {"key": job.key, "recipe": job.recipe, "artefacts": artefacts}
+                names = {"module": job.facts["data"]["module"], "target": job.facts["target"]}
+                found = {"key": job.key, "recipe": job.recipe, "artefacts": artefacts, **names}
                 yield number, found | ({"training": training_code(job.method)} if job.models else {})
         if not asked:
             return
