@@ -8,13 +8,15 @@ import pytest
 
 import benchmark.api
 
+FORMER = {name: name for name in ("contracts", "learning", "scoring", "streaming")} | {"datasets.contract": "datasets"}
 
-@pytest.mark.parametrize("former", ["contracts", "learning", "scoring", "streaming"])
+
+@pytest.mark.parametrize("former", FORMER)
 def test_a_former_module_warns_and_has_the_same_names(former):
     sys.modules.pop(f"benchmark.{former}", None)
     with pytest.warns(DeprecationWarning, match="import from benchmark.api"):
         old = importlib.import_module(f"benchmark.{former}")
-    new = importlib.import_module(f"benchmark.api.{former}")
+    new = importlib.import_module(f"benchmark.api.{FORMER[former]}")
     assert all(getattr(old, name) is getattr(new, name) is getattr(benchmark.api, name) for name in new.__all__)
 
 
