@@ -16,6 +16,9 @@ METRICS = ("diffusion", "commute-time", "biharmonic")
 FORMS = (
     "spectral-mds",
     "nystrom-mds",
+    "scikit-learn-classical-mds",
+    "scikit-learn-smacof",
+    "scikit-learn-isomap",
     "subspace-mds",
     "feature-preserved",
     "euclidean-distance",

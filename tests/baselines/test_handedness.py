@@ -22,6 +22,8 @@ OPEN = (
     "nystrom-mds",
     "spectral-mds",
     "accelerated-mds",
+    "scikit-learn-classical-mds",
+    "scikit-learn-isomap",
     "gps",
 )
 

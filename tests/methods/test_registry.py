@@ -236,6 +236,9 @@ UNFIT = {
     },
     "spectral-mds": {"samples": ["3"], "eigenfunctions": ["9"], "fidelity": ["0"], "solver": ["heta"]},
     "nystrom-mds": {"samples": ["3"], "rank": ["3"], "solver": ["heta"]},
+    "scikit-learn-classical-mds": {"solver": ["heta"]},
+    "scikit-learn-smacof": {"start": ["clasic"], "max_iterations": ["0"], "rtol": ["1"], "solver": ["heta"]},
+    "scikit-learn-isomap": {"neighbours": ["2"], "solver": ["heta"]},
     "subspace-mds": {
         "eigenfunctions": ["(9,20)", "many"],
         "oversampling": ["0.9"],

@@ -1,0 +1,56 @@
+"""Classic scaling of distances on the surface by scikit-learn, to stand beside our own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from baselines._kernels.checks import require_connected, require_pairs, require_vertices
+from baselines._kernels.handedness import side_notes
+from baselines._kernels.orientation import vertex_areas
+from baselines.classic_mds import oriented
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScikitLearnClassicalMDS(CheckedParameters):
+    """Classic (Torgerson) scaling of the geodesic distances by ``sklearn.manifold.ClassicalMDS``.
+
+    A witness of :class:`baselines.classic_mds.ClassicMDS`: the distances and the choice of axes and side are the same,
+    the eigensolver is the library's. Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
+
+    Parameters
+    ----------
+    solver
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="scikit-learn-classical-mds",
+        title="Classical MDS (scikit-learn)",
+        cite="pedregosa2011scikit",
+        family="extended",
+        summary="classic scaling of the geodesic distances by scikit-learn, a witness of classic-mds",
+    )
+
+    solver: GeodesicSolver = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the classic scaling of the distances, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
+            distances of all pairs.
+        """
+        from sklearn.manifold import ClassicalMDS
+
+        require_vertices(shape)
+        require_connected(shape)
+        require_pairs(shape)
+        scaling = ClassicalMDS(n_components=3, metric="precomputed")
+        points = scaling.fit_transform(shape.geodesics(self.solver))
+        ratios = scaling.eigenvalues_ / scaling.eigenvalues_[0]
+        points = oriented(shape.mesh, points, ratios.tolist())
+        return shape.form(points, eigenvalue_ratio_3=float(ratios[2]), **side_notes(points, vertex_areas(shape.mesh)))

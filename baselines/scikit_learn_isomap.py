@@ -1,0 +1,67 @@
+"""Isomap of a surface by scikit-learn: classic scaling of shortest paths through near neighbours."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from baselines._kernels.checks import require_connected, require_pairs, require_vertices
+from baselines._kernels.handedness import side_notes
+from baselines._kernels.orientation import vertex_areas
+from baselines.classic_mds import oriented
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, Interval, MethodInfo, Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScikitLearnIsomap(CheckedParameters):
+    """Isomap of the geodesic distances by ``sklearn.manifold.Isomap``.
+
+    Each vertex is joined with those that are nearest on the surface, distances are shortest paths over these joints,
+    and the form is their classic scaling. Where that leaves pieces, the nearest vertices of two are joined as well.
+    With all vertices as neighbours the form is that of the geodesic distances.
+    Tenenbaum, de Silva and Langford (2000), "A global geometric framework for nonlinear dimensionality reduction";
+    Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
+
+    Parameters
+    ----------
+    neighbours
+        Vertices that each vertex is joined with. The default is twice the mean number of neighbours in a mesh.
+    solver
+        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="scikit-learn-isomap",
+        title="Isomap (scikit-learn)",
+        cite="tenenbaum2000isomap",
+        family="extended",
+        summary="classic scaling of shortest paths between near neighbours by scikit-learn",
+    )
+
+    neighbours: Annotated[int, Interval(3)] = 12
+    solver: GeodesicSolver = "default"
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the classic scaling of the shortest paths, centred at the origin.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has no more vertices than ``neighbours``, no face, or several pieces, or too many vertices for
+            the distances of all pairs.
+        """
+        from sklearn.manifold import Isomap
+
+        require_vertices(shape, self.neighbours + 1)
+        require_connected(shape)
+        require_pairs(shape)
+        isomap = Isomap(
+            n_neighbors=self.neighbours, n_components=3, metric="precomputed", eigen_solver="dense", path_method="D"
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it joins what its neighbours leave apart, and says so at length
+            points = isomap.fit_transform(shape.geodesics(self.solver))
+        values = isomap.kernel_pca_.eigenvalues_
+        points = oriented(shape.mesh, points, (values / values[0]).tolist())
+        return shape.form(points, **side_notes(points, vertex_areas(shape.mesh)))
