@@ -18,7 +18,7 @@ POSES := $(addprefix --shape woman-3_,standing running squatting)
 BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
-.PHONY: setup kernels bench test test-slow test-exhaustive lint speed tables check-tables publish figures clean boundscheck portability faults
+.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck portability faults
 
 setup: $(READY)
 
@@ -72,6 +72,11 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The documentation site in build/site, without a network: docs/, the docstrings of what authors use, the published tables.
+docs: setup
+	$(PIP) --constraint constraints.txt --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 speed: setup
 	$(BIN)/python -m tools.speed

@@ -1,0 +1,124 @@
+"""Hooks of ``make docs``: what the site shows beside ``docs/``, and how links and docstrings are read.
+
+mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, makes a :class:`Docstrings`.
+Every page keeps the relative links that it has in the repository: a link to a file that the site has leads there, one
+to anything else, such as code, becomes plain text.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from griffe import Extension
+from latex2mathml.converter import convert
+from mkdocs.structure.files import File, Files
+
+if TYPE_CHECKING:
+    from griffe import Object
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parents[1]
+
+#: Files outside ``docs/`` that are pages or pictures of the site.
+BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/*/*.png")
+
+#: Modules whose docstrings are the reference: what authors import, results, and the methods and scorers themselves.
+DOCUMENTED = ("benchmark/api/*.py", "benchmark/results.py", "baselines/*.py", "retrieval/*.py")
+
+#: The repository's front page is that of the site, before the list of pages.
+URIS = {"README.md": "index.md", "docs/README.md": "contents.md"}
+
+LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
+ROLE = re.compile(r":(?:attr|class|data|func|meth|mod):`~?([\w.]+)`")
+FORMULA = re.compile(r":math:`([^`]+)`")
+DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Complete the pages of the menu by those that nobody lists: the published tables and the reference of the code."""
+    tables = [{_title(path): _uri(path)} for path in _paths("results/tables/table-*.md", "results/tables/*.md")]
+    packages: dict[str, list[dict[str, str]]] = {}
+    for module in _modules():
+        packages.setdefault(module.rpartition(".")[0] or module, []).append({module: f"api/{module}.md"})
+    config.nav = [*(config.nav or []), {"Published tables": tables}, {"Code": [{k: v} for k, v in packages.items()]}]
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the files beside ``docs/``, the gallery, and a page for each documented module."""
+    files.remove(files.src_uris["README.md"])
+    for path in [*_paths(*BESIDE), "docs/README.md"]:
+        files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
+    figures = [
+        path for path in _paths("results/figures/*.png") if Path(path).stem.startswith(("family", "forms", "field"))
+    ]
+    shown = "\n\n".join(f"## {_title(path)}\n\n![{_title(path)}]({_uri(path)})" for path in figures)
+    files.append(File.generated(config, "gallery.md", content=f"# Canonical forms of all methods\n\n{shown}\n"))
+    for module in _modules():
+        files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Lead the links of a page to where their files are in the site."""
+    here = page.file.src_uri
+    if here == "gallery.md" or here.startswith("api/"):
+        return markdown
+    source = next((path for path, uri in URIS.items() if uri == here), None)
+    source = source or (here.removeprefix("repository/") if here.startswith("repository/") else f"docs/{here}")
+
+    def led(link: re.Match[str]) -> str:
+        picture, text, target, anchor = link.groups(default="")
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        uri = _uri(path)
+        if uri not in files.src_uris:
+            return text
+        return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(here) or '.')}{anchor})"
+
+    return LINK.sub(led, markdown)
+
+
+class Docstrings(Extension):
+    """Turns the roles and formulas of docstrings into links and MathML."""
+
+    def on_object(self, *, obj: Object, **_: Any) -> None:
+        """Rewrite the docstring of whatever was read."""
+        if obj.docstring:
+            text = DISPLAYED.sub(lambda found: _formula(found[1], "block"), obj.docstring.value)
+            text = FORMULA.sub(lambda found: _formula(found[1], "inline"), text)
+            obj.docstring.value = ROLE.sub(_reference, text)
+
+
+def _formula(latex: str, display: str) -> str:
+    return convert(" ".join(latex.split()), display=display)
+
+
+def _reference(role: re.Match[str]) -> str:
+    name = escape(role[1])
+    return f'<autoref identifier="{name}" optional><code>{name.rpartition(".")[2]}</code></autoref>'
+
+
+def _paths(*patterns: str) -> list[str]:
+    found = [path.relative_to(ROOT).as_posix() for pattern in patterns for path in sorted(ROOT.glob(pattern))]
+    return list(dict.fromkeys(found))
+
+
+def _modules() -> list[str]:
+    names = (path.removesuffix(".py").replace("/", ".") for path in _paths(*DOCUMENTED))
+    return [name.removesuffix(".__init__") for name in names]
+
+
+def _uri(path: str) -> str:
+    """Place of a file of the repository in the site."""
+    inside = path.removeprefix("docs/") if path.startswith("docs/") else f"repository/{path}"
+    return URIS.get(path, inside)
+
+
+def _title(path: str) -> str:
+    words = Path(path).stem.removeprefix("family-").replace("-", " ")
+    return words[0].upper() + words[1:]
