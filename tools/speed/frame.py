@@ -14,9 +14,9 @@ from PIL import Image
 
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import FrameFiles, observe
-from benchmark.depth.mask import read_mask
+from benchmark.depth.mask import Mask, read_mask
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.depth.reading import read_depth
+from benchmark.depth.reading import Depths, read_depth
 from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
 from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry.depth import render_depth
@@ -42,6 +42,24 @@ def written(folder: Path) -> FrameFiles:
     Image.fromarray(np.round(1000 * measured).astype(np.uint16)).save(folder / "0.png")
     Image.fromarray(mask).save(folder / "mask.png")
     return FrameFiles(folder / "0.png", KINECT, folder / "mask.png")
+
+
+def _open3d_seconds(depths: Depths, mask: Mask) -> float | None:
+    """Seconds of Open3D from depths to points and their normals, what it offers of that stage; None without it."""
+    try:
+        import open3d
+    except ImportError:
+        return None
+    (height, width), camera = depths.shape, KINECT
+    intrinsic = open3d.camera.PinholeCameraIntrinsic(width, height, camera.fx, camera.fy, camera.cx, camera.cy)
+    image = open3d.geometry.Image(np.where(mask, depths, 0).astype(np.float32))
+
+    def points_and_normals() -> object:
+        cloud = open3d.geometry.PointCloud.create_from_depth_image(image, intrinsic, depth_scale=1.0)
+        cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(9))
+        return cloud
+
+    return least_seconds(points_and_normals, REPEATS)
 
 
 def _stages(files: FrameFiles) -> list[dict[str, Any]]:
@@ -79,14 +97,18 @@ def _stages(files: FrameFiles) -> list[dict[str, Any]]:
         ("file to form, without a mask", lambda: form_of_object(without_mask.observe(), method), None),
     )
     rows = []
+    peers = {"object, with its mask": ("Open3D, points and normals of 9 neighbours", _open3d_seconds(depths, mask))}
     for name, work, most in stages:
         seconds = least_seconds(work, REPEATS)
+        peer, peer_seconds = peers.get(name, (None, None))
         rows.append(
             row(
                 f"frame of a depth camera, {name}",
                 seconds,
                 target="none" if most is None else f"at most {1000 * most:g} ms",
                 met=most is None or seconds <= most,
+                peer=peer if peer_seconds else None,
+                peer_seconds=peer_seconds,
                 detail=f"640 x 480 pixels, {pixels} of the object, float64 but for the network, warm",
             )
         )
