@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,12 +12,13 @@ import numpy as np
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.humans import Humans
+from benchmark.datasets.parts import thinned
 from benchmark.depth.frame import ObservedObject, observe
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.mask import Mask
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.depth.reading import DEFAULT_SCALE, Depths
-from benchmark.depth.scene import DepthFaults, Pose, Scene
+from benchmark.depth.scene import DepthFaults, Pose, Scene, behind_box, wrong_outline
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 
@@ -25,6 +26,9 @@ __all__ = ["CameraFrames"]
 
 DISTANCES, HEIGHTS, LARGEST_ROLL, WALLS = (1.5, 4.0), (0.8, 1.8), 10.0, (0.6, 2.0)
 """Metres from camera to body, and above the floor; degrees by which it is held askew; metres from body to wall."""
+
+ALL_POSES = 20
+"""Poses of each subject of the generated humans."""
 
 _STEP_BACK = 0.1
 """Metres by which a camera that does not see the whole body steps back, to the largest distance at most."""
@@ -40,23 +44,56 @@ class CameraFrames:
     ----------
     seed
         Of cameras, walls and faults.
+    poses
+        Poses of each subject, evenly spread over all; beyond 20 all.
+    distance
+        Metres from camera to body; 0 draws it.
+    noise
+        Noise and steps of the camera, over those that it has.
+    missing
+        Share of the pixels without a depth.
+    wrong_mask
+        Pixels of the mask that are wrong, its outline being moved to and fro, over those of the object; .5 at most.
+    hidden
+        Share of the pixels of the object that a box hides which stands before it, from one side or from below.
     """
 
     seed: int = 0
+    poses: int = 20
+    distance: float = 0.0
+    noise: float = 1.0
+    missing: float = DepthFaults.missing
+    wrong_mask: float = 0.0
+    hidden: float = 0.0
 
-    name: ClassVar[str] = "camera"
-    title: ClassVar[str] = "camera (generated, 15 subjects x 20 poses before a depth camera)"
     stand_in_for: ClassVar[str] = ""
     half_width: ClassVar[float] = HALF_WIDTH
     inputs: ClassVar[tuple[Input, ...]] = ("view",)
     intrinsics: ClassVar[Intrinsics] = Intrinsics(365.0, 365.0, 319.5, 239.5, (640, 480))
     """Of a lens as wide as that of a time-of-flight camera: 82 x 67 degrees."""
-    faults: ClassVar[DepthFaults] = DepthFaults()
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        return "camera" if self.poses >= ALL_POSES else "camera-few"
+
+    @property
+    def title(self) -> str:
+        """Name in captions."""
+        return f"{self.name} (generated, 15 subjects x {min(self.poses, ALL_POSES)} poses before a depth camera)"
+
+    @property
+    def faults(self) -> DepthFaults:
+        """Faults of the camera."""
+        of_camera = DepthFaults()
+        return replace(
+            of_camera, noise=self.noise * of_camera.noise, step=self.noise * of_camera.step, missing=self.missing
+        )
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 300 shapes."""
-        return _humans().entries
+        """The shapes: 15 for each pose."""
+        return thinned(_humans().entries, self.poses)
 
     def load(self, entry: Entry) -> Mesh:
         """Return the surface of the body that the camera sees; raises ``DepthError`` if too little is seen."""
@@ -70,7 +107,11 @@ class CameraFrames:
     def frame(self, entry: Entry) -> tuple[Depths, Mask]:
         """Return depths in metres, as they are written in millimetres, and the pixels of the body, shape (480, 640)."""
         depths, mask = self.scene(entry).drawn(self.intrinsics)
+        if self.hidden:
+            depths, mask = behind_box(depths, mask, self.hidden, self._random(entry, "box"))
         measured = self.faults.perturbed(depths, self._random(entry, "faults"))
+        if self.wrong_mask:
+            mask = wrong_outline(mask, self.wrong_mask, self._random(entry, "mask"))
         return np.round(measured * DEFAULT_SCALE) / DEFAULT_SCALE, mask
 
     def scene(self, entry: Entry) -> Scene:
@@ -82,8 +123,9 @@ class CameraFrames:
 
     def recipe(self, entry: Entry) -> str:
         """Name the values of the body and the angles of its joints, the camera, its place and its faults."""
-        where = (DISTANCES, HEIGHTS, LARGEST_ROLL, WALLS)
-        return f"{_humans().recipe(entry)} seed {self.seed} {self.intrinsics} {self.faults} {where}"
+        where = (self.distance or DISTANCES, HEIGHTS, LARGEST_ROLL, WALLS)
+        wrong = f"{self.wrong_mask} {self.hidden}"
+        return f"{_humans().recipe(entry)} seed {self.seed} {self.intrinsics} {self.faults} {where} {wrong}"
 
     def camera(self, entry: Entry) -> Camera:
         """Look at the surface as the camera did, but level."""
@@ -92,6 +134,7 @@ class CameraFrames:
     def _placed(self, entry: Entry, body: Mesh) -> Scene:
         random = self._random(entry, "place")
         distance, height, wall = (float(random.uniform(*limits)) for limits in (DISTANCES, HEIGHTS, WALLS))
+        distance = self.distance or distance
         roll = float(random.uniform(-LARGEST_ROLL, LARGEST_ROLL))
         target = (0.0, 0.0, float(body.vertices[:, 2].max()) / 2)
         while True:

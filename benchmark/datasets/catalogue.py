@@ -106,6 +106,15 @@ def _camera(_: Path) -> Dataset:
     return CameraFrames()
 
 
+def _camera_few(_: Path) -> Dataset:
+    from benchmark.datasets.camera_frames import CameraFrames
+
+    return CameraFrames(poses=4)
+
+
+#: Sets of depth frames, which have perturbations of their own.
+FRAME_SETS = ("camera", "camera-few")
+
 CATALOGUE: dict[str, DatasetSource] = {
     "shrec14-synthetic": _official("shrec14-synthetic"),
     "shrec14-real": _official("shrec14-real"),
@@ -136,6 +145,9 @@ CATALOGUE: dict[str, DatasetSource] = {
     ),
     "camera": DatasetSource(
         "generated humans, 15 subjects x 20 poses before a perspective depth camera with faults", _camera, 300, 15
+    ),
+    "camera-few": DatasetSource(
+        "generated humans, 15 subjects x 4 poses of the set camera, for the table of robustness", _camera_few, 60, 15
     ),
     **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.mask import Mask
@@ -196,3 +197,55 @@ class Scene:
         behind = nearest(*rest) if rest else np.zeros_like(body)
         mask = (body > 0) & ((behind == 0) | (body <= behind))
         return np.where(mask, body, behind), mask
+
+
+def behind_box(
+    depths: Depths, mask: Mask, share: float, random: np.random.Generator, distance: float = 0.3
+) -> tuple[Depths, Mask]:
+    """Return depths and mask of a frame in which the flat face of a box hides some of the object.
+
+    Parameters
+    ----------
+    depths, mask
+        The frame, shapes (h, w).
+    share
+        Of the pixels of the object that are hidden: all that are to the left or right of a column, or below a row, of
+        which the one is drawn at random.
+    random
+        Draws it.
+    distance
+        Metres from the face to the nearest pixel of the object.
+    """
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return depths, mask
+    grid = np.indices(mask.shape)
+    along, places = ((grid[1], columns), (-grid[1], -columns), (-grid[0], -rows))[int(random.integers(3))]
+    face = along <= np.quantile(places, share)
+    nearest_depth = max(float(depths[mask].min()) - distance, _NEAREST)
+    return np.where(face, nearest_depth, depths), mask & ~face
+
+
+def wrong_outline(mask: Mask, share: float, random: np.random.Generator) -> Mask:
+    """Return a mask whose outline is moved to and fro by a smooth random field.
+
+    Parameters
+    ----------
+    mask
+        The true one, shape (h, w).
+    share
+        Of the pixels that are wrong, over those of the mask; reached to half a pixel in a hundred.
+    random
+        Draws the field.
+    """
+    if not mask.any():
+        return mask
+    signed = distance_transform_edt(mask) - distance_transform_edt(~mask)
+    field = gaussian_filter(random.standard_normal(mask.shape), np.sqrt(mask.sum()) / 10)
+    field /= field.std()
+    low, high = 0.0, float(max(mask.shape))
+    for _ in range(30):  # the number of wrong pixels grows with the size of the field
+        middle = (low + high) / 2
+        wrong = np.count_nonzero((signed + middle * field > 0) != mask)
+        low, high = (middle, high) if wrong < share * mask.sum() else (low, middle)
+    return np.asarray(signed + high * field > 0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.catalogue import CATALOGUE, is_known, open_dataset, table_name
+from benchmark.datasets.catalogue import CATALOGUE, FRAME_SETS, is_known, open_dataset, table_name
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 
 __all__ = ["conditions", "inputs_of", "own_table_name"]
@@ -11,10 +11,8 @@ __all__ = ["conditions", "inputs_of", "own_table_name"]
 
 def conditions(name: str) -> list[str]:
     """A clean set, and the same set under each perturbation at each strength, by name or path."""
-    return [
-        name,
-        *(perturbed_name(name, perturbation, strength) for perturbation in PERTURBATIONS for strength in STRENGTHS),
-    ]
+    fitting = [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
+    return [name, *(perturbed_name(name, each, strength) for each in fitting for strength in STRENGTHS)]
 
 
 def inputs_of(dataset: str, inputs: tuple[Input, ...]) -> tuple[Input, ...]:

@@ -9,9 +9,11 @@ from PIL import Image
 from benchmark.datasets.camera_frames import DISTANCES, HEIGHTS, WALLS, CameraFrames
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.export_frames import export_frames
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.depth.frame import observe
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
+from benchmark.protocols.perturbed import conditions
 from benchmark.protocols.tables import TABLES
 from tests.depth.scenes import overlap
 
@@ -81,3 +83,45 @@ def test_its_table_has_the_folds_of_table_one_and_is_made_by_name_alone():
     assert "camera" not in {gallery.table.identifier for gallery in galleries()}
     assert [gallery.table.identifier for gallery in galleries(dataset_names=["camera"])] == ["camera"] * 3
     assert "camera" in {table.identifier for table in TABLES}
+
+
+def test_frames_have_perturbations_of_their_own():
+    known = {name for name, each in PERTURBATIONS.items() if each.of_frames}
+    assert set(conditions("camera-few")) == {
+        "camera-few",
+        *(f"camera-few[{name}={k}]" for name in known for k in STRENGTHS),
+    }
+    clean = open_dataset("camera-few", None)
+    entry = clean.entries[7]
+    assert len(clean.entries) == 60
+    recipes = {open_dataset(f"camera-few[{name}=2]", None).recipe(entry) for name in known}
+    assert len(recipes) == len(known)
+    seen = open_dataset("camera-few[occlusion=5]", None).load(entry)
+    assert 0.3 < seen.area / clean.load(entry).area < 0.7
+    with pytest.raises(ConfigurationError, match="animals-few has no frames of a depth camera"):
+        open_dataset("animals-few[occlusion=1]", None)
+
+
+def test_a_farther_camera_stands_where_it_was_asked_to():
+    entry = Few().entries[0]
+    assert -CameraFrames(distance=6.0).scene(entry).pose.position[1] == 6.0
+    assert CameraFrames(noise=4.0).faults.noise == 4 * CameraFrames().faults.noise
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_so_many_pixels_of_a_mask_are_wrong(share):
+    entry = Few().entries[1]
+    _, mask = CameraFrames().frame(entry)
+    _, wrong = CameraFrames(wrong_mask=share).frame(entry)
+    assert np.count_nonzero(wrong != mask) / mask.sum() == pytest.approx(share, abs=0.01)
+    assert (wrong & ~mask).any() and (mask & ~wrong).any()
+
+
+def test_a_box_hides_so_much_of_the_object_and_stands_before_it():
+    for entry in Few().entries:
+        depths, mask = CameraFrames().frame(entry)
+        behind, seen = CameraFrames(hidden=0.3).frame(entry)
+        assert np.count_nonzero(seen) / mask.sum() == pytest.approx(0.7, abs=0.03)
+        assert not (seen & ~mask).any()
+        hidden = mask & ~seen & (behind > 0) & (depths > 0)
+        assert np.median(behind[hidden]) < depths[hidden].min() - 0.2  # some pixels at its edge fly

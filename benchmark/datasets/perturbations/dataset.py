@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import re
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.sensor import DepthSensor
@@ -42,6 +44,8 @@ class Perturbation:
         Perturbs the mesh; None where the camera is what is perturbed.
     inputs
         Inputs that it is made for.
+    of_frames
+        Parameter of a set of depth frames that takes the amount; "" for what perturbs meshes or their camera.
     """
 
     title: str
@@ -49,6 +53,11 @@ class Perturbation:
     amounts: tuple[float, ...]
     on_mesh: Callable[[Mesh, float, np.random.Generator], Mesh] | None = None
     inputs: tuple[Input, ...] = ("mesh",)
+    of_frames: str = ""
+
+    def fits(self, dataset: Dataset) -> bool:
+        """Return whether it can be made of a set: of frames, or of meshes."""
+        return hasattr(dataset, self.of_frames) if self.of_frames else not hasattr(dataset, "faults")
 
 
 PERTURBATIONS: dict[str, Perturbation] = {
@@ -69,6 +78,23 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "depth-noise": Perturbation(
         "depth noise and steps", "deviation and step / depth of the frame", (0.0005, 0.001, 0.002, 0.004, 0.008),
         inputs=("view",),
+    ),
+    "distance": Perturbation(
+        "distance of the camera", "metres", (2, 3, 4, 5, 6), inputs=("view",), of_frames="distance"
+    ),
+    "frame-noise": Perturbation(
+        "noise and steps of the camera", "times its own", (2, 4, 8, 16, 32), inputs=("view",), of_frames="noise"
+    ),
+    "missing-pixels": Perturbation(
+        "missing pixels", "share of the pixels", (0.05, 0.1, 0.2, 0.4, 0.6), inputs=("view",), of_frames="missing"
+    ),
+    "wrong-mask": Perturbation(
+        "wrong mask", "wrong pixels / pixels of the object", (0.05, 0.1, 0.15, 0.2, 0.3),
+        inputs=("view",), of_frames="wrong_mask",
+    ),
+    "occlusion": Perturbation(
+        "a box before the object", "share of the object", (0.1, 0.2, 0.3, 0.4, 0.5),
+        inputs=("view",), of_frames="hidden",
     ),
 }  # fmt: skip
 
@@ -153,6 +179,21 @@ class Perturbed:
     perturbation: str
     strength: int
 
+    def __post_init__(self) -> None:
+        """Raise ``ConfigurationError`` for a perturbation of frames of a set that has none."""
+        known = PERTURBATIONS[self.perturbation]
+        if known.of_frames and not known.fits(self.clean):
+            raise ConfigurationError(
+                f"{self.clean.name} has no frames of a depth camera, which '{self.perturbation}' perturbs",
+                "use it with camera or camera-few, or choose a perturbation of surfaces, such as noise",
+            )
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs that the clean set offers, of those that the perturbation is made for."""
+        offered = getattr(self.clean, "inputs", ("mesh", "view"))
+        return tuple(each for each in PERTURBATIONS[self.perturbation].inputs if each in offered)
+
     @property
     def name(self) -> str:
         """Name on the command line."""
@@ -196,8 +237,12 @@ class Perturbed:
         UnsupportedShape
             If the perturbation leaves nothing that can be prepared; the shape then counts as unsupported.
         """
+        known = PERTURBATIONS[self.perturbation]
+        if known.of_frames:
+            frames = dataclasses.replace(self.clean, **{known.of_frames: self.amount})  # type: ignore[type-var]
+            return frames.load(self._clean_entries[entry.identifier])
         mesh = self.clean.load(self._clean_entries[entry.identifier])
-        on_mesh = PERTURBATIONS[self.perturbation].on_mesh
+        on_mesh = known.on_mesh
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:

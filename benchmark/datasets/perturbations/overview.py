@@ -52,8 +52,8 @@ class Overview:
         """One for each perturbation and strength."""
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
-            for perturbation in PERTURBATIONS
-            if perturbation != "scale"
+            for perturbation, known in PERTURBATIONS.items()
+            if perturbation != "scale" and known.fits(self.clean)
             for strength in STRENGTHS
         )
 
