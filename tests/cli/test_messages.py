@@ -50,7 +50,7 @@ def told(place, monkeypatch):
         ("compare smooth gps", "unknown method 'smooth'; pass --plugin smooth.py, which defines it"),
         ("describe gsp", "unknown method 'gsp'; did you mean gps?"),
         ("describe xyz", "unknown method 'xyz'; choose one of accelerated-mds, "),
-        ("describe xyz", " ...: 'list methods' names all 30"),
+        ("describe xyz", " ...: 'list methods' names all 33"),
         ("describe tosca", "'tosca' is a data set, no method; 'data check tosca' tells of it"),
         ("describe smooth.py", "'smooth.py' is a file, no method; 'check smooth.py' tells of it"),
         ("data check gps", "'gps' is a method, no data set; 'describe gps' tells of it"),
