@@ -14,7 +14,7 @@ from benchmark.cli.options import (
     NOT_OK,
     OK,
     PathOption,
-    Selection,
+    RunOptions,
     datasets_option,
     inputs_option,
     is_of,
@@ -184,7 +184,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
     """
     from benchmark.storage.store import Store
 
-    selection = Selection.of(options)
+    selection = RunOptions.of(options)
     store = Store.open(selection.results)
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
@@ -193,7 +193,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
         if found:
             _explain_record(found[0])
             return
-    jobs = Selection.of(options | {"methods": (target,)}).jobs(store)
+    jobs = RunOptions.of(options | {"methods": (target,)}).jobs(store)
     made = [store.records.read(job.key) or store.published.read(job.key) for job in jobs]
     if everything or len(jobs) == 1:
         for job, record in zip(jobs, made, strict=True):
