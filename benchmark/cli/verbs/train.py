@@ -59,7 +59,8 @@ def train(
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.api.learning import Learner
-    from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, trainings_of, with_validation
+    from benchmark.protocols.tables import trainings_of
+    from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
     from benchmark.storage.store import Store
     from benchmark.system.calls import call_apart
 
