@@ -152,11 +152,11 @@ def name_skipped(*stores: Store) -> None:
             say(line, err=True)
 
 
-def name_unusable() -> None:
-    """Tell on stderr which installed packages bring methods that cannot be used."""
-    from benchmark.methods.registry import unusable
+def name_unusable(kind: str = "methods") -> None:
+    """Tell on stderr which installed packages bring methods, or scorers, that cannot be used."""
+    from benchmark.methods import registry, scorers
 
-    for line in unusable():
+    for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
         say(line, err=True)
 
 
