@@ -16,7 +16,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.methods.information import problems_of
 from benchmark.methods.specs import MethodSpec, PluginSpec, S, ScorerSpec, plugin_methods, plugins_of
 from benchmark.storage import keys
-from benchmark.system.calls import BrokenCall, KilledCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, KilledCall, call_apart
 from benchmark.system.plugins import is_imported, require_file
 
 __all__ = ["LIMIT", "inspect", "inspect_package"]
@@ -60,7 +60,7 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
             continue
         require_file(found)
         hint = "correct the file: importing it and making its methods must end at once"
-        _look(describe, found, made, what=f"plugin {path}", hint=hint)
+        _look(describe, found, made, guard=Guard(f"plugin {path}", hint, LIMIT, quiet=True))
 
 
 def inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
@@ -88,17 +88,19 @@ def inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> 
     if not targets:
         return {}
     hint = f"correct the package, or uninstall it: importing it and making its {kind.kind}s must end at once"
-    found = _look(faults_in_package, package, kind, dict(targets), what=f"package {package}", hint=hint)
+    found = _look(
+        faults_in_package, package, kind, dict(targets), guard=Guard(f"package {package}", hint, LIMIT, quiet=True)
+    )
     return {name: ConfigurationError(problem, hint) for name, (problem, hint) in found.items()}
 
 
-def _look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
+def _look(function: Callable[..., Any], *arguments: Any, guard: Guard) -> Any:
     """Call a function apart, again if somebody else may have ended its process."""
     retries = _MAX_RETRIES
     while True:
         retries -= 1
         try:
-            return call_apart(function, *arguments, what=what, hint=hint, limit=LIMIT, quiet=True)
+            return call_apart(function, *arguments, guard=guard)
         except BrokenCall as error:
             if not (retries and isinstance(error, KilledCall)):
                 raise ConfigurationError(error.problem, error.hint) from error

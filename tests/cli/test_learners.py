@@ -244,7 +244,9 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     told = call("plan", "-t", "III-held-out", "-m", "mean-target", "--input", "view", *options).splitlines()
     assert told[0].startswith(f"passed over the model in {local}: {local / 'card.json'} is no JSON: NaN is not JSON")
     assert told[1].startswith("missing      tosca held out view mean-target")
-    train_one(spec, find_training("tosca-III"), tmp_path, root, {}, 1, (said := []).append)
+    train_one(
+        spec, find_training("tosca-III"), RunOptions(results=tmp_path, data_root=root), {}, 1, (said := []).append
+    )
     assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, the model is trained anew")
     assert read_card(local)["data"] == "tosca-III"
 
@@ -311,7 +313,7 @@ def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, m
         ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
     ):
         with pytest.raises(ConfigurationError, match=told):
-            train_one(spec, training, tmp_path, None, schedule, 2, lambda _: None)
+            train_one(spec, training, RunOptions(results=tmp_path), schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

@@ -29,7 +29,7 @@ from benchmark.methods.conformance.targets import Target
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 
@@ -126,13 +126,11 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
     inspect([path for path in (target.file,) if path], made=False)
-    what, hint = f"checking {target.name}", "correct the file: what it cannot treat, it refuses"
+    guard = Guard(f"checking {target.name}", "correct the file: what it cannot treat, it refuses", limit)
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:
-                call_apart(
-                    _check_apart, target, list(findings), folder, what=what, hint=hint, limit=limit, say=hear
-                )  # fmt: skip
+                call_apart(_check_apart, target, list(findings), folder, guard=guard, say=hear)
             except BrokenCall as error:
                 if not at:
                     raise
