@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
+    from benchmark.storage.records import Record
     from benchmark.storage.store import Store
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -327,6 +328,12 @@ class RunOptions:
 
         return scorer_of(self.scorer, scorers(self.plugins))
 
+    def allows(self, record: Record) -> bool:
+        """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
+        asked = {*self.datasets, *map(os.path.realpath, self.datasets)}
+        is_of_set = not asked or bool(asked & _names(record["data"]))
+        return is_of_set and (not self.inputs or record["input"] in self.inputs)
+
     def results_of(self, store: Store) -> Results:
         """The records of a store, looked at with the methods and scorers that are known."""
         from benchmark.methods.registry import methods
@@ -360,13 +367,11 @@ class RunOptions:
 
         def is_chosen(result: Result) -> bool:
             record = result.record
-            data = record["data"]
             return (
-                bool(data["quick"]) == self.quick
+                bool(record["data"]["quick"]) == self.quick
                 and (not names or record["method"] in names)
                 and (not finished or record["status"] == "ok")
-                and (not self.inputs or record["input"] in self.inputs)
-                and is_of(data, self.datasets)
+                and self.allows(record)
             )
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
@@ -388,11 +393,6 @@ class RunOptions:
                 f"no finished job under {self.results} fits the selection", f"run it first, or {less}"
             )
         return chosen
-
-
-def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
-    """Return whether the data of a record is one of these sets, by name or by path; all are where none is named."""
-    return not datasets or bool({*datasets, *map(os.path.realpath, datasets)} & _names(data))
 
 
 def _names(data: Mapping[str, str]) -> set[str]:

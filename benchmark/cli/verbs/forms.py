@@ -73,10 +73,8 @@ def canonicalise(
     for source in sources:
         if not source.name:
             raise ConfigurationError(f"{source} is no file", "name a mesh or a depth image")
-    options, request = (
-        FrameOptions(intrinsics, str(mask or ""), depth_scale),
-        FormRequest(method, plugins, seed, timeout),
-    )
+    options = FrameOptions(intrinsics, str(mask or ""), depth_scale)
+    request = FormRequest(method, plugins, seed, timeout)
     if is_of_depth(sources):
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "leave --vertices out")
@@ -86,7 +84,6 @@ def canonicalise(
         raise ConfigurationError(
             f"{sources[0]} is no depth image", "leave --intrinsics, --mask, --depth-scale and --picture out"
         )
-
     target = output or _beside(sources[0], method)
     form = canonicalise_file(sources[0], target, request, vertices)
     facts = ", ".join(
