@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
 from benchmark.methods.output_checks import form_of
 from benchmark.methods.registry import methods, variant
-from benchmark.system.calls import call_apart
+from benchmark.system.calls import Guard, call_apart
 
 #: A form in plain values: vertices, faces and notes.
 Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
@@ -26,14 +27,34 @@ if TYPE_CHECKING:
 ALL = "all"
 
 
+@dataclass(frozen=True)
+class FormRequest:
+    """Request for canonical forms.
+
+    Parameters
+    ----------
+    method
+        Name of a method that makes forms.
+    plugins
+        Python files with further methods.
+    seed
+        Base seed.
+    limit
+        Seconds that a form may take; None for no limit.
+    """
+
+    method: str
+    plugins: tuple[Path, ...] = ()
+    seed: int = 0
+    limit: float | None = None
+
+    def guard(self, shape: str, hint: str) -> Guard:
+        """Return the terms on which the method is called for a shape."""
+        return Guard(f"method '{self.method}' on {shape}", hint, self.limit)
+
+
 def canonicalise_file(
-    source: Path,
-    target: Path,
-    method: str,
-    plugins: Iterable[Path] = (),
-    seed: int = 0,
-    limit: float | None = None,
-    vertices: int | str | None = None,
+    source: Path, target: Path, request: FormRequest, vertices: int | str | None = None
 ) -> CanonicalForm:
     """Write the form that a method gives the mesh of a file, made in a process of its own.
 
@@ -43,14 +64,8 @@ def canonicalise_file(
     ----------
     source, target
         Mesh files; the extension says the format.
-    method
-        Name of a method that makes forms.
-    plugins
-        Python files with further methods.
-    seed
-        Base seed.
-    limit
-        Seconds that it may take; None for no limit.
+    request
+        By which method.
     vertices
         Vertices of the prepared mesh, and so of the form; None for as many as in the benchmark. ``"all"`` prepares the
         mesh as in the benchmark and carries the form over to the vertices of the file: each takes the barycentric mean
@@ -72,10 +87,8 @@ def canonicalise_file(
         raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
     if target.exists() and source.exists() and target.samefile(source):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    vertices, faces, notes = call_apart(
-        plain_form, str(source), method, [str(path) for path in plugins], seed, vertices,
-        what=f"method '{method}' on {source}", hint="try another shape, or correct the method", limit=limit,
-    )  # fmt: skip
+    guard = request.guard(str(source), "try another shape, or correct the method")
+    vertices, faces, notes = call_apart(plain_form, source, request, vertices, guard=guard)
     form = CanonicalForm(np.array(vertices), np.array(faces, dtype=np.int32), notes)
     write_form(target, form.mesh)
     return form
@@ -107,9 +120,7 @@ def write_form(target: Path, mesh: Mesh) -> None:
         ) from error
 
 
-def plain_form(
-    source: str, method: str, plugins: list[str], seed: int, vertices: int | str | None = None
-) -> Plain:  # fmt: skip
+def plain_form(source: Path, request: FormRequest, vertices: int | str | None = None) -> Plain:
     """Prepare a mesh as the benchmark does, and make its form, here; what is returned travels as JSON.
 
     A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
@@ -121,22 +132,21 @@ def plain_form(
     from benchmark.jobs.stages.complete import complete
     from benchmark.jobs.stages.view import half_width_of, seen
 
-    spec = variant(method, methods([Path(path) for path in plugins]))
+    spec = variant(request.method, methods(request.plugins))
     maker = spec.create()
     if not isinstance(maker, Method):
         raise ConfigurationError(
-            f"method '{method}' describes shapes without a canonical form", "choose another method"
+            f"method '{request.method}' describes shapes without a canonical form", "choose another method"
         )
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
-        raise ConfigurationError(f"method '{method}' reads depth images, not vertices", "leave --vertices out")
-    path = Path(source)
-    mesh = read_mesh(path)
+        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "leave --vertices out")
+    mesh = read_mesh(source)
     if vertices is not None:
-        form, noted = _with_vertices(maker, mesh, path.stem, seed, vertices)
+        form, noted = _with_vertices(maker, mesh, source.stem, request.seed, vertices)
     else:
         arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
-        form, noted = form_of(maker, shape_of(arrays, path.stem, seed))
+        form, noted = form_of(maker, shape_of(arrays, source.stem, request.seed))
     notes = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in noted.items()}
     return form.vertices.tolist(), form.faces.tolist(), notes
 

@@ -43,13 +43,15 @@ def methods(_: click.Context, __: click.Parameter, begun: str) -> list[Completio
     """Methods, and the words for several; behind a bracket, the parameters of the method."""
     from importlib.metadata import entry_points
 
-    from benchmark.methods.installed import ENTRY_POINTS
-    from benchmark.methods.registry import BUILT_IN
+    from benchmark.methods.installed import entry_points_of
+    from benchmark.methods.registry import BUILT_IN, MethodSpec
 
     name, bracket, rest = begun.partition("[")
     if bracket and name in BUILT_IN:
         return _items(_parameters(name, rest), begun)
-    return _items([*BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINTS)), EVERY, FINISHED], begun)
+    return _items(
+        [*BUILT_IN, *(point.name for point in entry_points(group=entry_points_of(MethodSpec))), EVERY, FINISHED], begun
+    )
 
 
 def methods_or_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:

@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from benchmark.cli.canonicalise import write_form
+from benchmark.cli.canonicalise import FormRequest, write_form
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import READERS, is_depth_file
@@ -37,6 +36,11 @@ class FrameOptions:
 
     def __bool__(self) -> bool:
         return bool(self.intrinsics or self.mask or self.scale)
+
+    def files(self, image: Path) -> FrameFiles:
+        """Return the files of an image."""
+        camera = intrinsics_of(self.intrinsics) if self.intrinsics else None
+        return FrameFiles(image, camera, Path(self.mask) if self.mask else None, self.scale)
 
 
 @dataclass(frozen=True)
@@ -79,13 +83,7 @@ def frames_under(source: Path) -> list[Path]:
 
 
 def make_forms(
-    jobs: Sequence[FrameJob],
-    options: FrameOptions,
-    method: str,
-    plugins: Sequence[Path] = (),
-    seed: int = 0,
-    limit: float | None = None,
-    say: Callable[[str], None] = print,
+    jobs: Sequence[FrameJob], options: FrameOptions, request: FormRequest, say: Callable[[str], None] = print
 ) -> int:
     """Write the form of each frame, and its picture, made by one process of their own.
 
@@ -95,8 +93,8 @@ def make_forms(
         The frames.
     options
         What is said of all of them.
-    method, plugins, seed, limit
-        As of :func:`benchmark.cli.canonicalise.canonicalise_file`; the limit is that of one frame.
+    request
+        By which method; the limit is that of one frame.
     say
         Told what became of each.
 
@@ -112,60 +110,42 @@ def make_forms(
     ShapeError
         If the only frame cannot be treated.
     """
-    plain = [(job.source, job.target, job.picture) for job in jobs]
-    what = f"method '{method}' on {jobs[0].source}{f' and {len(jobs) - 1} others' if len(jobs) > 1 else ''}"
-    arguments = (
-        plain,
-        [options.intrinsics, options.mask, options.scale],
-        method,
-        [str(path) for path in plugins],
-        seed,
-    )
-    found: int = call_apart(
-        _forms, *arguments, what=what, hint="try another image, or correct the method", limit=limit, say=say
-    )
+    shape = f"{jobs[0].source}{f' and {len(jobs) - 1} others' if len(jobs) > 1 else ''}"
+    guard = request.guard(shape, "try another image, or correct the method")
+    found: int = call_apart(_forms, jobs, options, request, guard=guard, say=say)
     return found
 
 
-def _forms(
-    jobs: Sequence[Sequence[str]],
-    options: Sequence[Any],
-    method: str,
-    plugins: Sequence[str],
-    seed: int,
-    say: Callable[[str], None],
-) -> int:
+def _forms(jobs: Sequence[FrameJob], options: FrameOptions, request: FormRequest, say: Callable[[str], None]) -> int:
     """Make the forms, here; tell of each, and return how many there are not."""
     from benchmark.depth_forms import form_of_object, method_of_depth
 
-    intrinsics, mask, scale = options
-    maker = method_of_depth(method, tuple(map(Path, plugins)))
-    camera = intrinsics_of(intrinsics) if intrinsics else None
+    maker = method_of_depth(request.method, request.plugins)
     failures = 0
-    for number, (source, target, picture) in enumerate(jobs, 1):
+    for number, job in enumerate(jobs, 1):
         begun = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            files = FrameFiles(Path(source), camera, Path(mask) if mask else None, scale)
-            made = form_of_object(files.observe(), maker, Path(source).stem, seed=seed)
+            observed = options.files(Path(job.source)).observe()
+            made = form_of_object(observed, maker, Path(job.source).stem, seed=request.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
             failures += 1
-            say(f"{place}{source}: {error}")
+            say(f"{place}{job.source}: {error}")
             continue
         seconds = time.perf_counter() - begun
-        write_form(Path(target), made.form.mesh)
-        if picture:
+        write_form(Path(job.target), made.form.mesh)
+        if job.picture:
             from benchmark.report.pictures.frame import frame_picture, save_picture
 
-            save_picture(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), Path(picture))
+            save_picture(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), Path(job.picture))
         facts = [
             f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
             for key, value in made.form.notes.items()
         ]
         say(
-            f"{place}{target}: {len(made.form.vertices)} vertices, {seconds:.2f} s"
+            f"{place}{job.target}: {len(made.form.vertices)} vertices, {seconds:.2f} s"
             + (f", {', '.join(facts)}" if len(jobs) == 1 else "")
         )
     return failures

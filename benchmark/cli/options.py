@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
+    from benchmark.storage.records import Record
     from benchmark.storage.store import Store
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -150,11 +153,11 @@ def name_skipped(*stores: Store) -> None:
             say(line, err=True)
 
 
-def name_unusable() -> None:
-    """Tell on stderr which installed packages bring methods that cannot be used."""
-    from benchmark.methods.registry import unusable
+def name_unusable(kind: str = "methods") -> None:
+    """Tell on stderr which installed packages bring methods, or scorers, that cannot be used."""
+    from benchmark.methods import registry, scorers
 
-    for line in unusable():
+    for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
         say(line, err=True)
 
 
@@ -191,28 +194,63 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
         raise
 
 
-@dataclass(frozen=True)
-class Selection:
-    """Selection by the options of ``run``, ``plan``, ``tables`` and others."""
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options of ``run``, handed on whole to whatever reads one; other verbs take some and leave out the others.
 
-    tables: tuple[str, ...]
-    methods: tuple[str, ...]
-    datasets: tuple[str, ...]
-    inputs: tuple[str, ...]
-    plugins: tuple[Path, ...]
-    results: Path
-    data_root: Path | None
-    seed: int
-    quick: bool
+    An option is a field here and a ``click.option`` at the end of this file; nothing in between names it.
+
+    Parameters
+    ----------
+    tables, methods, datasets, inputs, scorer
+        Names of what is run, as they are written; empty for all.
+    plugins
+        Files with methods, scorers and data sets.
+    results, data_root
+        Folders of the results and of the official data sets.
+    seed
+        Base seed of all methods.
+    quick
+        Whether to leave out poses, and methods that the paper does not have.
+    everything
+        Whether all tables are meant where none is named.
+    published
+        Whether to read published records alone.
+    repeat
+        Jittered preparations of each gallery; None for none.
+    shard
+        Part of the plan; None for all of it.
+    retry
+        Kinds of failure to run again.
+    executor, workers, scheduler
+        See :func:`benchmark.cli.run_plan.make_executor`.
+    timeout
+        Seconds of work after which a job is stopped; None for no limit.
+    """
+
+    tables: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ()
+    datasets: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
     scorer: str = "cm-bof"
-    retry: frozenset[str] = frozenset()
+    plugins: tuple[Path, ...] = ()
+    results: Path = Path("results")
+    data_root: Path | None = None
+    seed: int = 0
+    quick: bool = False
     everything: bool = False
     published: bool = False
     repeat: int | None = None
+    shard: Shard | None = None
+    retry: tuple[str, ...] = ()
+    executor: str = "processes"
+    workers: int | None = None
+    scheduler: str = ""
+    timeout: float | None = None
 
     @classmethod
-    def of(cls, options: dict[str, Any]) -> Selection:
-        """Take what belongs to a selection from the options of a verb."""
+    def of(cls, options: dict[str, Any]) -> RunOptions:
+        """Take what belongs to a run from the options of a verb."""
         return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
 
     @property
@@ -259,7 +297,7 @@ class Selection:
         return tuple(dict.fromkeys([*(name for name in self.methods if name != FINISHED), *found]))
 
     def jobs(self, store: Store) -> list[Job]:
-        """Plan the selection; where neither tables nor data sets are named, the data sets of plugin files are meant."""
+        """Plan the run, or the shard of it; without tables and data sets, those of plugin files are meant."""
         from benchmark.datasets.catalogue import sources
         from benchmark.datasets.own import data_sets_of
         from benchmark.jobs.plan import make_plan, require_jobs
@@ -276,15 +314,25 @@ class Selection:
             for asked in self.inputs:
                 gallery.check_input(asked)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        planned = make_plan(chosen, inputs, specs, store, self.seed, self.retry, self.scorer_spec())
+        planned = make_plan(chosen, inputs, specs, store, self.seed, frozenset(self.retry), self.scorer_spec())
         name_skipped(store)
-        return require_jobs(planned)
+        require_jobs(planned)
+        if self.shard is None:
+            return planned
+        say(self.shard.told(planned))
+        return self.shard.of(planned)
 
     def scorer_spec(self) -> ScorerSpec:
         """The scorer; raises ``ConfigurationError`` if there is none of this name."""
         from benchmark.methods.scorers import scorer_of, scorers
 
         return scorer_of(self.scorer, scorers(self.plugins))
+
+    def allows(self, record: Record) -> bool:
+        """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
+        asked = {*self.datasets, *map(os.path.realpath, self.datasets)}
+        is_of_set = not asked or bool(asked & _names(record["data"]))
+        return is_of_set and (not self.inputs or record["input"] in self.inputs)
 
     def results_of(self, store: Store) -> Results:
         """The records of a store, looked at with the methods and scorers that are known."""
@@ -319,13 +367,11 @@ class Selection:
 
         def is_chosen(result: Result) -> bool:
             record = result.record
-            data = record["data"]
             return (
-                bool(data["quick"]) == self.quick
+                bool(record["data"]["quick"]) == self.quick
                 and (not names or record["method"] in names)
                 and (not finished or record["status"] == "ok")
-                and (not self.inputs or record["input"] in self.inputs)
-                and is_of(data, self.datasets)
+                and self.allows(record)
             )
 
         found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
@@ -347,11 +393,6 @@ class Selection:
                 f"no finished job under {self.results} fits the selection", f"run it first, or {less}"
             )
         return chosen
-
-
-def is_of(data: Mapping[str, str], datasets: tuple[str, ...]) -> bool:
-    """Return whether the data of a record is one of these sets, by name or by path; all are where none is named."""
-    return not datasets or bool({*datasets, *map(os.path.realpath, datasets)} & _names(data))
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
@@ -403,20 +444,7 @@ class ShardOption(click.ParamType["Shard"]):
         return value if isinstance(value, Shard) else Shard.parse(str(value))
 
 
-shard_option = click.option(
-    "--shard", type=ShardOption(), metavar="I/N", help="Part I of N of the jobs; 'merge' joins what all of them leave."
-)
-
-
-repeat_option = click.option(
-    "--repeat",
-    type=click.IntRange(min=2),
-    metavar="N",
-    help="Prepare each gallery N more times, its vertices jittered, and tell the spread.",
-)
-
-
-def timeout_option(what: str, default: str = PATIENCE) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def timeout_option(what: str, default: str = PATIENCE) -> Decorator:
     """Make the option that limits how long foreign code may take for something."""
     return click.option(
         "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
@@ -424,36 +452,52 @@ def timeout_option(what: str, default: str = PATIENCE) -> Callable[[Callable[...
     )  # fmt: skip
 
 
-def selection_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of a :class:`Selection` to a verb."""
-    options = [
-        click.option(
-            "-t",
-            "--table",
-            "tables",
-            multiple=True,
-            metavar="TABLE",
-            help="Table of the paper: I, II, III, IV.",
-            shell_complete=completion.tables,
-        ),
-        click.option(
-            "-m",
-            "--method",
-            "methods",
-            shell_complete=completion.methods,
-            multiple=True,
-            metavar="METHOD",
-            help="See 'list methods'; or all, or finished.",
-        ),
-        datasets_option,
-        scorer_option,
-        inputs_option,
-        plugin_option,
-        results_option,
-        data_root_option,
-        click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
-        click.option("--quick", is_flag=True, help="Fewer poses of each subject, the methods of the paper."),
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
+def _together(*options: Decorator) -> Decorator:
+    """Return the decorator that adds all these options to a verb, in the order of its ``--help``."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+# fmt: off
+selection_options = _together(
+    click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", shell_complete=completion.tables,
+                 help="Table of the paper: I, II, III, IV."),
+    click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", shell_complete=completion.methods,
+                 help="See 'list methods'; or all, or finished."),
+    datasets_option,
+    scorer_option,
+    inputs_option,
+    plugin_option,
+    results_option,
+    data_root_option,
+    click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
+    click.option("--quick", is_flag=True, help="Fewer poses of each subject, the methods of the paper."),
+)
+
+plan_options = _together(
+    click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs; 'plan' does so by itself."),
+    selection_options,
+    click.option("--repeat", type=click.IntRange(min=2), metavar="N",
+                 help="Prepare each gallery N more times, its vertices jittered, and tell the spread."),
+    click.option("--shard", type=ShardOption(), metavar="I/N",
+                 help="Part I of N of the jobs; 'merge' joins what all of them leave."),
+)
+
+run_options = _together(
+    plan_options,
+    click.option("-j", "--jobs", "workers", type=click.IntRange(min=1), metavar="N",
+                 help="Jobs at a time; all cores by default."),
+    click.option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes",
+                 show_default=True),
+    click.option("--scheduler", default="", metavar="URL",
+                 help="Scheduler of a dask cluster, such as tcp://HOST:8786."),
+    timeout_option("one job", "2h"),
+    click.option("--retry", multiple=True, help="Run failures of this kind again.",
+                 type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"])),
+)
+# fmt: on

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.cli.options import Selection
+from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import say
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FIGURES = ("forms", "effect", "cost")
 
 
-def write_pages(selection: Selection, output: Path, *, force: bool = False) -> None:
+def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> None:
     """Write the static report of a selection; with force, over what is of no report, too."""
     from benchmark.methods.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
@@ -41,7 +41,7 @@ def write_pages(selection: Selection, output: Path, *, force: bool = False) -> N
 
 
 def write_figure(
-    selection: Selection, path: Path, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
+    selection: RunOptions, path: Path, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
 ) -> None:
     """Draw one figure of a selection; the forms that it lacks are made in a process of their own."""
     from benchmark.report.pictures.forms import ENDINGS, effect_figure, forms_figure, save
@@ -70,7 +70,7 @@ def write_figure(
     say(f"wrote {path}")
 
 
-def _cost_figure(selection: Selection) -> Figure:
+def _cost_figure(selection: RunOptions) -> Figure:
     from benchmark.report.content import contents
     from benchmark.report.pictures.cost import cost_figure
 
@@ -81,7 +81,7 @@ def _cost_figure(selection: Selection) -> Figure:
     return cost_figure(tables[0])
 
 
-def no_table(selection: Selection) -> ConfigurationError:
+def no_table(selection: RunOptions) -> ConfigurationError:
     """Return what is said where no finished job belongs to a table."""
     return ConfigurationError(
         f"no finished job under {selection.results} belongs to table {', '.join(selection.tables) or 'of any name'}",

@@ -3,47 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from benchmark.depth.frame import FrameFiles
-from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.cli.depth_forms import FrameOptions
+from benchmark.cli.options import RunOptions
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.retrieval import Found, GallerySearch, input_for
 
 
-@dataclass(frozen=True)
-class Search:
-    """A question in plain values; see :mod:`benchmark.cli.verbs.retrieve`."""
+def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, options: RunOptions) -> list[str]:
+    """Return the lines that tell what was found.
 
-    method: str
-    source: str
-    query: str
-    k: int
-    picture: str
-    intrinsics: str
-    mask: str
-    depth_scale: float | None
-    scorer: str
-    plugins: Sequence[str]
-    results: str
-    data_root: str
-    seed: int
-
-    def plain(self) -> dict[str, Any]:
-        """Return the values by name."""
-        return asdict(self)
-
-    def frame(self, image: Path) -> FrameFiles:
-        """Return the files of the query, where it is a depth image."""
-        camera = intrinsics_of(self.intrinsics) if self.intrinsics else None
-        return FrameFiles(image, camera, Path(self.mask) if self.mask else None, self.depth_scale)
-
-
-def retrieved(values: dict[str, Any]) -> list[str]:
-    """Return the lines that tell what was found; a picture is written where one is asked for.
+    Parameters
+    ----------
+    query
+        A depth image or a mesh.
+    k
+        Shapes that are shown.
+    picture
+        File of their picture; None for none.
+    frame
+        What is said of a depth image.
+    options
+        One method, one data set that was run, and how.
 
     Raises
     ------
@@ -54,26 +36,24 @@ def retrieved(values: dict[str, Any]) -> list[str]:
     """
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.methods.registry import methods, variant
-    from benchmark.methods.scorers import scorer_of, scorers
     from benchmark.protocols.galleries import Gallery
     from benchmark.protocols.models import find_models
     from benchmark.report.content import own_table
     from benchmark.storage.store import Store
 
-    asked = Search(**values)
     begun = time.perf_counter()
-    plugins, root = [Path(path) for path in asked.plugins], Path(asked.data_root) if asked.data_root else None
-    spec, query = variant(asked.method, methods(plugins)), Path(asked.query)
-    dataset, store = open_dataset(asked.source, root), Store.open(Path(asked.results))
-    gallery = Gallery(own_table(dataset.name), asked.source, dataset, dataset.entries, data_root=root)
+    (name,), (source,) = options.methods, options.datasets
+    spec, dataset = variant(name, methods(options.plugins)), open_dataset(source, options.data_root)
+    store = Store.open(options.results)
+    gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
-    input_, scorer = input_for(query, dataset, spec), scorer_of(asked.scorer, scorers(plugins))
-    search = GallerySearch(dataset, input_, spec, scorer, store, models, asked.seed, asked.source)
-    found = search.search(query, asked.frame)
+    input_, scorer = input_for(query, dataset, spec), options.scorer_spec()
+    search = GallerySearch(dataset, input_, spec, scorer, store, models, options.seed, source)
+    found = search.search(query, frame.files)
     seconds = time.perf_counter() - begun
-    if asked.picture:
-        _draw(search, found, query, asked.k, Path(asked.picture))
-    return [*_table(found, asked.k), _summary(found, seconds)]
+    if picture:
+        _draw(search, found, query, k, picture)
+    return [*_table(found, k), _summary(found, seconds)]
 
 
 def _table(found: Found, k: int) -> list[str]:

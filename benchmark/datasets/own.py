@@ -19,7 +19,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
 from benchmark.system.messages import Arrays
 from benchmark.system.names import LONGEST_NAME, is_name
-from benchmark.system.plugins import import_plugin, is_closed
+from benchmark.system.plugins import classes_of, import_plugin, is_closed
 from benchmark.system.services import Ask, Service
 from benchmark.system.text import clean
 
@@ -237,11 +237,7 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for path in paths:
-        module = import_plugin(str(path.resolve()))
-        for attribute, value in vars(module).items():
-            info = getattr(value, "info", None)
-            if not (isinstance(value, type) and value.__module__ == module.__name__ and isinstance(info, DatasetInfo)):
-                continue
+        for attribute, info in classes_of(path, DatasetInfo):
             for problem, hint in _problems_of_info(info):
                 raise DatasetError(f"plugin {path}, {attribute}: {problem}", hint)
             if info.name in found:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
 from benchmark.jobs.foreign.shuffling import shuffled
-from benchmark.jobs.foreign.specs import kept_apart, scorer_kept_apart
+from benchmark.jobs.foreign.specs import kept_apart
 from benchmark.jobs.plan import Job
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
@@ -100,7 +100,7 @@ class JobSpec:
             recipe=plain(job.recipe),
             all_unseen=job.gallery.table.all_unseen,
             split_size=job.gallery.table.split_size,
-            scorer=scorer_kept_apart(job.scorer),
+            scorer=kept_apart(job.scorer),
             ranks_again=job.ranks_again,
         )
 

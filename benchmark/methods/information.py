@@ -13,8 +13,12 @@ from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
 _MOST_DRAWS = 100
 
 
-def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
-    """Return what is wrong with the information of a method: each problem with its hint."""
+def problems_of(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str]]:
+    """Return what is wrong with what a method, or a scorer, says about itself: each problem with its hint."""
+    yield from (_problems_of_method(info) if isinstance(info, MethodInfo) else _problems_of_scorer(info))
+
+
+def _problems_of_method(info: MethodInfo) -> Iterator[tuple[str, str]]:
     if isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
     yield from _problems_of_texts(info)
@@ -29,8 +33,7 @@ def problems_of(info: MethodInfo) -> Iterator[tuple[str, str]]:
         yield f"deterministic is {deterministic!r}", "write True or False"
 
 
-def problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
-    """Return what is wrong with the information of a scorer: each problem with its hint."""
+def _problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
     yield from _problems_of_texts(info)
     draws: Any = info.draws
     if type(draws) is not int or not 1 <= draws <= _MOST_DRAWS:

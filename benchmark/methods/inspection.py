@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+from benchmark.api.contracts import MethodInfo
 from benchmark.api.learning import Split
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.methods.information import problems_of
-from benchmark.methods.scorers import ScorerSpec, plugin_scorers
-from benchmark.methods.specs import MethodSpec, plugin_methods
+from benchmark.methods.specs import MethodSpec, PluginSpec, S, ScorerSpec, plugin_methods, plugins_of
 from benchmark.storage import keys
-from benchmark.system.calls import BrokenCall, KilledCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, KilledCall, call_apart
 from benchmark.system.plugins import is_imported, require_file
 
 __all__ = ["LIMIT", "inspect", "inspect_package"]
@@ -60,23 +60,25 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
             continue
         require_file(found)
         hint = "correct the file: importing it and making its methods must end at once"
-        _look(describe, found, made, what=f"plugin {path}", hint=hint)
+        _look(describe, found, made, guard=Guard(f"plugin {path}", hint, LIMIT, quiet=True))
 
 
-def inspect_package(package: str, targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
-    """Find out which methods of an installed package cannot be imported, made or described.
+def inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
+    """Find out which plugins of an installed package cannot be imported, made or described.
 
     Parameters
     ----------
     package
         Its name.
+    kind
+        Methods or scorers.
     targets
-        Where each method is defined, ``"module:attribute"``, by the name of the method.
+        Where each is defined, ``"module:attribute"``, by its name.
 
     Returns
     -------
     dict
-        What is wrong with each method that cannot be used, by its name.
+        What is wrong with each that cannot be used, by its name.
 
     Raises
     ------
@@ -85,18 +87,20 @@ def inspect_package(package: str, targets: Mapping[str, str]) -> dict[str, Bench
     """
     if not targets:
         return {}
-    hint = "correct the package, or uninstall it: importing it and making its methods must end at once"
-    found = _look(faults_in_package, package, dict(targets), what=f"package {package}", hint=hint)
+    hint = f"correct the package, or uninstall it: importing it and making its {kind.kind}s must end at once"
+    found = _look(
+        faults_in_package, package, kind, dict(targets), guard=Guard(f"package {package}", hint, LIMIT, quiet=True)
+    )
     return {name: ConfigurationError(problem, hint) for name, (problem, hint) in found.items()}
 
 
-def _look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
+def _look(function: Callable[..., Any], *arguments: Any, guard: Guard) -> Any:
     """Call a function apart, again if somebody else may have ended its process."""
     retries = _MAX_RETRIES
     while True:
         retries -= 1
         try:
-            return call_apart(function, *arguments, what=what, hint=hint, limit=LIMIT, quiet=True)
+            return call_apart(function, *arguments, guard=guard)
         except BrokenCall as error:
             if not (retries and isinstance(error, KilledCall)):
                 raise ConfigurationError(error.problem, error.hint) from error
@@ -124,13 +128,13 @@ def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
     for source in data_sets.values() if made else ():
         found = open_own(source)
         facts.append({"name": found.name, "title": found.title, "shapes": len(found.entries)})
-    facts += [_described_scorer(spec) for spec in plugin_scorers(Path(path))] if made else []
+    facts += [_described(spec) for spec in plugins_of(ScorerSpec, Path(path))] if made else []
     _require_unchanged(before, streams, f"plugin {path}")
     return facts
 
 
-def faults_in_package(package: str, targets: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Problem and hint of each method of an installed package that cannot be used; the package is imported here.
+def faults_in_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Problem and hint of each plugin of an installed package that cannot be used; the package is imported here.
 
     Raises
     ------
@@ -140,7 +144,7 @@ def faults_in_package(package: str, targets: Mapping[str, str]) -> dict[str, tup
     before, streams = _relied_on(), _streams()
     found: dict[str, tuple[str, str]] = {}
     for name, target in targets.items():
-        spec = MethodSpec(name, target)
+        spec = kind(name, target)
         try:
             for problem, hint in problems_of(spec.info):
                 raise ConfigurationError(problem, hint)
@@ -188,30 +192,20 @@ def _relied_on() -> dict[tuple[str, str], Any]:
     }
 
 
-def _described_scorer(spec: ScorerSpec) -> dict[str, Any]:
-    facts = {"name": spec.name, "title": spec.info.title, "parameters": {}}
-    if not spec.missing_packages():
-        facts["parameters"] = _plain_parameters(spec)
-    return facts
-
-
-def _plain_parameters(spec: MethodSpec | ScorerSpec) -> Any:
+def _described(spec: PluginSpec[Any, Any]) -> dict[str, Any]:
+    info = spec.info
+    inputs = {"inputs": list(info.inputs)} if isinstance(info, MethodInfo) else {}
+    facts = {"name": info.name, "title": info.title, **inputs, "parameters": {}}
+    if spec.missing_packages():
+        return facts  # it is unavailable, and need not be made
     try:
-        return keys.plain(spec.resolved_parameters())
+        facts["parameters"] = keys.plain(spec.resolved_parameters())
     except (TypeError, ValueError) as error:
         raise ConfigurationError(
             f"parameters of {spec.module}, {spec.name} do not fit into JSON ({error})",
             "use numbers, strings and tuples of them",
         ) from error
-
-
-def _described(spec: MethodSpec) -> dict[str, Any]:
-    info = spec.info
-    facts = {"name": info.name, "title": info.title, "inputs": list(info.inputs), "parameters": {}}
-    if spec.missing_packages():
-        return facts  # it is unavailable, and need not be made
-    facts["parameters"] = _plain_parameters(spec)
-    if spec.learns:
+    if isinstance(spec, MethodSpec) and spec.learns:
         learner: Any = spec.create()
         if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):
             raise ConfigurationError(

@@ -11,10 +11,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods.installed import installed
-from benchmark.methods.specs import MethodSpec, plugin_methods
+from benchmark.methods.installed import KnownPlugins, installed
+from benchmark.methods.specs import MethodSpec, S, plugin_methods
 from benchmark.parameters.grid import combinations, split_name
-from benchmark.system.plugins import unknown
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
@@ -71,17 +70,12 @@ def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
     ConfigurationError
         If two methods have one name, or a plugin file cannot be used.
     """
-    found = {name: MethodSpec(name, target) for name, target in BUILT_IN.items()}
-    found |= {spec.name: spec for spec in installed(frozenset(BUILT_IN)).specs}
-    for path in plugins:
-        for spec in plugin_methods(path):
-            _add(found, spec)
-    return found
+    return KnownPlugins(MethodSpec, BUILT_IN, (spec for path in plugins for spec in plugin_methods(path)))
 
 
 def unusable() -> tuple[str, ...]:
     """One line for each installed package with methods that cannot be used, and are left out of :func:`methods`."""
-    return installed(frozenset(BUILT_IN)).news
+    return installed(MethodSpec, frozenset(BUILT_IN)).news
 
 
 def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Iterable[Path] = ()) -> list[MethodSpec]:
@@ -123,8 +117,8 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     return chosen
 
 
-def variants(name: str, known: Mapping[str, MethodSpec]) -> list[MethodSpec]:
-    """Return the methods that a name with parameters in brackets stands for, one for each choice of their values.
+def variants(name: str, known: Mapping[str, S]) -> list[S]:
+    """Return the methods, or scorers, that a name with parameters stands for, one for each choice of their values.
 
     See :func:`benchmark.parameters.grid.combinations` for how several values are written. Two choices that make one
     method count once.
@@ -135,14 +129,12 @@ def variants(name: str, known: Mapping[str, MethodSpec]) -> list[MethodSpec]:
         If the name or a parameter is unknown, or a value does not fit.
     """
     base, inside = split_name(name) or (name, "")
-    if base not in known:
-        raise installed(frozenset(BUILT_IN)).faults.get(base) or unknown("method", base, known)
     made = (_with(known[base], given) for given in combinations(inside))
     return list({spec.name: spec for spec in made}.values())
 
 
-def variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
-    """Return the one method that a name with parameters in brackets stands for.
+def variant(name: str, known: Mapping[str, S]) -> S:
+    """Return the one method, or scorer, that a name with parameters in brackets stands for.
 
     Raises
     ------
@@ -151,22 +143,14 @@ def variant(name: str, known: Mapping[str, MethodSpec]) -> MethodSpec:
     """
     found = variants(name, known)
     if len(found) > 1:
-        raise ConfigurationError(f"'{name}' stands for {len(found)} methods", f"name one: {found[0].name}")
+        raise ConfigurationError(f"'{name}' stands for {len(found)} {found[0].kind}s", f"name one: {found[0].name}")
     return found[0]
 
 
-def _with(spec: MethodSpec, given: Mapping[str, str]) -> MethodSpec:
+def _with(spec: S, given: Mapping[str, str]) -> S:
     if not given:
         return spec
     made = spec.with_parameters(given)
     if not made.missing_packages():
         made.create()  # a class may refuse parameters by a rule of its own, and had better do so now
     return made
-
-
-def _add(found: dict[str, MethodSpec], spec: MethodSpec) -> None:
-    if spec.name in found:
-        raise ConfigurationError(
-            f"two methods are called '{spec.name}': {found[spec.name].target} and {spec.target}", "rename one"
-        )
-    found[spec.name] = spec

@@ -1,32 +1,37 @@
-"""A method with its parameters, as it travels between processes: where it is defined, and how it is made."""
+"""Plugins by name, as they travel between processes: where a method or a scorer is defined, and how it is made."""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import importlib.util
 import inspect
+import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, Generic, Self, TypeVar, cast
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo
-from benchmark.api.scoring import ScorerInfo
+from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.methods.information import problems_of
-from benchmark.methods.loading import classes_of, is_foreign, load_class, make, module_of
 from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
-from benchmark.system import fingerprints
-from benchmark.system.plugins import import_plugin
+from benchmark.storage.records import DEFAULT_SCORER
+from benchmark.system import fingerprints, process_reaper
+from benchmark.system.forks import one_of_us
+from benchmark.system.plugins import classes_of, import_plugin, require_open_process
 
-_HINT = "see 'Add a method' in the README"
+Info = TypeVar("Info", MethodInfo, ScorerInfo)
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class MethodSpec:
-    """A method by name, with everything needed to make it again in another process.
+class PluginSpec(Generic[Info, Made]):
+    """A method or a scorer by name, with everything needed to make it again in another process.
 
     Parameters
     ----------
@@ -36,15 +41,24 @@ class MethodSpec:
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
         Parameters as text or as they are; those that differ from their defaults are kept, normalised and in the order
-        of the fields, so that two ways to write one method make equal objects.
+        of the fields, so that two ways to write one plugin make equal objects.
     named
-        Whether somebody asked for this method, by its name or by passing its file.
+        Whether somebody asked for it, by its name or by passing its file.
 
     Raises
     ------
     ConfigurationError
         If there is no such parameter, or a value does not fit.
     """
+
+    #: What messages call it; the group of its entry points in installed packages is ``canonical_forms.KINDs``.
+    kind: ClassVar[str]
+    #: Type of what it says about itself.
+    info_type: ClassVar[type[Any]]
+    #: Protocols of which what is made keeps one, what it lacks otherwise, and where to read of it.
+    contracts: ClassVar[tuple[type[Any], ...]]
+    lacking: ClassVar[str]
+    hint: ClassVar[str]
 
     base_name: str
     target: str
@@ -60,6 +74,11 @@ class MethodSpec:
         """Name on the command line, in its one spelling."""
         return f"{self.base_name}[{self._chosen(',')}]" if self.parameters else self.base_name
 
+    @property
+    def title(self) -> str:
+        """Name in the tables, with the parameters that differ from their defaults."""
+        return f"{self.info.title} ({self._chosen(', ')})" if self.parameters else self.info.title
+
     def _chosen(self, separator: str) -> str:
         """Parameters as they are written on the command line; a text that would be read as another one is quoted."""
         texts = {
@@ -71,55 +90,101 @@ class MethodSpec:
     @property
     def module(self) -> str:
         """Module name or plugin path."""
-        return module_of(self.target)
+        return self.target.rpartition(":")[0]
 
     @property
     def is_foreign(self) -> bool:
-        """Return whether the method comes from a plugin file or an installed package."""
-        return is_foreign(self.module)
+        """Return whether it comes from a plugin file or an installed package."""
+        return self.module.partition(".")[0] not in fingerprints.FIRST_PARTY
+
+    @property
+    def info(self) -> Info:
+        """Return what it says about itself."""
+        return cast(Info, self.load().info)
+
+    def load(self) -> type[Any]:
+        """Import and return the class; what its module prints goes to stderr.
+
+        Raises
+        ------
+        ConfigurationError
+            If it cannot be imported, or does not say what it is.
+        """
+        place, attribute = self.module, self.target.rpartition(":")[2]
+        if self.is_foreign:
+            require_open_process(place)
+            process_reaper.adopt()
+        try:
+            with one_of_us(), redirect_stdout(sys.stderr):
+                module = import_plugin(place) if place.endswith(".py") else importlib.import_module(place)
+                found = getattr(module, attribute)
+        except ImportError as error:
+            raise ConfigurationError(
+                f"{self.kind} '{self.base_name}' cannot be imported: {error}", f"install what {place} needs"
+            ) from error
+        except AttributeError as error:
+            raise ConfigurationError(f"{place} has no '{attribute}'", "correct the entry point") from error
+        except BenchmarkError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise ConfigurationError(
+                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"hint {place}"
+            ) from error
+        if not isinstance(getattr(found, "info", None), self.info_type):
+            raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
+        return cast(type[Any], found)
+
+    def create(self) -> Made:
+        """Make it with its parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            If the class refuses them, or what it makes keeps no contract.
+        """
+        found = self.load()
+        try:
+            with one_of_us():
+                created = found(**self.parameters)
+        except BenchmarkError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise ConfigurationError(
+                f"{self.name} cannot be made: {one_line(error)}",
+                "choose other parameters" if self.parameters else "give every parameter a default that fits",
+            ) from error
+        if not isinstance(created, self.contracts):
+            raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)
+        return cast(Made, created)
+
+    def resolved_parameters(self) -> dict[str, Any]:
+        """All parameters, defaults included, normalised."""
+        return parameter_values(self.create())
+
+    def missing_packages(self) -> tuple[str, ...]:
+        """Packages that it declares and that are not installed."""
+        return tuple(name for name in self.info.requires if importlib.util.find_spec(name) is None)
+
+    def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
+        """Return the same with further parameters, as text or as they are."""
+        return dataclasses.replace(self, parameters={**self.parameters, **parameters})
+
+
+@dataclass(frozen=True)
+class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
+    """A method, a descriptor or a learner by name."""
+
+    kind = "method"
+    info_type = MethodInfo
+    contracts = (Method, Descriptor)
+    lacking = "has neither 'canonicalise' nor 'describe' and 'distances'"
+    hint = "see 'Add a method' in the README"
 
     @property
     def inherited(self) -> tuple[str, ...]:
         """Modules of the suite that its class, made by a decorator or inherited from elsewhere, brings along."""
         modules = dict.fromkeys(base.__module__ for base in inspect.getmro(self.load())[1:])
         return tuple(name for name in modules if name.partition(".")[0] in fingerprints.FIRST_PARTY)
-
-    def load(self) -> type[Any]:
-        """Import and return the class.
-
-        Raises
-        ------
-        ConfigurationError
-            If it cannot be imported or is not a method.
-        """
-        return load_class("method", self.base_name, self.target, MethodInfo, _HINT)
-
-    def create(self) -> Method | Descriptor:
-        """Make the method with its parameters.
-
-        Raises
-        ------
-        ConfigurationError
-            If the class refuses them, or what it makes is no method.
-        """
-        created = make(self.load(), self.name, self.parameters)
-        if not isinstance(created, (Method, Descriptor)):
-            raise ConfigurationError(f"{self.target} has neither 'canonicalise' nor 'describe' and 'distances'", _HINT)
-        return created
-
-    @property
-    def info(self) -> MethodInfo:
-        """Return what the method says about itself."""
-        return cast(MethodInfo, self.load().info)
-
-    @property
-    def title(self) -> str:
-        """Name in the tables, with the parameters that differ from their defaults."""
-        return f"{self.info.title} ({self._chosen(', ')})" if self.parameters else self.info.title
-
-    def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included, normalised."""
-        return parameter_values(self.create())
 
     @property
     def learns(self) -> bool:
@@ -133,10 +198,6 @@ class MethodSpec:
         found = self.load()
         return not hasattr(found, "canonicalise") and hasattr(found, "describe")
 
-    def with_parameters(self, parameters: Mapping[str, Any]) -> MethodSpec:
-        """Return the method with further parameters, as text or as they are."""
-        return dataclasses.replace(self, parameters={**self.parameters, **parameters})
-
     def with_parameter(self, name: str, value: Any) -> MethodSpec:
         """Return the method with one more parameter."""
         return self.with_parameters({name: value})
@@ -146,25 +207,60 @@ class MethodSpec:
         others = {key: value for key, value in self.parameters.items() if key != name}
         return dataclasses.replace(self, parameters=others)
 
-    def missing_packages(self) -> tuple[str, ...]:
-        """Packages that the method declares and that are not installed."""
-        return tuple(name for name in self.info.requires if importlib.util.find_spec(name) is None)
+
+@dataclass(frozen=True)
+class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
+    """A scorer by name; without any, that of the tables of the paper."""
+
+    kind = "scorer"
+    info_type = ScorerInfo
+    contracts = (Scorer,)
+    lacking = "lacks 'signature' or 'compare'"
+    hint = "see 'A scorer' in docs/reference/plugins.md"
+
+    base_name: str = DEFAULT_SCORER
+    target: str = "retrieval.cmbof:CMBOF"
+
+    def create(self) -> Scorer:
+        """Make it with its parameters; raises ``ConfigurationError`` also if a package is missing."""
+        if missing := self.missing_packages():
+            raise ConfigurationError(
+                f"scorer '{self.base_name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}"
+            )
+        return super().create()
 
 
-def plugin_methods(path: Path) -> list[MethodSpec]:
-    """Methods defined in a plugin file, in the order of the file; none where it brings something else.
+S = TypeVar("S", bound=PluginSpec[Any, Any])
+
+
+def plugins_of(kind: type[S], path: Path) -> list[S]:
+    """Plugins of a kind that a file defines, in the order of the file.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be imported, defines nothing, or a method says of itself what cannot be.
+        If the file cannot be imported, or one says of itself what cannot be.
     """
-    module = import_plugin(str(path.resolve()))
-    specs = [MethodSpec(name, target) for name, target in classes_of(path, MethodInfo, problems_of)]
-    has_scorers = any(isinstance(getattr(value, "info", None), ScorerInfo) for value in vars(module).values())
-    if not (specs or has_scorers or data_sets_of([path])):
+    found = []
+    for attribute, info in classes_of(path, kind.info_type):
+        for problem, hint in problems_of(info):
+            raise ConfigurationError(f"plugin {path}, {attribute}: {problem}", hint)
+        found.append(kind(info.name, f"{path.resolve()}:{attribute}"))
+    return found
+
+
+def plugin_methods(path: Path) -> list[MethodSpec]:
+    """Methods defined in a plugin file; none where it brings something else.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be imported, defines nothing, or a plugin says of itself what cannot be.
+    """
+    found = plugins_of(MethodSpec, path)
+    if not found and not plugins_of(ScorerSpec, path) and not data_sets_of([path]):
         raise ConfigurationError(
             f"plugin {path} defines no method, no scorer and no data set",
             "give a class an 'info' that is a MethodInfo, a ScorerInfo or a DatasetInfo, or use @canonical_form",
         )
-    return specs
+    return found

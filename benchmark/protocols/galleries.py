@@ -9,13 +9,21 @@ from pathlib import Path
 from benchmark.api.contracts import Input
 from benchmark.api.learning import Learner, find_model
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
-from benchmark.datasets.catalogue import CATALOGUE, check_ranked, is_known, is_path, is_present, open_dataset
+from benchmark.datasets.catalogue import (
+    CATALOGUE,
+    FRAME_SETS,
+    check_ranked,
+    is_known,
+    is_path,
+    is_present,
+    open_dataset,
+    table_name,
+)
 from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
 from benchmark.datasets.parts import Part, thinned
-from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.methods.registry import MethodSpec
-from benchmark.protocols.perturbed import conditions, inputs_of, own_table_name
 from benchmark.protocols.rows import (
     FURTHER_TRAININGS,
     ONLY_ABLATED,
@@ -86,7 +94,7 @@ class Gallery:
         Depth images are no complete surfaces.
         """
         offered = getattr(self.dataset, "inputs", self.table.inputs)
-        return inputs_of(clean_name(self.dataset.name), tuple(each for each in self.table.inputs if each in offered))
+        return _inputs_of(clean_name(self.dataset.name), tuple(each for each in self.table.inputs if each in offered))
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
@@ -228,7 +236,7 @@ def galleries(
             raise ConfigurationError(
                 f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
             )
-    chosen = [(table, each) for table, name in chosen for each in (conditions(name) if table.robustness else [name])]
+    chosen = [(table, each) for table, name in chosen for each in (_conditions(name) if table.robustness else [name])]
     found: list[Gallery] = []
     for table, name in chosen:
         try:
@@ -270,7 +278,7 @@ def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
         return [table for table in made if name in table.datasets]
-    own_name = own_table_name(name)
+    own_name = _own_table_name(name)
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
     return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
@@ -291,3 +299,24 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
         return [gallery(table.subjects, table.parts[0])]
     folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
     return folds[:1] if quick else folds
+
+
+def _conditions(name: str) -> list[str]:
+    """A clean set, and the same set under each perturbation at each strength, by name or path."""
+    fitting = [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
+    return [name, *(perturbed_name(name, each, strength) for each in fitting for strength in STRENGTHS)]
+
+
+def _inputs_of(dataset: str, inputs: tuple[Input, ...]) -> tuple[Input, ...]:
+    """Inputs under which a data set is ranked: those of its table that its perturbation is made for."""
+    found = parsed(dataset)
+    return tuple(input_ for input_ in inputs if not found or input_ in PERTURBATIONS[found[1]].inputs)
+
+
+def _own_table_name(name: str) -> str:
+    """Name of the table of a set that no other table uses: that of the set, also where it is given by a path."""
+    if found := parsed(name):
+        return perturbed_name(_own_table_name(found[0]), *found[1:])
+    if is_known(name) and name not in CATALOGUE:
+        return open_dataset(name, None).name
+    return table_name(name)

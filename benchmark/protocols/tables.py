@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from benchmark.api.contracts import Input
+from benchmark.api.learning import Learner
+from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official.sets import EXTENDED
-from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
+from benchmark.errors import did_you_mean
+from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
+from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
@@ -170,3 +175,31 @@ TABLES: tuple[Table, ...] = (
         robustness=True,
     ),
 )
+
+
+def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> dict[str, Training]:
+    """Trainings by name that give a learner its models for a table of the paper.
+
+    Parameters
+    ----------
+    learner, data_root
+        See :func:`benchmark.protocols.trainings.trainings_on`.
+    numeral
+        Of the table; of no account for a learner whose split is not that of the table.
+
+    Raises
+    ------
+    ConfigurationError
+        If the training or the table is unknown.
+    """
+    if only := only_training(learner):
+        return {only.name: only}
+    if numeral not in paper.NUMERALS:
+        raise did_you_mean("table", numeral, paper.NUMERALS)
+    wanted = "I" if learner.split == "strict" else numeral
+    table = next(table for table in TABLES if table.identifier == wanted)
+    # A set that no model is trained on takes the models of another set, which has its own stand-in.
+    is_trained_on = any(training.dataset == table.dataset for training in TRAININGS.values())
+    use_stand_in = is_trained_on and not is_present(table.dataset, data_root)
+    found = trainings_on(learner, table.stand_in if use_stand_in else table.dataset, data_root)
+    return {training.name: training for training in found}

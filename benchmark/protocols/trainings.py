@@ -17,7 +17,6 @@ __all__ = [
     "ANIMAL_POSES",
     "COUNTED",
     "HELD_OUT",
-    "NUMERALS",
     "POSE_FOLDS",
     "SAMPLED",
     "SAMPLED_BODIES",
@@ -29,9 +28,10 @@ __all__ = [
     "Training",
     "find_training",
     "fold_name",
+    "only_training",
     "subject_fold",
     "trainings_by_shape",
-    "trainings_of",
+    "trainings_on",
     "with_validation",
 ]
 
@@ -63,10 +63,6 @@ class Training:
     dataset: str
     trained: Part
     tested: Part
-
-
-#: Tables of the paper.
-NUMERALS = ("I", "II", "III", "IV")
 
 
 def subject_fold(place: int) -> int:
@@ -243,54 +239,18 @@ def with_validation(training: Training, n_subjects: int) -> Training:
     )
 
 
-def trainings_of(learner: Learner, table: str, data_root: Path | None) -> dict[str, Training]:
-    """Trainings by name that give a learner its models for a table of the paper.
+def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
+    """Trainings that give a learner its models for a data set: one for each fold of it, or one for all its shapes.
+
+    People of a set without folds are strangers to the folds of the synthetic humans alike, so the first one's model
+    treats them: scans of people get that of the set that is present, a folder of one's own that of the generated one.
 
     Parameters
     ----------
     learner
         The method; its parameter ``training``, where it has one and it is set, names the only training.
-    table
-        Numeral of the table; of no account for a learner whose split is not that of the table.
-    data_root
-        The folder that holds the official sets.
-
-    Raises
-    ------
-    ConfigurationError
-        If the training or the table is unknown.
-    """
-    if always := _for_every_table(learner):
-        return {always.name: always}
-    synthetic = _present("shrec14-synthetic", "humans", data_root)
-    if table not in NUMERALS:
-        raise did_you_mean("table", table, NUMERALS)
-    if learner.split == "strict":
-        names = _strict_names(synthetic)
-    elif table == "III":
-        names = [f"{_present('tosca', 'animals', data_root)}-{TABLE_III}"]
-    elif table == "II":
-        names = [fold_name(synthetic, 0)]
-    else:
-        names = _fold_names(synthetic)
-    return {name: TRAININGS[name] for name in names}
-
-
-def trainings_by_shape(
-    learner: Learner, dataset: Dataset, entries: Iterable[Entry], data_root: Path | None
-) -> dict[str, Training]:
-    """Training whose model treats each shape, by identifier.
-
-    A shape of the synthetic humans gets the model of its fold, which has not seen its subject. People of any other set
-    are strangers to all folds alike, so the first one's model treats them: scans of people get that of the set that is
-    present, a folder of one's own that of the generated one.
-
-    Parameters
-    ----------
-    learner
-        The method; its parameter ``training``, where it has one and it is set, overrides the protocol.
-    dataset, entries
-        The shapes.
+    dataset
+        Name of the set.
     data_root
         The folder that holds the official sets.
 
@@ -301,32 +261,42 @@ def trainings_by_shape(
     ConfigurationError
         If the training is unknown.
     """
-    entries = list(entries)
-    if always := _for_every_table(learner):
-        return dict.fromkeys((entry.identifier for entry in entries), always)
-    trained_on = SAME_SUBJECTS.get(dataset.name, dataset.name)
+    if only := only_training(learner):
+        return [only]
+    trained_on = SAME_SUBJECTS.get(dataset, dataset)
     names = _strict_names(trained_on) if learner.split == "strict" else _fold_names(trained_on)
-    folds = [TRAININGS[name] for name in names if name in TRAININGS]
-    if folds:
-        of_shape = {entry.identifier: training for training in folds for entry in training.tested.of(dataset)}
-        return {entry.identifier: of_shape[entry.identifier] for entry in entries}
+    if names[0] in TRAININGS:
+        return [TRAININGS[name] for name in names]
     if learner.split == "strict":
-        raise NoFolds(f"the set '{dataset.name}' has no folds of subjects and poses", "use the synthetic humans")
-    return dict.fromkeys((entry.identifier for entry in entries), _without_folds(dataset.name, data_root))
-
-
-def _without_folds(dataset: str, data_root: Path | None) -> Training:
+        raise NoFolds(f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans")
     if dataset in ("tosca", "animals"):
-        return TRAININGS[f"{dataset}-{TABLE_III}"]
-    synthetic = _present("shrec14-synthetic", "humans", data_root) if dataset == "shrec14-real" else "humans"
-    return TRAININGS[fold_name(synthetic, 0)]
+        return [TRAININGS[f"{dataset}-{TABLE_III}"]]
+    is_official = dataset == "shrec14-real" and is_present("shrec14-synthetic", data_root)
+    return [TRAININGS[fold_name("shrec14-synthetic" if is_official else "humans", 0)]]
 
 
-def _for_every_table(learner: Learner) -> Training | None:
+def trainings_by_shape(
+    learner: Learner, dataset: Dataset, entries: Iterable[Entry], data_root: Path | None
+) -> dict[str, Training]:
+    """Training whose model treats each shape, by identifier; of several folds, the one that has not seen its subject.
+
+    Parameters
+    ----------
+    learner, data_root
+        See :func:`trainings_on`, which also says what is raised.
+    dataset, entries
+        The shapes.
+    """
+    entries = list(entries)
+    found = trainings_on(learner, dataset.name, data_root)
+    if len(found) == 1:
+        return dict.fromkeys((entry.identifier for entry in entries), found[0])
+    of_shape = {entry.identifier: training for training in found for entry in training.tested.of(dataset)}
+    return {entry.identifier: of_shape[entry.identifier] for entry in entries}
+
+
+def only_training(learner: Learner) -> Training | None:
+    """Return the training of a learner that has the same one for every table; None if it has several."""
     if named := getattr(learner, "training", ""):
         return find_training(named)
     return TRAININGS[SAMPLED] if learner.split == "sampled" else None
-
-
-def _present(official: str, stand_in: str, data_root: Path | None) -> str:
-    return official if is_present(official, data_root) else stand_in

@@ -6,6 +6,7 @@ import json
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
@@ -32,24 +33,12 @@ class KilledCall(BrokenCall):
     """Somebody else may have ended the process."""
 
 
-def call_apart(
-    function: Callable[..., Any],
-    *arguments: Any,
-    what: str,
-    hint: str,
-    limit: float | None = None,
-    all_memory: bool = False,
-    quiet: bool = False,
-    say: Callable[[str], None] | None = None,
-) -> Any:
-    """Call a function in a process of its own.
+@dataclass(frozen=True)
+class Guard:
+    """Terms of a call of somebody else's code.
 
     Parameters
     ----------
-    function
-        A function of a module. What it returns travels as JSON.
-    *arguments
-        What it is called with.
     what
         Whose code it is, to begin messages with.
     hint
@@ -60,6 +49,28 @@ def call_apart(
         Whether it may take more than most of the machine's memory.
     quiet
         Whether nothing that it prints is seen.
+    """
+
+    what: str
+    hint: str
+    limit: float | None = None
+    all_memory: bool = False
+    quiet: bool = False
+
+
+def call_apart(
+    function: Callable[..., Any], *arguments: Any, guard: Guard, say: Callable[[str], None] | None = None
+) -> Any:
+    """Call a function in a process of its own.
+
+    Parameters
+    ----------
+    function
+        A function of a module. What it returns travels as JSON.
+    *arguments
+        What it is called with.
+    guard
+        On what terms.
     say
         Told what the function says while it is at work; with it, the function is given one more argument, to say a line
         to.
@@ -78,12 +89,12 @@ def call_apart(
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as name:
         folder = Path(name)
-        memory = None if all_memory else memory_per_worker()
+        memory = None if guard.all_memory else memory_per_worker()
         try:
-            worker = Worker(_answer, function, arguments, folder, say is not None, memory=memory, quiet=quiet)
+            worker = Worker(_answer, function, arguments, folder, say is not None, memory=memory, quiet=guard.quiet)
         except OSError as error:
             raise BrokenCall(
-                f"{what}: no process could be started ({error.strerror})", "end others, then try again"
+                f"{guard.what}: no process could be started ({error.strerror})", "end others, then try again"
             ) from error
         begun, heard, last = False, 0, time.monotonic()
         try:
@@ -93,14 +104,14 @@ def call_apart(
                     begun, last = True, time.monotonic()  # starting a process is no fault of the function
                 if say and (now := _hear(folder / _LINES, heard, say)) > heard:
                     heard, last = now, time.monotonic()
-                patience = limit if limit is None or begun else limit + _BIRTH
+                patience = guard.limit if guard.limit is None or begun else guard.limit + _BIRTH
                 if worker.exit_code is None and patience is not None and time.monotonic() > last + patience:
-                    raise BrokenCall(f"{what} does not end: stopped after {limit:g} s", hint)
+                    raise BrokenCall(f"{guard.what} does not end: stopped after {guard.limit:g} s", guard.hint)
         finally:
             worker.end()
         if say:
             _hear(folder / _LINES, heard, say)
-        return _told(folder / _ANSWER, worker.exit_code or 0, what, hint)
+        return _told(folder / _ANSWER, worker.exit_code or 0, guard)
 
 
 def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
@@ -117,17 +128,17 @@ def _hear(path: Path, heard: int, say: Callable[[str], None]) -> int:
     return heard + len(whole)
 
 
-def _told(path: Path, code: int, what: str, hint: str) -> Any:
+def _told(path: Path, code: int, guard: Guard) -> Any:
     """Return what the function left behind."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         kind = KilledCall if -code in BY_HAND else BrokenCall
-        raise kind(f"{what} ended its process ({ending(code)})", hint) from None
+        raise kind(f"{guard.what} ended its process ({ending(code)})", guard.hint) from None
     if "answer" in found:
         return found["answer"]
     if "raised" in found:
-        raise BrokenCall(f"{what} raises {found['raised']}", hint)
+        raise BrokenCall(f"{guard.what} raises {found['raised']}", guard.hint)
     raise from_facts(found)
 
 

@@ -10,14 +10,17 @@ import importlib.util
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.system import process_reaper
 from benchmark.system.forks import one_of_us
+
+Info = TypeVar("Info")
 
 #: Packages of the project, which no module of a plugin stands in for.
 _PROJECT = frozenset({"benchmark", "baselines", "learned", "retrieval"})
@@ -92,7 +95,7 @@ def import_plugin(path: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        with one_of_us():
+        with one_of_us(), redirect_stdout(sys.stderr):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
@@ -101,6 +104,21 @@ def import_plugin(path: str) -> ModuleType:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
         raise ConfigurationError(f"plugin {path} cannot be imported: {one_line(error)}", hint) from error
     return module
+
+
+def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
+    """Name and ``info`` of each class that a plugin file defines with such an ``info``, in the order of the file.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be imported.
+    """
+    module = import_plugin(str(path.resolve()))
+    for attribute, value in vars(module).items():
+        info = getattr(value, "info", None)
+        if isinstance(value, type) and value.__module__ == module.__name__ and isinstance(info, info_type):
+            yield attribute, info
 
 
 def require_file(path: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.canonicalise import canonicalise_file, plain_form, write_form
+from benchmark.cli.canonicalise import FormRequest, canonicalise_file, plain_form, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm
 from benchmark.geometry.mesh import Mesh
@@ -31,7 +31,7 @@ def form_with(tmp_path):
 
     def make(note):
         (tmp_path / "noting.py").write_text(PLUGIN.replace("NOTE", note))
-        return plain_form(str(tmp_path / "rod.off"), "noting", [str(tmp_path / "noting.py")], 0)
+        return plain_form(tmp_path / "rod.off", FormRequest("noting", (tmp_path / "noting.py",)))
 
     return make
 
@@ -43,14 +43,14 @@ def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
         plugin, target = tmp_path / f"{name}.py", tmp_path / f"{name}.off"
         plugin.write_text(PLUGIN.replace("NOTE", f"{note} or 3").replace('"noting"', f"'{name}'"))
         with nullcontext() if whole else pytest.raises(BrokenCall, match="method 'closing' on .*rod.off"):
-            canonicalise_file(tmp_path / "rod.off", target, name, [plugin])
+            canonicalise_file(tmp_path / "rod.off", target, FormRequest(name, (plugin,)))
         assert target.exists() == whole
 
 
 def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path):
     for output in ("form.xyz", "form"):
         with pytest.raises(ConfigurationError, match="is no name of a mesh; let it end in .off"):
-            canonicalise_file(tmp_path / "absent.off", tmp_path / output, "no-such-method", [])
+            canonicalise_file(tmp_path / "absent.off", tmp_path / output, FormRequest("no-such-method"))
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
     assert "is no file" in str(refused.exception)
@@ -121,9 +121,8 @@ def sheared(tmp_path):
     write_off(tmp_path / "in.off", mesh)
 
     def make(vertices, method="sheared", plugins=("sheared.py",)):
-        found, faces, notes = plain_form(
-            str(tmp_path / "in.off"), method, [str(tmp_path / name) for name in plugins], 0, vertices
-        )
+        request = FormRequest(method, tuple(tmp_path / name for name in plugins))
+        found, faces, notes = plain_form(tmp_path / "in.off", request, vertices)
         return notes, Mesh(np.array(found), np.array(faces))
 
     return make, mesh

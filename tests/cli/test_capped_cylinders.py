@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 from benchmark.threads import pin_threads
 pin_threads()
-from benchmark.cli.canonicalise import plain_form
+from benchmark.cli.canonicalise import FormRequest, plain_form
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh
@@ -34,7 +34,7 @@ from benchmark.methods.registry import methods
 for name in methods():
     print(name, end=" ", flush=True)
     try:
-        vertices, faces, _ = plain_form(sys.argv[1], name, [], 0)
+        vertices, faces, _ = plain_form(Path(sys.argv[1]), FormRequest(name))
         write_mesh(Path(sys.argv[2]) / f"{name}.off", Mesh(vertices, faces))
         print("form", flush=True)
     except BenchmarkError as error:

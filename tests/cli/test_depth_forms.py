@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from benchmark.cli.canonicalise import FormRequest
 from benchmark.cli.depth_forms import FrameJob, FrameOptions, _forms, frames_under, make_forms
 from benchmark.cli.main import cli
 from benchmark.depth.errors import DepthError
@@ -114,7 +115,7 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     image, options, said = BAD[fault]
     values = {"intrinsics": CAMERA, "mask": "", "scale": None} | options
     with pytest.raises(DepthError, match=said) as caught:
-        _forms([(image, str(tmp_path / "form.off"), "")], list(values.values()), "identity", [], 0, print)
+        _forms([FrameJob(image, str(tmp_path / "form.off"))], FrameOptions(**values), FormRequest("identity"), print)
     assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
@@ -122,9 +123,9 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
 def test_in_a_process_of_its_own_it_is_the_same_error(bad, tmp_path):
     job = FrameJob(str(bad / "grey.png"), str(tmp_path / "form.off"))
     with pytest.raises(BenchmarkError, match="holds 8 bits, no depth; export depth"):
-        make_forms([job], FrameOptions(CAMERA), "identity")
+        make_forms([job], FrameOptions(CAMERA), FormRequest("identity"))
     with pytest.raises(ConfigurationError, match="unknown method"):
-        make_forms([job], FrameOptions(CAMERA), "no-such")
+        make_forms([job], FrameOptions(CAMERA), FormRequest("no-such"))
 
 
 def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, tmp_path):

@@ -2,16 +2,17 @@
 
 import json
 import shlex
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
 from benchmark.api.learning import card_digest, read_card
 from benchmark.cli.main import cli
-from benchmark.cli.options import Selection
+from benchmark.cli.options import RunOptions
+from benchmark.cli.run_plan import run_plan
 from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.jobs.run_plan import run_plan
 from benchmark.methods.registry import methods, variant
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
@@ -163,14 +164,20 @@ def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp
 
 
 def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_path):
-    chosen = Selection(
-        ("III-held-out",), ("mean-target[training_seed=2]",), (), ("view",), (PLUGIN_PATH,), tmp_path, root, 0, False
+    chosen = RunOptions(
+        tables=("III-held-out",),
+        methods=("mean-target[training_seed=2]",),
+        inputs=("view",),
+        plugins=(PLUGIN_PATH,),
+        results=tmp_path,
+        data_root=root,
+        executor="serial",
     )
     store = Store.open(tmp_path)
     (job,) = chosen.jobs(store)
     assert job.state == "unavailable"
-    assert not run_plan([job], store, chosen, "serial", 1, None)
-    assert run_plan([job], store, chosen, "serial", 1, None, as_far_as_possible=True)
+    assert not run_plan([job], store, chosen)
+    assert run_plan([job], store, replace(chosen, methods=()))
 
 
 def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
@@ -237,7 +244,9 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     told = call("plan", "-t", "III-held-out", "-m", "mean-target", "--input", "view", *options).splitlines()
     assert told[0].startswith(f"passed over the model in {local}: {local / 'card.json'} is no JSON: NaN is not JSON")
     assert told[1].startswith("missing      tosca held out view mean-target")
-    train_one(spec, find_training("tosca-III"), tmp_path, root, {}, 1, (said := []).append)
+    train_one(
+        spec, find_training("tosca-III"), RunOptions(results=tmp_path, data_root=root), {}, 1, (said := []).append
+    )
     assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, the model is trained anew")
     assert read_card(local)["data"] == "tosca-III"
 
@@ -304,7 +313,7 @@ def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, m
         ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
     ):
         with pytest.raises(ConfigurationError, match=told):
-            train_one(spec, training, tmp_path, None, schedule, 2, lambda _: None)
+            train_one(spec, training, RunOptions(results=tmp_path), schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from benchmark.cli.main import cli
-from benchmark.cli.options import Selection
+from benchmark.cli.options import RunOptions
 from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import contents
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def published(*methods, table="III", dataset="tosca", results=ROOT / "results", **more):
     """Tables of what came with the suite."""
     options = {"tables": (table,), "methods": methods, "datasets": (dataset,), "inputs": (), "plugins": ()}
-    selection = Selection(**options, results=results, data_root=None, seed=0, quick=False, **more)
+    selection = RunOptions(**options, results=results, data_root=None, seed=0, quick=False, **more)
     store = Store(results / "runs", published_only=True)
     return contents(selection.recorded(store), (table,), blanks=not selection.is_narrow)
 

@@ -177,7 +177,7 @@ def _records_without_work(suite, *selections):
     (suite / "records.py").write_text((ROOT / "tests" / "records.py").read_text())
     program = """
 import sys
-from benchmark.cli.options import Selection
+from benchmark.cli.options import RunOptions
 from benchmark.storage import keys
 from benchmark.storage.store import Store
 import click
@@ -187,7 +187,7 @@ import records
 @click.command()
 @selection_options
 def write(**options):
-    selection = Selection.of(options)
+    selection = RunOptions.of(options)
     store = Store.open(selection.results)
     for job in selection.jobs(store):
         made = records.record(method=job.method.name, input_=job.input)

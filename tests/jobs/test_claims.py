@@ -54,14 +54,15 @@ def test_what_is_released_can_be_taken_by_another(tmp_path):
 
 
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
-    from benchmark.jobs.run_plan import run_plan
+    from benchmark.cli.options import RunOptions
+    from benchmark.cli.run_plan import run_plan
     from benchmark.storage.store import Store
 
     store = Store.open(tmp_path)
     (store.scratch / "needed.npz").write_text("")
 
     def run():
-        return run_plan([], store, None, "serial", 1, None)
+        return run_plan([], store, RunOptions(executor="serial"))
 
     with hold(store.root / "claims", "one") as other:
         assert run()

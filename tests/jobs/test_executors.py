@@ -14,10 +14,11 @@ from pathlib import Path
 import psutil
 import pytest
 
+from benchmark.cli.options import RunOptions
+from benchmark.cli.run_plan import make_executor
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import LARGEST_BATCH, JobSpec, shape_batches
-from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
 from tests.toy import write_rods
 
@@ -338,11 +339,11 @@ def test_galleries_that_overlap_are_treated_together(tmp_path):
 
 def test_an_unknown_executor_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match="unknown executor 'slurm'; choose serial, processes or dask"):
-        make_executor("slurm", 1, None, Claims(tmp_path / "claims"))
+        make_executor(RunOptions(executor="slurm"), Claims(tmp_path / "claims"))
 
 
 def test_dask_without_a_scheduler_and_a_scheduler_without_dask_are_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="dask needs the address of its scheduler; pass --scheduler URL"):
-        make_executor("dask", 1, None, Claims(tmp_path / "claims"))
+        make_executor(RunOptions(executor="dask"), Claims(tmp_path / "claims"))
     with pytest.raises(ConfigurationError, match="a scheduler is for dask alone; pass --executor dask"):
-        make_executor("processes", 1, None, Claims(tmp_path / "claims"), "tcp://127.0.0.1:8786")
+        make_executor(RunOptions(scheduler="tcp://127.0.0.1:8786"), Claims(tmp_path / "claims"))

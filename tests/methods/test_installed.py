@@ -1,4 +1,4 @@
-"""Installed packages that bring methods: one that breaks costs its own methods and one line."""
+"""Installed packages that bring methods or scorers: one that breaks costs its own and one line."""
 
 import json
 import re
@@ -9,8 +9,8 @@ import pytest
 
 from benchmark.cli.main import main
 from benchmark.errors import ConfigurationError
-from benchmark.methods import inspection, registry
-from benchmark.methods.installed import ENTRY_POINTS, installed
+from benchmark.methods import inspection, registry, scorers
+from benchmark.methods.installed import entry_points_of, installed
 from tests.plugins import write_plugin
 from tests.toy import rod, write_off
 
@@ -19,28 +19,52 @@ from tests.toy import rod, write_off
 def install(tmp_path, monkeypatch):
     """Install a package that brings methods, given as text for its entry points, with a module of its own."""
     monkeypatch.syspath_prepend(tmp_path)
-    before = set(sys.modules)
 
-    def make(name, points=None, **faults):
+    def make(name, points=None, kind=registry.MethodSpec, scorer="", **faults):
         module = name.replace("-", "_")
         write_plugin(tmp_path / f"{module}.py", name=name, **faults)
+        if scorer:
+            (tmp_path / f"{module}.py").write_text(scorer)
         folder = tmp_path / f"{module}-1.0.dist-info"
         folder.mkdir()
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
         text = f"{name} = {module}:Tried" if points is None else points
-        (folder / "entry_points.txt").write_text(f"[{ENTRY_POINTS}]\n{text}\n")
+        (folder / "entry_points.txt").write_text(f"[{entry_points_of(kind)}]\n{text}\n")
         installed.cache_clear()
 
     yield make
     installed.cache_clear()
-    for name in set(sys.modules) - before:
-        del sys.modules[name]
+    for path in tmp_path.glob("*.py"):
+        sys.modules.pop(path.stem, None)
 
 
 @pytest.fixture
 def look_here(monkeypatch):
     """Look from this process: to start another takes half a second."""
     monkeypatch.setattr(inspection, "call_apart", lambda function, *arguments, **_: function(*arguments))
+
+
+SCORER = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from benchmark.api import ScorerInfo
+
+{on_import}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    info: ClassVar[ScorerInfo] = ScorerInfo(name="{name}", title="{name}")
+
+    def signature(self, form):
+        return {{"size": np.ptp(form.vertices, axis=0)}}
+
+    def compare(self, signatures, draw):
+        return np.zeros((len(signatures), len(signatures)))
+"""
 
 
 def usable():
@@ -118,3 +142,34 @@ def test_every_verb_goes_on_beside_a_broken_package(install, tmp_path, monkeypat
     done = call("plan", "-m", "ends-it")
     assert done.err.startswith("error: installed package ends-it, ends-it: package ends-it ended its process")
     assert len(done.err.splitlines()) == 1
+
+
+def test_a_package_whose_scorer_ends_or_prints_at_import_costs_itself_alone(install, tmp_path, monkeypatch, capfd):
+    for name, on_import in (("ends-it", "import os; os._exit(0)"), ("talks", "print('hello')"), ("works", "")):
+        install(name, kind=scorers.ScorerSpec, scorer=SCORER.format(name=name, on_import=on_import))
+    install("takes-it", "cm-bof = takes_it:Tried", scorers.ScorerSpec, SCORER.format(name="cm-bof", on_import=""))
+    write_off(tmp_path / "rods" / "thin0.off", rod(0.1, 1.0))
+    write_off(tmp_path / "rods" / "thin1.off", rod(0.1, 0.9))
+    write_off(tmp_path / "rods" / "wide0.off", rod(0.3, 1.0))
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
+        with suppress(SystemExit):
+            main()
+        return capfd.readouterr()
+
+    listed = call("list", "scorers", "--json")
+    assert [row["name"] for row in json.loads(listed.out)] == [*scorers.BUILT_IN, "talks", "works"]
+    assert [line for line in listed.err.splitlines() if line != "hello"] == [
+        "installed package ends-it, ends-it: package ends-it ended its process (exit code 0); correct the package, or "
+        "uninstall it: importing it and making its scorers must end at once",
+        "installed package takes-it, cm-bof: another scorer has this name; correct the package, or uninstall it",
+    ]
+    plain = call("plan", "-d", "rods", "-m", "identity", "--input", "mesh")
+    assert (plain.out.count("missing"), plain.err) == (1, "")
+    named = call("plan", "-d", "rods", "-m", "identity", "--input", "mesh", "--scorer", "talks")
+    assert named.out.startswith("missing      rods mesh identity by talks")
+    refused = call("plan", "-d", "rods", "-m", "identity", "--scorer", "ends-it")
+    assert refused.err.startswith("error: installed package ends-it, ends-it: package ends-it ended its process")
+    assert not {"ends_it", "takes_it"} & set(sys.modules)

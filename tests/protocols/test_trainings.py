@@ -10,12 +10,12 @@ from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
+from benchmark.protocols.tables import trainings_of
 from benchmark.protocols.trainings import (
     POSE_FOLDS,
     SUBJECT_FOLDS,
     TRAININGS,
     trainings_by_shape,
-    trainings_of,
     with_validation,
 )
 from tests.mean_folds import MeanSampled, MeanStrict

@@ -111,7 +111,7 @@ def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_
 
 @pytest.mark.slow
 def test_the_table_of_robustness_of_a_folder_through_the_command_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmark.protocols.perturbed.STRENGTHS", (4,))  # one will do
+    monkeypatch.setattr("benchmark.protocols.galleries.STRENGTHS", (4,))  # one will do
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     common = ["-d", str(rods), "-m", "pca", "--scorer", "spherical-harmonics", "--results", str(tmp_path / "results")]
     options = [*common, "-t", "robustness", "--executor", "serial"]

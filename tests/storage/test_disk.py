@@ -6,8 +6,8 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
+from benchmark.cli import run_plan
 from benchmark.cli.main import cli
-from benchmark.jobs import run_plan
 from benchmark.storage.environment import in_words
 from benchmark.storage.records import Records
 from benchmark.storage.store import StorageError, Store

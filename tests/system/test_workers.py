@@ -12,7 +12,7 @@ from multiprocessing.connection import wait
 import psutil
 import pytest
 
-from benchmark.system.calls import call_apart
+from benchmark.system.calls import Guard, call_apart
 from benchmark.system.workers import Worker
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
@@ -41,7 +41,7 @@ def nothing():
 def starts_others(notes):
     """In a session of their own, before and after a process of its own has come and gone."""
     before = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
-    call_apart(nothing, what="this", hint="correct it")
+    call_apart(nothing, guard=Guard("this", "correct it"))
     after = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
     notes.write_text(f"{before} {after}")
 

@@ -22,7 +22,7 @@ CLOSED = "closed"
 PRELOADED = (
     "benchmark.cli.main",
     "benchmark.cli.listing",
-    "benchmark.jobs.run_plan",
+    "benchmark.cli.run_plan",
     "benchmark.jobs.execution.runner",
     "benchmark.methods.conformance",
     "benchmark.report.content",

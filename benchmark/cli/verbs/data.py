@@ -138,15 +138,15 @@ def _on_data(
     """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
     from benchmark.datasets.catalogue import sources
     from benchmark.datasets.own import is_own
-    from benchmark.system.calls import call_apart
+    from benchmark.system.calls import Guard, call_apart
 
     with told_what_it_is(name, "data set"):
         (source,) = sources([name], plugins)
     root = str(data_root) if data_root else None
     if not is_own(source):
         return work(source, root, *arguments)
-    what, hint = f"data set '{name}'", "correct the file: 'check' says more"
-    return call_apart(work, source, root, *arguments, what=what, hint=hint)
+    guard = Guard(f"data set '{name}'", "correct the file: 'check' says more")
+    return call_apart(work, source, root, *arguments, guard=guard)
 
 
 def _checked(source: str, root: str | None, name: str) -> tuple[list[str], bool]:

@@ -16,6 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.system.text import say, say_lines
 
 if TYPE_CHECKING:
+    from benchmark.cli.canonicalise import FormRequest
     from benchmark.cli.depth_forms import FrameOptions
 
 #: Characters of a method with its parameters that do not belong into the name of a file.
@@ -66,25 +67,25 @@ def canonicalise(
 
     A depth image is a PNG or TIFF of 16 bits, NPY, NPZ or PFM; a folder or a pattern stands for all of its images.
     """
+    from benchmark.cli.canonicalise import FormRequest, canonicalise_file
     from benchmark.cli.depth_forms import FrameOptions, is_of_depth
 
     for source in sources:
         if not source.name:
             raise ConfigurationError(f"{source} is no file", "name a mesh or a depth image")
     options = FrameOptions(intrinsics, str(mask or ""), depth_scale)
+    request = FormRequest(method, plugins, seed, timeout)
     if is_of_depth(sources):
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "leave --vertices out")
-        _canonicalise_frames(method, sources, output, plugins, timeout, seed, options, picture)
+        _canonicalise_frames(sources, output, request, options, picture)
         return
     if options or picture:
         raise ConfigurationError(
             f"{sources[0]} is no depth image", "leave --intrinsics, --mask, --depth-scale and --picture out"
         )
-    from benchmark.cli.canonicalise import canonicalise_file
-
     target = output or _beside(sources[0], method)
-    form = canonicalise_file(sources[0], target, method, plugins, seed, timeout, vertices)
+    form = canonicalise_file(sources[0], target, request, vertices)
     facts = ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in form.notes.items()
     )
@@ -102,14 +103,7 @@ def _beside(source: Path, method: str) -> Path:
 
 
 def _canonicalise_frames(
-    method: str,
-    sources: tuple[Path, ...],
-    output: Path | None,
-    plugins: tuple[Path, ...],
-    timeout: float,
-    seed: int,
-    options: FrameOptions,
-    picture: Path | None,
+    sources: tuple[Path, ...], output: Path | None, request: FormRequest, options: FrameOptions, picture: Path | None
 ) -> None:
     """Write the forms of depth images; exit 1 if one of several has none."""
     from benchmark.cli.depth_forms import FrameJob, frames_under, make_forms
@@ -122,7 +116,7 @@ def _canonicalise_frames(
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name images of 16 bits")
     if frames == list(sources[:1]):
-        target = output or _beside(sources[0], method)
+        target = output or _beside(sources[0], request.method)
         if target.suffix.lower() not in WRITABLE:
             raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
         jobs = [FrameJob(str(sources[0]), str(target), str(picture or ""))]
@@ -133,7 +127,7 @@ def _canonicalise_frames(
         targets = [str(folder / path.with_suffix(".off")) for path in inner]
         pictures = [str(picture / path.with_suffix(".png")) if picture else "" for path in inner]
         jobs = list(map(FrameJob, map(str, frames), targets, pictures))
-    failures = make_forms(jobs, options, method, plugins, seed, timeout, say)
+    failures = make_forms(jobs, options, request, say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
         sys.exit(NOT_OK)

@@ -30,8 +30,8 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
         "models": lambda: listing.models(results),
     }[what]()
     print_rows(rows, as_json, COLUMNS if what == "datasets" else ())
-    if what == "methods":
-        name_unusable()
+    if what in ("methods", "scorers"):
+        name_unusable(what)
 
 
 @click.command()

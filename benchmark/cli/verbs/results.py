@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +13,9 @@ from benchmark.cli.options import (
     NOT_OK,
     OK,
     PathOption,
-    Selection,
+    RunOptions,
     datasets_option,
     inputs_option,
-    is_of,
     name_skipped,
     plugin_option,
     published_option,
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from benchmark.jobs.plan import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.storage.records import Record
-    from benchmark.storage.store import Store
 
 _SHORTEST_KEY = 6
 
@@ -73,18 +70,7 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @plugin_option
 @published_option
 @results_option
-def compare(
-    first: str,
-    second: str,
-    datasets: tuple[str, ...],
-    inputs: tuple[str, ...],
-    scorer: str,
-    digests: bool,
-    everything: bool,
-    plugins: tuple[Path, ...],
-    published: bool,
-    results: Path,
-) -> None:
+def compare(first: str, second: str, digests: bool, everything: bool, **given: Any) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
@@ -95,22 +81,19 @@ def compare(
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store
 
-    def is_chosen(record: Record) -> bool:
-        return is_of(record["data"], datasets) and (not inputs or record["input"] in inputs)
-
-    known_scorers = scorers(plugins)
+    options = RunOptions.of(given)
+    known_scorers = scorers(options.plugins)
     if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
-        store = Store.open(results, published_only=published)
-        _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), plugins, store, is_chosen)
+        _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), options)
         return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
-    folders = (Path(first), Path(second)) if are_folders else (results,)
-    stores = [Store(folder / "runs", published_only=published) for folder in folders]
+    folders = (Path(first), Path(second)) if are_folders else (options.results,)
+    stores = [Store(folder / "runs", published_only=options.published) for folder in folders]
     try:
         records = [records_under(store) for store in stores]
     finally:
         name_skipped(*stores)
-    records = [[record for record in found if is_chosen(record)] for found in records]
+    records = [[record for record in found if options.allows(record)] for found in records]
     if digests:
         if not are_folders:
             raise ConfigurationError("digests are compared between two results folders", "name two folders")
@@ -120,30 +103,26 @@ def compare(
     if are_folders:
         found = compare_folders(*records)
     else:
-        known = methods(plugins)
+        known = methods(options.plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names, scorer_of(scorer, known_scorers).name)
+        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second, everything=everything):
         say(line)
 
 
-def _compare_scorers(
-    first: ScorerSpec,
-    second: ScorerSpec,
-    plugins: tuple[Path, ...],
-    store: Store,
-    is_chosen: Callable[[Record], bool],
-) -> None:
-    from benchmark.methods.registry import methods
-    from benchmark.methods.scorers import scorers
-    from benchmark.report.results import Results
+def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions) -> None:
     from benchmark.report.statistics.agreement import agreements, markdown
+    from benchmark.storage.store import Store
 
-    found = Results(store, methods(plugins), known_scorers=scorers(plugins))
+    store = Store.open(options.results, published_only=options.published)
+    found = options.results_of(store)
     rows = agreements(
-        *([each for each in found.all(scorer=name) if is_chosen(each.record)] for name in (first.name, second.name))
+        *(
+            [each for each in found.all(scorer=name) if options.allows(each.record)]
+            for name in (first.name, second.name)
+        )
     )
     name_skipped(store)
     if not rows:
@@ -184,7 +163,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
     """
     from benchmark.storage.store import Store
 
-    selection = Selection.of(options)
+    selection = RunOptions.of(options)
     store = Store.open(selection.results)
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
@@ -193,7 +172,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
         if found:
             _explain_record(found[0])
             return
-    jobs = Selection.of(options | {"methods": (target,)}).jobs(store)
+    jobs = RunOptions.of(options | {"methods": (target,)}).jobs(store)
     made = [store.records.read(job.key) or store.published.read(job.key) for job in jobs]
     if everything or len(jobs) == 1:
         for job, record in zip(jobs, made, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -10,6 +11,7 @@ from benchmark.cli import completion
 from benchmark.cli.options import (
     NameOrFolder,
     PathOption,
+    RunOptions,
     data_root_option,
     plugin_option,
     results_option,
@@ -50,27 +52,20 @@ def retrieve(
     intrinsics: str,
     mask: Path | None,
     depth_scale: float | None,
-    scorer: str,
-    plugins: tuple[Path, ...],
-    results: Path,
-    data_root: Path | None,
     timeout: float,
-    seed: int,
+    **given: Any,
 ) -> None:
     """Show the shapes of a gallery that are nearest to a depth image or a mesh."""
-    from benchmark.cli.retrieval import Search, retrieved
+    from benchmark.cli.depth_forms import FrameOptions
+    from benchmark.cli.retrieval import retrieved
     from benchmark.datasets.catalogue import sources
-    from benchmark.system.calls import call_apart
+    from benchmark.system.calls import Guard, call_apart
 
     with told_what_it_is(gallery, "data set"):
-        (source,) = sources([gallery], plugins)
-    asked = Search(
-        method, source, str(query), k, str(picture or ""), intrinsics, str(mask or ""), depth_scale, scorer,
-        [str(path) for path in plugins], str(results), str(data_root or ""), seed,
-    )  # fmt: skip
-    lines: list[str] = call_apart(
-        retrieved, asked.plain(), what=f"method '{method}' on {query}", hint="try another shape, or correct the method",
-        limit=timeout,
-    )  # fmt: skip
+        datasets = tuple(sources([gallery], given["plugins"]))
+    options = RunOptions.of(given | {"methods": (method,), "datasets": datasets})
+    frame = FrameOptions(intrinsics, str(mask or ""), depth_scale)
+    guard = Guard(f"method '{method}' on {query}", "try another shape, or correct the method", timeout)
+    lines: list[str] = call_apart(retrieved, query, k, picture, frame, options, guard=guard)
     for line in lines:
         say(clean(line))

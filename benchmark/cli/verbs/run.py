@@ -4,73 +4,40 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from benchmark.cli.options import (
-    NOT_OK,
-    OK,
-    Selection,
-    name_skipped,
-    repeat_option,
-    selection_options,
-    shard_option,
-    timeout_option,
-)
+from benchmark.cli.options import NOT_OK, OK, RunOptions, name_skipped, plan_options, run_options
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import brief, clean, say, say_lines
-
-if TYPE_CHECKING:
-    from benchmark.jobs.cluster.sharding import Shard
-    from benchmark.jobs.plan import Job
 
 #: What tells the place of a record.
 _PLACE = ("gallery", "input", "method")
 
-RETRY = ("failed", "timeout", "crashed", "killed", "memory", "unsupported", "all")
-
 
 @click.command()
-@click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs.")
-@selection_options
-@repeat_option
-@click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Jobs at a time; all cores by default.")
-@click.option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes", show_default=True)
-@click.option("--scheduler", default="", metavar="URL", help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
-@timeout_option("one job", "2h")
-@click.option("--retry", multiple=True, type=click.Choice(RETRY), help="Run failures of this kind again.")
-@shard_option
-def run(
-    everything: bool,
-    jobs: int | None,
-    executor: str,
-    scheduler: str,
-    timeout: float,
-    retry: tuple[str, ...],
-    shard: Shard | None,
-    **options: Any,
-) -> None:
+@run_options
+def run(**given: Any) -> None:
     """Run what is missing of a selection, then print its tables."""
     from benchmark.storage.store import Store
 
-    selection = Selection.of(options | {"retry": frozenset(retry), "everything": everything})
-    if not everything and not (selection.tables or selection.methods or selection.datasets or selection.plugins):
+    options = RunOptions.of(given)
+    if not (options.everything or options.tables or options.methods or options.datasets or options.plugins):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
-    store = Store.open(selection.results)
-    plan = _part(selection.jobs(store), shard)
+    store = Store.open(options.results)
+    plan = options.jobs(store)
 
     # What runs need takes a second to import: a name that is not known is told before.
+    from benchmark.cli.run_plan import run_plan
     from benchmark.cli.terminal import draw
-    from benchmark.jobs.run_plan import run_plan
     from benchmark.report.content import contents
     from benchmark.report.formats import markdown
     from benchmark.report.robustness.curves import robustness
     from benchmark.report.robustness.formats import markdown as robustness_markdown
 
-    unnamed = not selection.is_narrow
-    ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)
-    results = selection.results_of(store).all(selection.seed, scorer=selection.scorer_spec().name)
+    ok = run_plan(plan, store, options)
+    results = options.results_of(store).all(options.seed, scorer=options.scorer_spec().name)
     name_skipped(store)
     found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
     # A finished job of the same shapes, in a folder of another name, is that of the plan.
@@ -80,7 +47,7 @@ def run(
         if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
     ]
     chosen = {job.gallery.table.identifier for job in plan}
-    made = contents(shown, chosen, blanks=not selection.is_narrow, named=selection.is_by_name)
+    made = contents(shown, chosen, blanks=not options.is_narrow, named=options.is_by_name)
     if sys.stdout.isatty():
         draw(made)
     else:
@@ -92,19 +59,16 @@ def run(
 
 
 @click.command()
-@click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs (the default).")
-@selection_options
-@repeat_option
-@shard_option
-def plan(everything: bool, shard: Shard | None, **options: Any) -> None:
+@plan_options
+def plan(**given: Any) -> None:
     """Show what a run would do, why, and what it would take."""
     from benchmark.jobs.estimates import estimate
     from benchmark.storage.store import Store
     from benchmark.threads import available_cores
 
-    selection = Selection.of(options | {"everything": everything})
-    store = Store.open(selection.results)
-    jobs = _part(selection.jobs(store), shard)
+    options = RunOptions.of(given)
+    store = Store.open(options.results)
+    jobs = options.jobs(store)
     width = max((len(clean(job.name)) for job in jobs), default=0)
     for job in jobs:
         say(f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}")
@@ -112,11 +76,3 @@ def plan(everything: bool, shard: Shard | None, **options: Any) -> None:
     for line in estimate(jobs, store).lines(n_to_run, available_cores()):
         say(line)
     say(f"{n_to_run} of {len(jobs)} jobs to run")
-
-
-def _part(jobs: list[Job], shard: Shard | None) -> list[Job]:
-    """The jobs of a shard, which says which part of which plan it is; all of them without one."""
-    if shard is None:
-        return jobs
-    say(shard.told(jobs))
-    return shard.of(jobs)

@@ -12,7 +12,7 @@ from benchmark.cli.options import (
     NOT_OK,
     OK,
     PathOption,
-    Selection,
+    RunOptions,
     force_option,
     published_option,
     selection_options,
@@ -72,7 +72,7 @@ def tables(
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
-    selection = Selection.of(options)
+    selection = RunOptions.of(options)
     store = selection.store(output)
     if store.published_only and not selection.published and any((store.root / "records").glob("*.json")):
         say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
@@ -154,7 +154,7 @@ def report(
     """
     from benchmark.cli.reporting import write_figure, write_pages
 
-    selection = Selection.of(options)
+    selection = RunOptions.of(options)
     if figure is not None:
         write_figure(selection, figure, what, subjects, shapes, timeout)
     else:

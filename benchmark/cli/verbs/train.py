@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import data_root_option, plugin_option, results_option
+from benchmark.cli.options import RunOptions, data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import assignments
 from benchmark.system.text import say
@@ -33,7 +33,9 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.option("--batch", type=click.IntRange(min=1), metavar="N", help="Pairs per step.")
 @click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), help="Where to train.")
 @click.option("--threads", type=click.IntRange(min=1), metavar="N", help="Threads of a training on the CPU.")
-@click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Further options of the method.")
+@click.option(
+    "-o", "--option", "method_options", multiple=True, metavar="NAME=VALUE", help="Further options of the method."
+)
 @click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Bodies where they are sampled.")
 @click.option(
     "--validation",
@@ -49,46 +51,43 @@ def train(
     method: str,
     table: str,
     only: str | None,
-    options: tuple[str, ...],
+    method_options: tuple[str, ...],
     n_sampled: int | None,
     n_validation: int | None,
-    plugins: tuple[Path, ...],
-    results: Path,
-    data_root: Path | None,
     **given: Any,
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.api.learning import Learner
-    from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, trainings_of, with_validation
+    from benchmark.protocols.tables import trainings_of
+    from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
     from benchmark.storage.store import Store
-    from benchmark.system.calls import call_apart
+    from benchmark.system.calls import Guard, call_apart
 
-    spec = _learner(method, plugins, given["configuration"], given["training_seed"])
+    options = RunOptions.of(given)
+    spec = _learner(method, options.plugins, given["configuration"], given["training_seed"])
     learner = spec.create()
     if not isinstance(learner, Learner):
-        raise _no_learner(method, plugins)
-    trainings = [find_training(only)] if only else [*trainings_of(learner, table, data_root).values()]
+        raise _no_learner(method, options.plugins)
+    trainings = [find_training(only)] if only else [*trainings_of(learner, table, options.data_root).values()]
     if n_sampled and not any(training.name in COUNTED for training in trainings):
         raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "leave --sampled out")
     if n_validation:
         trainings = [with_validation(training, n_validation) for training in trainings]
-    schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(options)
-    store = Store.open(results)
+    schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(method_options)
+    store = Store.open(options.results)
+    guard = Guard(
+        f"training {spec.name}", "correct the method, then train again: checkpoints are kept", all_memory=True
+    )
     for training in trainings:
         say(f"{spec.name}, {training.name}")
-        call_apart(
-            train_one, spec, training, results, data_root, schedule, n_sampled or SAMPLED_BODIES,
-            what=f"training {spec.name}", hint="correct the method, then train again: checkpoints are kept",
-            all_memory=True, say=say,
-        )  # fmt: skip
+        call_apart(train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES, guard=guard, say=say)
         say(f"the model is in {store.models / training.name / learner.model_name}")
 
 
 def train_one(
     spec: MethodSpec,
     training: Training,
-    results: Path,
-    data_root: Path | None,
+    options: RunOptions,
     schedule: Mapping[str, Any],
     n_sampled: int,
     say: Callable[[str], None],
@@ -101,7 +100,7 @@ def train_one(
         A learner.
     training
         What to train it on.
-    results, data_root
+    options
         Where models go and shapes come from.
     schedule
         Deviations from the schedule of the learner.
@@ -117,7 +116,7 @@ def train_one(
     learner: Any = spec.create()
     if isinstance(learner, ChecksOptions):
         learner.check_options(schedule)
-    store = Store.open(results)
+    store = Store.open(options.results)
     folder = store.models / training.name / learner.model_name
     if (folder / CARD).is_file():
         try:
@@ -125,7 +124,7 @@ def train_one(
         except ConfigurationError as error:  # as of a model that no verb can use: it would stop this training, too
             (folder / CARD).replace(folder / f"unusable-{CARD}")
             say(f"{error.problem}: renamed to unusable-{CARD}, the model is trained anew")
-    data = training_data(training, store, data_root, say, n_sampled)
+    data = training_data(training, store, options.data_root, say, n_sampled)
     learner.train(data, folder, schedule, say)
 
 

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import Descriptor, Method, Shape
-from benchmark.api.scoring import Scorer
+from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import SharedStages
 from benchmark.jobs.stages import distances, features, form
-from benchmark.methods.registry import MethodSpec, variant
-from benchmark.methods.scorers import ScorerSpec, scorer_of
+from benchmark.methods.registry import variant
+from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
 from benchmark.storage.keys import plain
 from benchmark.system.messages import Arrays
@@ -33,47 +32,40 @@ def serve(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
     return _WORK[facts["work"]](facts, arrays, ask)
 
 
-def _tell_of_method(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    spec = _method_spec(facts["name"], facts["base_name"], facts["target"])
-    _method(facts)
-    return {**_told(spec), "inherited": spec.inherited, "describes": spec.describes, "learns": spec.learns}, {}
-
-
-def _tell_of_scorer(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    return _told(_scorer_spec(facts["name"], facts["base_name"], facts["target"])), {}
-
-
-def _told(spec: MethodSpec | ScorerSpec) -> Facts:
-    parameters = plain(spec.resolved_parameters())
-    return {"info": dataclasses.asdict(spec.info), "title": spec.title, "parameters": parameters}
+def _tell(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+    spec = _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"])
+    told = {"info": dataclasses.asdict(spec.info), "title": spec.title, "parameters": plain(spec.resolved_parameters())}
+    if isinstance(spec, MethodSpec):
+        told |= {"inherited": spec.inherited, "describes": spec.describes, "learns": spec.learns}
+    return told, {}
 
 
 def _canonicalise(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    method: Any = _method(facts)
+    method = _plugin(facts)
     return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays, ask)))
 
 
 def _describe(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    method: Any = _method(facts)
+    method = _plugin(facts)
     return _measured(facts, lambda: form.describe(method, _shape(facts, arrays, ask)))
 
 
 def _distances(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    method: Any = _method(facts)
-    return {}, {"distances": distances.descriptor_distances(method, [each["descriptor"] for each in unfolded(arrays)])}
+    return {}, {
+        "distances": distances.descriptor_distances(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])
+    }
 
 
 def _signature(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    return _measured(facts, lambda: features.extract(_scorer(facts), Mesh(arrays["vertices"], arrays["faces"])))
+    return _measured(facts, lambda: features.extract(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
 
 
 def _compare(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    return {}, {"distances": distances.form_distances(_scorer(facts), list(unfolded(arrays)), facts["draw"])}
+    return {}, {"distances": distances.form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
 
 
 _WORK: Mapping[str, Callable[[Facts, Arrays, Ask], Answer]] = {
-    "tell of method": _tell_of_method,
-    "tell of scorer": _tell_of_scorer,
+    "tell": _tell,
     "canonicalise": _canonicalise,
     "describe": _describe,
     "distances": _distances,
@@ -130,31 +122,17 @@ def _shape(facts: Facts, arrays: Arrays, ask: Ask) -> Shape:
     return _latest[key]
 
 
-def _method(facts: Facts) -> Method | Descriptor:
-    return _made(facts["name"], facts["base_name"], facts["target"], facts.get("model", ""))
+def _plugin(facts: Facts) -> Any:
+    return _made(facts["kind"], facts["name"], facts["base_name"], facts["target"], facts.get("model", ""))
 
 
 @cache
-def _made(name: str, base_name: str, target: str, model: str) -> Method | Descriptor:
-    made: Any = _method_spec(name, base_name, target).create()
-    found: Method | Descriptor = made.load(Path(model)) if model else made
-    return found
+def _made(kind: str, name: str, base_name: str, target: str, model: str) -> Any:
+    made: Any = _spec(kind, name, base_name, target).create()
+    return made.load(Path(model)) if model else made
 
 
 @cache
-def _method_spec(name: str, base_name: str, target: str) -> MethodSpec:
-    return variant(name, {base_name: MethodSpec(base_name, target)})
-
-
-def _scorer(facts: Facts) -> Scorer:
-    return _made_scorer(facts["name"], facts["base_name"], facts["target"])
-
-
-@cache
-def _made_scorer(name: str, base_name: str, target: str) -> Scorer:
-    return _scorer_spec(name, base_name, target).create()
-
-
-@cache
-def _scorer_spec(name: str, base_name: str, target: str) -> ScorerSpec:
-    return scorer_of(name, {base_name: ScorerSpec(base_name, target)})
+def _spec(kind: str, name: str, base_name: str, target: str) -> PluginSpec[Any, Any]:
+    spec = MethodSpec if kind == MethodSpec.kind else ScorerSpec
+    return variant(name, {base_name: spec(base_name, target)})

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, NoReturn, Self, cast
+from typing import Any, NoReturn, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,7 @@ from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Metho
 from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.foreign.serving import folded, serve
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.methods.specs import Info, Made, MethodSpec, PluginSpec, S, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.messages import Arrays
 from benchmark.system.services import Service
@@ -24,13 +23,17 @@ from benchmark.system.services import Service
 Facts = dict[str, Any]
 
 
-class _FromItsProcess:
-    """All that is known of a class of a plugin, as the process told it that imports the class."""
+@dataclass(frozen=True)
+class _FromItsProcess(PluginSpec[Info, Made]):
+    """A plugin of which all that is known was told by the process that imports it.
 
-    kind: ClassVar[str]
-    base_name: str
-    target: str
-    spelling: str
+    Parameters
+    ----------
+    spelling
+        Name with parameters, in its one spelling.
+    """
+
+    spelling: str = ""
 
     @property
     def name(self) -> str:
@@ -42,6 +45,12 @@ class _FromItsProcess:
         """Name in the tables."""
         return str(self._facts["title"])
 
+    @property
+    def info(self) -> Info:
+        """Return what it says about itself."""
+        told = {name: tuple(value) if isinstance(value, list) else value for name, value in self._facts["info"].items()}
+        return cast(Info, self.info_type(**told))
+
     def resolved_parameters(self) -> dict[str, Any]:
         """All parameters as JSON tells them."""
         return dict(self._facts["parameters"])
@@ -52,7 +61,7 @@ class _FromItsProcess:
 
     @property
     def _remote(self) -> _Remote:
-        return _Remote(self.kind, self.target, {"name": self.spelling, "base_name": self.base_name})
+        return _Remote({"kind": self.kind, "target": self.target, "name": self.spelling, "base_name": self.base_name})
 
     @property
     def _facts(self) -> Facts:
@@ -60,22 +69,8 @@ class _FromItsProcess:
 
 
 @dataclass(frozen=True)
-class ForeignMethodSpec(_FromItsProcess, MethodSpec):
-    """A method of a plugin; all that is known of it was told by the process that imports it.
-
-    Parameters
-    ----------
-    spelling
-        Name with parameters, in its one spelling.
-    """
-
-    kind: ClassVar[str] = "method"
-    spelling: str = ""
-
-    @property
-    def info(self) -> MethodInfo:
-        """Return what the method says about itself."""
-        return MethodInfo(**_with_tuples(self._facts["info"]))
+class ForeignMethodSpec(_FromItsProcess[MethodInfo, Method | Descriptor], MethodSpec):
+    """A method of a plugin."""
 
     @property
     def inherited(self) -> tuple[str, ...]:
@@ -99,40 +94,20 @@ class ForeignMethodSpec(_FromItsProcess, MethodSpec):
 
 
 @dataclass(frozen=True)
-class ForeignScorerSpec(_FromItsProcess, ScorerSpec):
-    """A scorer of a plugin; all that is known of it was told by the process that imports it.
-
-    Parameters
-    ----------
-    spelling
-        Name with parameters, in its one spelling.
-    """
-
-    kind: ClassVar[str] = "scorer"
-    spelling: str = ""
-
-    @property
-    def info(self) -> ScorerInfo:
-        """Return what the scorer says about itself."""
-        return ScorerInfo(**_with_tuples(self._facts["info"]))
+class ForeignScorerSpec(_FromItsProcess[ScorerInfo, Scorer], ScorerSpec):
+    """A scorer of a plugin."""
 
     def create(self) -> Scorer:
         """Return the scorer, which works in its process."""
         return cast(Scorer, _RemoteScorer(self._remote, self.info))
 
 
-def kept_apart(spec: MethodSpec) -> MethodSpec:
-    """Return a method as workers are told of it: one of a plugin, so that they do not import it."""
-    if not spec.is_foreign or isinstance(spec, ForeignMethodSpec):
+def kept_apart(spec: S) -> S:
+    """Return a plugin as workers are told of it: one of somebody else, so that they do not import it."""
+    if not spec.is_foreign or isinstance(spec, _FromItsProcess):
         return spec
-    return ForeignMethodSpec(spec.base_name, spec.target, named=spec.named, spelling=spec.name)
-
-
-def scorer_kept_apart(spec: ScorerSpec) -> ScorerSpec:
-    """Return a scorer as workers are told of it; see :func:`kept_apart`."""
-    if not spec.is_foreign or isinstance(spec, ForeignScorerSpec):
-        return spec
-    return ForeignScorerSpec(spec.base_name, spec.target, spelling=spec.name)
+    kind: Any = ForeignScorerSpec if isinstance(spec, ScorerSpec) else ForeignMethodSpec
+    return cast(S, kind(spec.base_name, spec.target, named=spec.named, spelling=spec.name))
 
 
 @cache
@@ -143,20 +118,13 @@ def _service(kind: str, module: str) -> Service:
 
 @cache
 def _told(kind: str, target: str, name: str, base_name: str) -> Facts:
-    facts = {"name": name, "base_name": base_name}
-    return _Remote(kind, target, facts).request(f"tell of {kind}", {}, {})[0]
-
-
-def _with_tuples(info: Facts) -> Facts:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in info.items()}
+    return _Remote({"kind": kind, "target": target, "name": name, "base_name": base_name}).request("tell", {}, {})[0]
 
 
 @dataclass(frozen=True)
 class _Remote:
-    """A method or scorer in the process of its plugin."""
+    """A method or scorer in the process of its plugin, by the facts that name it there."""
 
-    kind: str
-    target: str
     facts: Mapping[str, str]
 
     def request(
@@ -169,8 +137,8 @@ class _Remote:
             seed_sequence: Any = shape.random(str(asked["purpose"])).bit_generator.seed_seq
             return {"entropy": seed_sequence.entropy}
 
-        service = _service(self.kind, self.target.rpartition(":")[0])
-        return service.request({"work": work, "target": self.target, **self.facts, **facts}, arrays, answer)
+        service = _service(self.facts["kind"], self.facts["target"].rpartition(":")[0])
+        return service.request({"work": work, **self.facts, **facts}, arrays, answer)
 
 
 @dataclass(frozen=True)

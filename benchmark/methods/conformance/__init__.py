@@ -29,7 +29,7 @@ from benchmark.methods.conformance.targets import Target
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 
@@ -37,6 +37,9 @@ __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "ch
 _OF_THEIR_CLASS = {"class": check_class, "parameters": check_parameters}
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
+
+#: Told the name of each check before it is made.
+Begins = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -89,14 +92,9 @@ def check_target(name: str) -> Report:
     ConfigurationError
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
-    target = Target(name)
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        found = {spec.name: tuple(_findings(spec, lambda _: None, Path(folder))) for spec in target.specs()}
-    for scorer in target.scorers():
-        found[_titled(scorer.name, "scorer")] = tuple(_of_scorer(scorer, lambda _: None))
-    for name, source in target.data_sets().items():
-        found[_titled(name)] = tuple(_found(OF_DATA_SETS, DatasetCase(source), lambda _: None))
-    return Report(found)
+        checked = _checked(Target(name), Path(folder))
+        return Report({titled: tuple(checks(lambda _: None)) for titled, checks in checked})
 
 
 def check_apart(target: Target, limit: float | None = None) -> Report:
@@ -126,13 +124,11 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *found))
 
     inspect([path for path in (target.file,) if path], made=False)
-    what, hint = f"checking {target.name}", "correct the file: what it cannot treat, it refuses"
+    guard = Guard(f"checking {target.name}", "correct the file: what it cannot treat, it refuses", limit)
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:
-                call_apart(
-                    _check_apart, target, list(findings), folder, what=what, hint=hint, limit=limit, say=hear
-                )  # fmt: skip
+                call_apart(_check_apart, target, list(findings), folder, guard=guard, say=hear)
             except BrokenCall as error:
                 if not at:
                     raise
@@ -144,33 +140,27 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
 
 def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
     """Check all of a target but some, saying before each check which one begins and after it what it found."""
+    for titled, checks in _checked(target, Path(folder)):
+        if titled not in without:
+            for finding in checks(partial(_say_begun, say, titled)):
+                say(json.dumps([titled, finding.name, finding.outcome, finding.explanation]))
 
-    def tell(name: str, findings: Iterable[Finding]) -> None:
-        for finding in findings:
-            say(json.dumps([name, finding.name, finding.outcome, finding.explanation]))
 
+def _checked(target: Target, folder: Path) -> Iterator[tuple[str, Callable[[Begins], Iterable[Finding]]]]:
+    """All of a target by title, each with its checks; a scorer or a data set says so, for names may be shared."""
     for spec in target.specs():
-        if spec.name not in without:
-            begins = partial(_say_begun, say, spec.name)
-            tell(spec.name, _findings(spec, begins, Path(folder), dict(target.options)))
+        yield spec.name, partial(_findings, spec, folder, dict(target.options))
     for scorer in target.scorers():
-        if (titled := _titled(scorer.name, "scorer")) not in without:
-            tell(titled, _of_scorer(scorer, partial(_say_begun, say, titled)))
+        yield f"{scorer.name} (scorer)", partial(_of_scorer, scorer)
     for name, source in target.data_sets().items():
-        if (titled := _titled(name)) not in without:
-            tell(titled, _found(OF_DATA_SETS, DatasetCase(source), partial(_say_begun, say, titled)))
+        yield f"{name} (data set)", partial(_found, OF_DATA_SETS, DatasetCase(source))
 
 
 def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None:
     say(json.dumps([method, check_name]))
 
 
-def _titled(name: str, kind: str = "data set") -> str:
-    """Return what the findings of a data set or a scorer are listed under: a method may have the same name."""
-    return f"{name} ({kind})"
-
-
-def _of_scorer(spec: ScorerSpec, begins: Callable[[str], None]) -> Iterator[Finding]:
+def _of_scorer(spec: ScorerSpec, begins: Begins) -> Iterator[Finding]:
     """Check a scorer; one whose packages are not installed, or that has no signatures, is not checked further."""
     case = ScorerCase(spec)
     for checks in (OF_REQUIREMENTS, _OF_THEIR_CLASS, OF_SIGNATURES):
@@ -189,12 +179,10 @@ def check(spec: MethodSpec) -> list[Finding]:
     without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        return list(_findings(spec, lambda _: None, Path(folder)))
+        return list(_findings(spec, Path(folder), {}, lambda _: None))
 
 
-def _findings(
-    spec: MethodSpec, begins: Callable[[str], None], folder: Path, options: Mapping[str, str] | None = None
-) -> Iterator[Finding]:
+def _findings(spec: MethodSpec, folder: Path, options: Mapping[str, str], begins: Begins) -> Iterator[Finding]:
     """Check a method; ``begins`` is told the name of each check before it is made, models are put into ``folder``."""
     models = Path(tempfile.mkdtemp(dir=folder))
     case = ConformanceCase(
@@ -225,7 +213,7 @@ def _findings(
     yield from _found(OF_THE_ANSWER, case, begins)
 
 
-def _found(checks: Mapping[str, Callable[[Any], str]], case: Any, begins: Callable[[str], None]) -> Iterator[Finding]:
+def _found(checks: Mapping[str, Callable[[Any], str]], case: Any, begins: Begins) -> Iterator[Finding]:
     for name, function in checks.items():
         begins(name)
         yield _find(name, function, case)

@@ -15,7 +15,7 @@ from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.methods.conformance.case import Failed, Warned
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]
 
@@ -75,7 +75,7 @@ def _check_repeatable(case: DatasetCase) -> str:
 
 def _check_fresh_process(case: DatasetCase) -> str:
     try:
-        found = call_apart(_described, case.source, what="the data set", hint="find the crash")
+        found = call_apart(_described, case.source, guard=Guard("the data set", "find the crash"))
     except BrokenCall as error:
         raise Failed(str(error)) from error
     if found != _described(case.source):

@@ -24,7 +24,7 @@ from benchmark.methods.conformance.case import (
     same,
 )
 from benchmark.methods.registry import MethodSpec
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 from benchmark.system.names import DATA_VARIABLE
 
 KERNEL = "OPENBLAS_CORETYPE"
@@ -73,7 +73,7 @@ def _elsewhere(case: ConformanceCase, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
     try:
         with _environment(kernel):
-            found = call_apart(_answer, case.spec, case.model, what="the method", hint="find the crash")
+            found = call_apart(_answer, case.spec, case.model, guard=Guard("the method", "find the crash"))
     except BrokenCall as error:
         raise Failed(
             "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"

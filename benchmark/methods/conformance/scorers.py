@@ -16,7 +16,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.methods.conformance.case import REPEAT_TOLERANCE, Failed, Skipped, explain, relative_difference
 from benchmark.methods.conformance.shapes import BENDS, awkward, figure, view
 from benchmark.methods.scorers import ScorerSpec
-from benchmark.system.calls import BrokenCall, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["OF_REQUIREMENTS", "OF_SCORERS", "OF_SIGNATURES", "ScorerCase", "ScorerCheck"]
 
@@ -103,7 +103,7 @@ def _check_repeatable(case: ScorerCase) -> str:
 
 def _check_fresh_process(case: ScorerCase) -> str:
     try:
-        found = call_apart(_answer, case.spec, what="the scorer", hint="find the crash")
+        found = call_apart(_answer, case.spec, guard=Guard("the scorer", "find the crash"))
     except BrokenCall as error:
         raise Failed(str(error)) from error
     if relative_difference(_flat(case.signatures(case.forms[:1])[0]), np.array(found)) > REPEAT_TOLERANCE:

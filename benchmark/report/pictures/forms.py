@@ -23,7 +23,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.store import Store
-from benchmark.system.calls import call_apart
+from benchmark.system.calls import Guard, call_apart
 from benchmark.system.files import write_atomically
 from benchmark.system.text import clean
 
@@ -292,9 +292,8 @@ def _made(
     reason = "it cannot be kept"
     if missing:
         try:
-            call_apart(
-                make_forms, order, missing, what=job.name, hint="run it to see more", limit=limit, say=lambda _: None
-            )
+            guard = Guard(job.name, "run it to see more", limit)
+            call_apart(make_forms, order, missing, guard=guard, say=lambda _: None)
         except BenchmarkError as error:
             reason = str(error)
     return [_found(method_run, entry) or reason for entry in entries]

@@ -1,4 +1,4 @@
-"""The paper's claims as orders of rows, and whether the queries of our tables carry them."""
+"""Outcomes of the paper's claims, by the queries of our tables."""
 
 from __future__ import annotations
 
@@ -9,75 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import Input
-from benchmark.reference import paper
+from benchmark.reference.paper import CLAIMS, Claim
 from benchmark.report.content import TableContent
-from benchmark.report.reproduction.figures import is_learned
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One row is better than others.
-
-    Parameters
-    ----------
-    words
-        As a sentence.
-    table
-        Where it can be seen.
-    better
-        The row that should lead.
-    others
-        The rows that it should lead.
-    input
-        What the methods see.
-    measures
-        By which it should lead.
-    """
-
-    words: str
-    table: str
-    better: str
-    others: tuple[str, ...]
-    input: Input = "view"
-    measures: tuple[str, ...] = paper.MEASURES
-
-
-CLASSICAL = tuple(row.method for row in paper.ROWS if not is_learned(row.method))
-
-#: Where the paper's own figures carry them: in Table II its ST is below that of its GPS, in Table III its ST is that of
-#: Constrained MDS.
-CLAIMS: tuple[Claim, ...] = (
-    Claim("The network finds more than every classical form on synthetic humans.", "I", "learned", CLASSICAL),
-    Claim(
-        "It finds more than every classical form on real humans (NN, FT, DCG).",
-        "II",
-        "learned",
-        CLASSICAL,
-        measures=("NN", "FT", "DCG"),
-    ),
-    Claim(
-        "It finds more than every classical form on TOSCA (NN, FT, DCG).",
-        "III",
-        "learned",
-        CLASSICAL,
-        measures=("NN", "FT", "DCG"),
-    ),
-    Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
-    Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
-    Claim("Poses that were seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
-    Claim(
-        "Of the classical forms GPS has the highest NN on synthetic humans.",
-        "I",
-        "gps",
-        tuple(name for name in CLASSICAL if name != "gps"),
-        measures=("NN",),
-    ),
-)
 
 
 @dataclass(frozen=True)

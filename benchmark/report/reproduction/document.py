@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from benchmark.protocols.tables import INPUTS
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import MEASURES, NUMERALS, is_learned
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
 from benchmark.report.grid import BLANK, number
@@ -15,12 +15,10 @@ from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.figures import (
     AGREEING,
     FEWEST,
-    NUMERALS,
     OUTCOMES,
     TOLERANCE,
     Outcome,
     ReproducedFigure,
-    is_learned,
     is_near,
     mean_distance,
     paper_tables,

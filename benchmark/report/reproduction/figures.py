@@ -18,9 +18,6 @@ OUTCOMES: tuple[Outcome, ...] = (
     "reproduced", "same order", "other data", "other training", "unexplained", "not comparable",
 )  # fmt: skip
 
-#: The paper's tables, each with its number of figures for one input.
-NUMERALS = ("I", "II", "III", "IV")
-
 #: Distance up to which a figure counts as reproduced: two of the paper's hundredths more than what another draw of the
 #: codebook moves NN by on a hundred shapes (median standard deviation .026).
 TOLERANCE = 0.05
@@ -74,7 +71,7 @@ def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
     found: dict[str, TableContent] = {}
     for table in tables:
         identifier = table.identifier
-        if identifier not in NUMERALS or table.quick or table.scorer or not table.has_paper:
+        if identifier not in paper.NUMERALS or table.quick or table.scorer or not table.has_paper:
             continue
         if identifier not in found or found[identifier].data["stand_in_for"]:
             found[identifier] = table
@@ -92,20 +89,15 @@ def reproduced_figures(tables: Iterable[TableContent]) -> list[ReproducedFigure]
     contents = paper_tables(tables)
     return [
         figure
-        for numeral in NUMERALS
+        for numeral in paper.NUMERALS
         for input_ in INPUTS
         for figure in _of_table(numeral, contents.get(numeral), input_)
     ]
 
 
-def is_learned(method: str) -> bool:
-    """Return whether a row of the paper is a network, which sees depth images alone."""
-    return method.startswith("learned")
-
-
 def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iterable[ReproducedFigure]:
     ours = {row.method: row for row in content.rows} if content is not None else {}
-    rows = {name: row for name, row in paper.rows(numeral).items() if input_ == "view" or not is_learned(name)}
+    rows = {name: row for name, row in paper.rows(numeral).items() if input_ == "view" or not paper.is_learned(name)}
     for name, printed in rows.items():
         for measure in paper.MEASURES:
             told = printed.values[numeral][measure]
@@ -165,6 +157,6 @@ def mean_distance(figures: Iterable[ReproducedFigure], *, without_nn: bool = Fal
     distances = [
         abs(each.paper - each.ours)
         for each in figures
-        if each.ours is not None and not is_learned(each.method) and not (without_nn and each.measure == "NN")
+        if each.ours is not None and not paper.is_learned(each.method) and not (without_nn and each.measure == "NN")
     ]
     return sum(distances) / len(distances) if distances else None

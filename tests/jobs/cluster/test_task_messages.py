@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from benchmark.cli.options import RunOptions
+from benchmark.cli.run_plan import make_executor
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.cluster import dask_worker, task_messages
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
-from benchmark.jobs.run_plan import make_executor
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.storage.keys import plain
@@ -87,4 +88,4 @@ def test_without_dask_the_mend_is_told(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "distributed" else find(name))
     with pytest.raises(ConfigurationError, match=r"needs the package distributed; run `pip install 'dask"):
-        make_executor("dask", None, None, Claims(tmp_path / "claims"), "tcp://127.0.0.1:8786")
+        make_executor(RunOptions(executor="dask", scheduler="tcp://127.0.0.1:8786"), Claims(tmp_path / "claims"))

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from benchmark.reference import paper
+from benchmark.reference.paper import CLAIMS, Claim
 from benchmark.report.content import TableContent, contents
 from benchmark.report.files import render
-from benchmark.report.reproduction.claims import CLAIMS, AssessedClaim, Claim, assess_claims
+from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.document import claims, reproduction_markdown
 from benchmark.report.reproduction.figures import (
     TOLERANCE,

@@ -18,10 +18,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
-from benchmark.jobs.job_specs import JobSpec, Scope
+from benchmark.jobs.job_specs import JobSpec
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
@@ -40,29 +41,17 @@ _SILENCE = 15.0
 _FINE = ("cached", "unsupported")
 
 
-def run_plan(
-    jobs: Sequence[Job],
-    store: Store,
-    scope: Scope,
-    executor: str,
-    workers: int | None,
-    timeout: float | None,
-    scheduler: str = "",
-    *,
-    as_far_as_possible: bool = False,
-) -> bool:
+def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
     """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
 
     Parameters
     ----------
     jobs
         The plan.
-    store, scope
-        Where the results are, and what else the orders tell.
-    executor, workers, timeout, scheduler
-        See :func:`make_executor`.
-    as_far_as_possible
-        Whether a job whose models are not here is no failure, as where nobody named its method.
+    store
+        Where the results are.
+    options
+        How they are run. Where they name no method, a job whose models are not here is no failure.
 
     Returns
     -------
@@ -83,16 +72,15 @@ def run_plan(
     sweep_leftovers(store)
     if to_run:
         drop_stale_kernels(ROOT)
-    passed_over = (*_FINE, "unavailable") if as_far_as_possible else _FINE
+    passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    orders = [JobSpec.of(job, scope) for job in to_run]
+    orders = [JobSpec.of(job, options) for job in to_run]
     with Claims.of(store) as claims, _Display(orders) as display:
         for order in orders:
             if claims.take(order.key):
                 store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
                 claims.release(order.key)
-        chosen = make_executor(executor, workers, timeout, claims, scheduler)
-        for order, record in chosen.execute(orders, display.watch):
+        for order, record in make_executor(options, claims).execute(orders, display.watch):
             display.ended(order, record)
             fine &= record["status"] == "ok"
         if claims.is_last():
@@ -100,42 +88,37 @@ def run_plan(
     return fine
 
 
-def make_executor(
-    name: str, workers: int | None, timeout: float | None, claims: Claims, scheduler: str = ""
-) -> Executor:
-    """Make an executor by the name it has on the command line.
+def make_executor(options: RunOptions, claims: Claims) -> Executor:
+    """Make the executor that the options name: ``"serial"``, ``"processes"`` or ``"dask"``.
+
+    ``workers`` are tasks at a time, None for all cores of this machine or of the cluster; the serial executor stops
+    nothing after ``timeout``; ``scheduler`` is the address of the scheduler of a dask cluster, "" for none.
 
     Parameters
     ----------
-    name
-        ``"serial"``, ``"processes"`` or ``"dask"``.
-    workers
-        Tasks at a time; None for all cores, of this machine or of the cluster.
-    timeout
-        Seconds of work after which a job is stopped; None for no limit. Nothing is stopped by the serial one.
+    options
+        Options of the run.
     claims
         The jobs that other runs are at.
-    scheduler
-        Address of the scheduler of a dask cluster; "" for none.
 
     Raises
     ------
     ConfigurationError
         If the name is unknown, or a scheduler is missing or not asked for.
     """
-    if name == "dask":
+    if options.executor == "dask":
         from benchmark.jobs.cluster.executor import DaskExecutor
 
-        if not scheduler:
+        if not options.scheduler:
             raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
-        return DaskExecutor(scheduler, claims, timeout, workers)
-    if scheduler:
+        return DaskExecutor(options.scheduler, claims, options.timeout, options.workers)
+    if options.scheduler:
         raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
-    if name == "serial":
+    if options.executor == "serial":
         return SerialExecutor(claims)
-    if name == "processes":
-        return ProcessExecutor(workers or available_cores(), claims, timeout)
-    raise ConfigurationError(f"unknown executor '{name}'", "choose serial, processes or dask")
+    if options.executor == "processes":
+        return ProcessExecutor(options.workers or available_cores(), claims, options.timeout)
+    raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
 
 
 class _Display:
