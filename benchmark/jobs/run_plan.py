@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import time
 from collections.abc import Sequence
@@ -121,13 +122,17 @@ def make_executor(
     Raises
     ------
     ConfigurationError
-        If the name is unknown, or a scheduler is missing or not asked for.
+        If the name is unknown, dask is not installed, or a scheduler is missing or not asked for.
     """
     if name == "dask":
-        from benchmark.jobs.cluster.executor import DaskExecutor
-
         if not scheduler:
             raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
+        if importlib.util.find_spec("distributed") is None:
+            raise ConfigurationError(
+                "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
+            )
+        from benchmark.jobs.cluster.dask_executor import DaskExecutor
+
         return DaskExecutor(scheduler, claims, timeout, workers)
     if scheduler:
         raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import benchmark
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task
@@ -16,9 +15,6 @@ from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of
 from benchmark.protocols.models import Model
 from benchmark.storage.keys import plain
-
-#: Folder of this suite: what is shipped with it lies elsewhere on another machine.
-SUITE = Path(benchmark.__file__).resolve().parents[1]
 
 Content = dict[str, Any]
 
@@ -54,7 +50,6 @@ def read(content: Mapping[str, Any]) -> Task:
 
 def written_job(job: JobSpec) -> Content:
     """One job as plain data."""
-    results = job.results.resolve()
     is_folder = not is_known(job.dataset) and is_path(job.dataset)
     models = {model.digest: model for model in job.models.values()}
     return {
@@ -66,9 +61,12 @@ def written_job(job: JobSpec) -> Content:
         "input": job.input,
         "method": written_method(job.method),
         "seed": job.seed,
-        "models": {digest: _written_model(model, results) for digest, model in models.items()},
+        "models": {
+            digest: {"training": model.training, "folder": str(model.folder.resolve()), "card": model.card}
+            for digest, model in models.items()
+        },
         "model_of": {identifier: model.digest for identifier, model in job.models.items()},
-        "results": str(results),
+        "results": str(job.results.resolve()),
         "recipe": plain(job.recipe),
         "all_unseen": job.all_unseen,
         "split_size": job.split_size,
@@ -78,8 +76,10 @@ def written_job(job: JobSpec) -> Content:
 
 def read_job(content: Mapping[str, Any]) -> JobSpec:
     """The job that :func:`written_job` described."""
-    results = Path(content["results"])
-    models = {digest: _read_model(found, results) for digest, found in content["models"].items()}
+    models = {
+        digest: Model(found["training"], Path(found["folder"]), found["card"])
+        for digest, found in content["models"].items()
+    }
     return JobSpec(
         key=content["key"],
         facts=content["facts"],
@@ -90,7 +90,7 @@ def read_job(content: Mapping[str, Any]) -> JobSpec:
         method=read_method(content["method"]),
         seed=content["seed"],
         models={identifier: models[digest] for identifier, digest in content["model_of"].items()},
-        results=results,
+        results=Path(content["results"]),
         recipe=content["recipe"],
         all_unseen=content["all_unseen"],
         split_size=content["split_size"],
@@ -122,29 +122,3 @@ def read_scorer(content: Mapping[str, Any]) -> ScorerSpec:
     if base.is_foreign:
         return ForeignScorerSpec(base.base_name, base.target, spelling=content["name"])
     return scorer_of(content["name"], {base.base_name: base})
-
-
-def model_folder(place: list[str], results: Path) -> Path:
-    """Return where a model lies on this machine.
-
-    Parameters
-    ----------
-    place
-        ``["suite" | "results" | "path", name]``.
-    results
-        Results folder here.
-    """
-    kind, name = place
-    return {"suite": SUITE, "results": results, "path": Path()}[kind] / name
-
-
-def _written_model(model: Model, results: Path) -> Content:
-    folder = model.folder.resolve()
-    for kind, root in (("suite", SUITE), ("results", results)):
-        if folder.is_relative_to(root) and not (kind == "suite" and folder.is_relative_to(results)):
-            return {"training": model.training, "place": [kind, str(folder.relative_to(root))], "card": model.card}
-    return {"training": model.training, "place": ["path", str(folder)], "card": model.card}
-
-
-def _read_model(content: Mapping[str, Any], results: Path) -> Model:
-    return Model(content["training"], model_folder(content["place"], results), content["card"])

@@ -165,9 +165,8 @@ class Run:
             task = self._due() or self._next_batch()
             if task is None:
                 return
-            number = next(n for n in range(len(self.running) + 1) if n not in {w.number for w in self.running})
             try:
-                self.running.append(self.pool.begin(task, number))
+                self.running.append(self.pool.begin(task))
             except OSError as error:
                 self._refused(task, error)
             else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 from collections.abc import Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -22,7 +24,6 @@ class PoolWorker(Protocol):
     """A worker with its task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
 
     task: Any
-    number: int
     looked: float
     status_at_end: Status
     trace: str
@@ -59,7 +60,7 @@ class WorkerPool(Protocol):
         """Return what it waits for where it can do nothing; "" where it can."""
         ...
 
-    def begin(self, task: Task, number: int) -> PoolWorker:
+    def begin(self, task: Task) -> PoolWorker:
         """Start a worker; raises ``OSError`` if there is none for this task just now."""
         ...
 
@@ -85,10 +86,11 @@ class LocalWorkerPool:
         self.size = size
         self._progress = progress
         self._memory = memory_per_worker(size)
+        self._numbers = itertools.count()
 
-    def begin(self, task: Task, number: int) -> TaskWorker:
+    def begin(self, task: Task) -> TaskWorker:
         """Start a process; raises ``OSError`` if the system starts none."""
-        return TaskWorker(task, number, self._progress, self._memory)
+        return TaskWorker(task, self._progress / f"{os.getpid()}-{next(self._numbers)}", self._memory)
 
     def wait(self, running: Sequence[Any]) -> None:
         """Wait until one of them ends, or a moment."""
