@@ -22,7 +22,7 @@ from rich.progress import (
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
-from benchmark.jobs.job_specs import JobSpec, Scope
+from benchmark.jobs.job_specs import JobSpec
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import environment_text
 from benchmark.storage.pruning import sweep_leftovers
@@ -44,7 +44,6 @@ _FINE = ("cached", "unsupported")
 def run_plan(
     jobs: Sequence[Job],
     store: Store,
-    scope: Scope,
     executor: str,
     workers: int | None,
     timeout: float | None,
@@ -58,8 +57,8 @@ def run_plan(
     ----------
     jobs
         The plan.
-    store, scope
-        Where the results are, and what else the orders tell.
+    store
+        Where the results are.
     executor, workers, timeout, scheduler
         See :func:`make_executor`.
     as_far_as_possible
@@ -86,15 +85,14 @@ def run_plan(
         drop_stale_kernels(ROOT)
     passed_over = (*_FINE, "unavailable") if as_far_as_possible else _FINE
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    orders = [JobSpec.of(job, scope) for job in to_run]
-    with Claims.of(store) as claims, _Display(orders) as display:
-        for order in orders:
-            if claims.take(order.key):
-                store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
-                claims.release(order.key)
+    with Claims.of(store) as claims, _Display(to_run) as display:
+        for job in to_run:
+            if claims.take(job.key):
+                store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
+                claims.release(job.key)
         chosen = make_executor(executor, workers, timeout, claims, scheduler)
-        for order, record in chosen.execute(orders, display.watch):
-            display.ended(order, record)
+        for done, record in chosen.execute(to_run, display.watch):
+            display.ended(done, record)
             fine &= record["status"] == "ok"
         if claims.is_last():
             store.drop_scratch()
@@ -146,13 +144,13 @@ def make_executor(
 class _Display:
     """A progress bar over shapes; plain lines when there is no terminal."""
 
-    def __init__(self, orders: Sequence[JobSpec]) -> None:
+    def __init__(self, jobs: Sequence[JobSpec]) -> None:
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
-            console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
+            console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
         )  # fmt: skip
-        self._total = len({(o.dataset, o.input, o.package, shape) for o in orders for shape in o.identifiers})
+        self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
         self._task: TaskID = self._bar.add_task("starting", total=self._total)
         self._begun = self._said = time.monotonic()
 
@@ -173,14 +171,14 @@ class _Display:
             at = f", {names[0]}" if names and (not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
-    def ended(self, order: JobSpec, record: Record) -> None:
+    def ended(self, job: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
             scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
-            said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
+            said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
-            said = f"{record['status']:<11}  {order.name}  {brief(record['reason'])}"
+            said = f"{record['status']:<11}  {job.name}  {brief(record['reason'])}"
         if self._bar.disable:
             _say(said)
         else:

@@ -169,8 +169,8 @@ def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_
     store = Store.open(tmp_path)
     (job,) = chosen.jobs(store)
     assert job.state == "unavailable"
-    assert not run_plan([job], store, chosen, "serial", 1, None)
-    assert run_plan([job], store, chosen, "serial", 1, None, as_far_as_possible=True)
+    assert not run_plan([job], store, "serial", 1, None)
+    assert run_plan([job], store, "serial", 1, None, as_far_as_possible=True)
 
 
 def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):

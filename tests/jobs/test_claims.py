@@ -61,7 +61,7 @@ def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monke
     (store.scratch / "needed.npz").write_text("")
 
     def run():
-        return run_plan([], store, None, "serial", 1, None)
+        return run_plan([], store, "serial", 1, None)
 
     with hold(store.root / "claims", "one") as other:
         assert run()

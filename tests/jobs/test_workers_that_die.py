@@ -10,7 +10,7 @@ from benchmark.jobs.execution import executors, worker, worker_pool
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import ProcessExecutor
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
-from benchmark.jobs.job_specs import JobSpec, ScoringTask
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, from_json, to_json
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
@@ -37,7 +37,7 @@ class Scripted:
         if isinstance(fate, OSError):
             raise fate
         self.status, self.exit_code = fate
-        self.task, self.looked, self.trace = task, 0.0, "in a method"
+        self.trace = "in a method"
         self.status_at_end = self.status
         self.sentinel = sentinel.open()
         if self.status.is_done and isinstance(task, ScoringTask):
@@ -55,7 +55,9 @@ def run(tmp_path, monkeypatch):
     def run_(*script):
         monkeypatch.setattr(Scripted, "script", list(script))
         monkeypatch.setattr(
-            worker_pool, "TaskWorker", lambda task, status_file, memory: Scripted(task, tmp_path / "sentinel")
+            worker_pool,
+            "TaskWorker",
+            lambda task, status_file, memory: Scripted(from_json(task), tmp_path / "sentinel"),
         )
         monkeypatch.setattr(executors, "_PATIENCE", 0.0)
         (tmp_path / "sentinel").write_text("")
@@ -164,7 +166,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
-        worker._do(ScoringTask(()), tmp_path / "absent" / "status", fingerprints.export_cache())
+        worker._do(to_json(ScoringTask(())), tmp_path / "absent" / "status", fingerprints.export_cache())
     assert left.value.code == UNWRITTEN
 
 

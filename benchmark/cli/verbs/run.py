@@ -69,13 +69,13 @@ def run(
     from benchmark.report.robustness.formats import markdown as robustness_markdown
 
     unnamed = not selection.is_narrow
-    ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)
+    ok = run_plan(plan, store, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)
     results = selection.results_of(store).all(selection.seed, scorer=selection.scorer_spec().name)
     name_skipped(store)
     found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
     # A finished job of the same shapes, in a folder of another name, is that of the plan.
     shown = [
-        replace(result, record=result.record | job.facts)
+        replace(result, record={**result.record, **job.facts})
         for job in plan
         if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
     ]

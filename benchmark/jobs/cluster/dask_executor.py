@@ -12,9 +12,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -23,12 +22,11 @@ from distributed import Future as Answer
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.jobs.cluster import dask_worker
-from benchmark.jobs.cluster.task_messages import written, written_job
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.execution.worker import Status, read_status, remove_status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker
-from benchmark.jobs.job_specs import JobSpec, Task
+from benchmark.jobs.job_specs import JobSpec, Task, to_json
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from benchmark.system.text import brief, say
@@ -81,7 +79,7 @@ class DaskExecutor:
         """
         if jobs:
             with DaskWorkerPool(self.url, jobs, self.most) as pool:
-                yield from Run(list(jobs), pool, self.claims, self.timeout, watch).records()
+                yield from Run(jobs, pool, self.claims, self.timeout, watch).records()
 
 
 @dataclass
@@ -133,24 +131,23 @@ class RemoteTask:
 
     Parameters
     ----------
-    task
-        What is done.
     node
         Who does it.
     answer
         What dask will have in the end.
+    store
+        Where its records belong.
     status_file
-        Where its process says how far it is.
+        Name of the file under its progress where the task says how far it is.
     """
 
-    def __init__(self, task: Task, node: WorkerNode, answer: Answer, status_file: Path) -> None:
-        self.task = task
+    def __init__(self, node: WorkerNode, answer: Answer, store: Store, status_file: str) -> None:
         self.node = node
-        self.looked = time.monotonic()
         self.status_at_end = Status()
         self.trace = ""
         self._answer = answer
-        self._status_file = status_file
+        self._status_file = store.progress / status_file
+        self._store = store
         self._code: int | None = None
         self._is_over = False
         node.running += 1
@@ -198,10 +195,9 @@ class RemoteTask:
         except Exception:  # cancelled, killed, or without an answer
             self._code = LOST
             return
-        store = Store.open(self.task.jobs[0].results)
         for record in found["records"]:  # a network file system may show them seconds later
-            if record["key"] not in store.records:
-                store.write_record(record)
+            if record["key"] not in self._store.records:
+                self._store.write_record(record)
         self.status_at_end, self.trace, self._code = status, str(found["trace"]), code
 
 
@@ -235,18 +231,19 @@ class DaskWorkerPool:
         self._numbers = itertools.count()
         self._nodes: dict[str, WorkerNode] = {}
         self._info: dict[str, Any] = {}
-        self._progress = Store.open(jobs[0].results).progress.resolve()
+        self._store = Store.open(jobs[0].results)
         try:
             self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
         except Exception as error:  # what is raised depends on the kind of address
             raise ConfigurationError(
                 f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
             ) from error
-        self._marker = self._progress / f"{os.getpid()}-{self._name}"
+        self._marker = self._store.progress / f"{os.getpid()}-{self._name}"
         self._marker.write_text(self._name, encoding="utf-8")
         self._question = json.dumps(
             {
-                "jobs": [written_job(job) | {"identifiers": [], "model_of": {}} for job in jobs],
+                "jobs": [to_json(replace(job, identifiers=(), trainings={})) for job in jobs],
+                "results": str(jobs[0].results),
                 "marker": str(self._marker),
                 "written": self._name,
             }
@@ -284,15 +281,19 @@ class DaskWorkerPool:
         node = max(self._nodes.values(), key=lambda node: node.free, default=None)
         if node is None or not node.free:
             raise OSError(0, f"all workers of {self.url} are at work")
-        on_machine = sum(other.threads for other in self._nodes.values() if other.host == node.host)
-        name = f"{self._name}-{next(self._numbers)}"
-        status_file = self._progress / f"{os.getpid()}-{name}"
+        name = f"{os.getpid()}-{self._name}-{next(self._numbers)}"
+        message = {
+            "task": to_json(task),
+            "keys": [job.key for job in task.jobs],
+            "results": str(task.jobs[0].results),
+            "status_file": name,
+            "workers": sum(other.threads for other in self._nodes.values() if other.host == node.host),
+        }
         answer = self._client.submit(
-            dask_worker.ask,
-            json.dumps({"task": written(task), "status_file": str(status_file), "workers": on_machine}),
-            name, key=name, workers=[node.address], allow_other_workers=False, retries=0, pure=False,
+            dask_worker.ask, json.dumps(message), name, key=name, workers=[node.address], allow_other_workers=False,
+            retries=0, pure=False,
         )  # fmt: skip
-        return RemoteTask(task, node, answer, status_file)
+        return RemoteTask(node, answer, self._store, name)
 
     def wait(self, running: Sequence[PoolWorker]) -> None:
         """Wait a moment, then look who has come and who has gone.

@@ -32,35 +32,34 @@ def do(message: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     message
-        ``task`` as :func:`benchmark.jobs.cluster.task_messages.written` makes it; ``status_file``, where to say how far
-        it is; and ``workers``, the number of tasks that share the memory of this machine.
+        ``task`` as :func:`benchmark.jobs.job_specs.to_json` writes it, and the ``keys`` of its jobs; ``results``, the
+        folder; ``status_file``, where under its progress to say how far it is; ``workers``, the number of tasks that
+        share the memory of this machine.
 
     Returns
     -------
     dict
         ``exit_code``, ``status``, ``trace`` and ``records``, those of its jobs that there are.
     """
-    from benchmark.jobs.cluster.task_messages import TaskMessage
     from benchmark.jobs.execution.worker import TaskWorker
     from benchmark.storage.store import Store
     from benchmark.system.workers import memory_per_worker
 
     is_stopped = threading.Event()
     signal.signal(signal.SIGUSR1, lambda number, frame: is_stopped.set())
-    jobs, memory = message["task"]["jobs"], memory_per_worker(message["workers"])
-    worker = TaskWorker(TaskMessage(json.dumps(message["task"])), Path(message["status_file"]), memory)
+    store = Store.open(Path(message["results"]))
+    worker = TaskWorker(message["task"], store.progress / message["status_file"], memory_per_worker(message["workers"]))
     try:
         while worker.exit_code is None and not select.select([0], [], [], _INTERVAL)[0]:
             if is_stopped.is_set():
                 worker.stop()
     finally:
         worker.end()
-    records = Store.open(Path(jobs[0]["results"])).records
     return {
         "exit_code": worker.exit_code,
         "status": asdict(worker.status_at_end),
         "trace": worker.trace,
-        "records": [record for job in jobs if (record := records.read(job["key"]))],
+        "records": [record for key in message["keys"] if (record := store.records.read(key))],
     }
 
 
@@ -70,7 +69,8 @@ def inspect(message: Mapping[str, Any]) -> dict[str, str]:
     Parameters
     ----------
     message
-        ``jobs``, without shapes; ``marker``, a file in the results folder, and what is ``written`` in it.
+        ``jobs`` as :func:`benchmark.jobs.job_specs.to_json` writes them; ``results``, the folder; ``marker``, a file in
+        it, and what is ``written`` there.
 
     Returns
     -------
@@ -80,26 +80,25 @@ def inspect(message: Mapping[str, Any]) -> dict[str, str]:
     from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.jobs import recipes
-    from benchmark.jobs.cluster.task_messages import read_method, read_scorer
+    from benchmark.jobs.job_specs import from_json
     from benchmark.jobs.plan import difference
 
     if not _is_shared(Path(message["marker"]), message["written"]):
         return {
-            "problem": f"it does not see the results folder {message['jobs'][0]['results']}, or may not write there",
+            "problem": f"it does not see the results folder {message['results']}, or may not write there",
             "hint": "mount the folder there under the same path, or run parts with --shard and merge them",
         }
     problems: dict[str, None] = {}
-    for job in message["jobs"]:
+    for description in message["jobs"]:
         try:
-            planned, input_ = job["recipe"]["code"], job["input"]
-            module = job["facts"]["data"]["module"]
-            found = recipes.job_code(module, input_, read_method(job["method"]), read_scorer(job["scorer"]))
-            if {"code": planned} != {"code": found}:
-                problems[difference({"code": planned}, {"code": found})] = None
-            open_dataset(job["dataset"], None if job["data_root"] is None else Path(job["data_root"]))
-            for digest, model in job["models"].items():
-                if card_digest(read_card(Path(model["folder"]))) != card_digest(model["card"]):
-                    problems[f"another model {model['training']} ({digest})"] = None
+            job = from_json(description)
+            found = recipes.job_code(job.facts["data"]["module"], job.input, job.method, job.scorer)
+            if job.recipe["code"] != found:
+                problems[difference({"code": job.recipe["code"]}, {"code": found})] = None
+            open_dataset(job.dataset, job.data_root)
+            for model in job.models.values():
+                if card_digest(read_card(model.folder)) != card_digest(model.card):
+                    problems[f"another model {model.training} ({model.digest})"] = None
         except BenchmarkError as error:
             problems[str(error)] = None
         except Exception as error:  # a plugin may raise anything

@@ -11,8 +11,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark.jobs.cluster.task_messages import TaskMessage
-from benchmark.jobs.job_specs import Task
+from benchmark.jobs.job_specs import from_json
 from benchmark.storage.store import StorageError
 from benchmark.system import fingerprints, plugins, services
 from benchmark.system.workers import Worker
@@ -52,7 +51,7 @@ class TaskWorker:
     Parameters
     ----------
     task
-        What to do, or the message that says so.
+        What to do, as :func:`benchmark.jobs.job_specs.to_json` writes it.
     status_file
         Where it says how far it is.
     memory
@@ -64,9 +63,7 @@ class TaskWorker:
         If the system starts no further process.
     """
 
-    def __init__(self, task: Task | TaskMessage, status_file: Path, memory: int) -> None:
-        self.task = task
-        self.looked = time.monotonic()
+    def __init__(self, task: str, status_file: Path, memory: int) -> None:
         self.status_at_end = Status()
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
@@ -122,7 +119,7 @@ def _beside(status_file: Path, what: str) -> Path:
     return status_file.with_name(f"{status_file.name}-{what}")
 
 
-def _do(task: Task | TaskMessage, status_file: Path, known: fingerprints.ImportCache) -> None:
+def _do(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
     """Do the task, in its process."""
     plugins.close_process()
     fingerprints.import_cache(known)
@@ -146,7 +143,7 @@ def _do(task: Task | TaskMessage, status_file: Path, known: fingerprints.ImportC
             beside.replace(status_file)  # so that no reader finds half of it
 
     try:
-        work(task.open() if isinstance(task, TaskMessage) else task, tell)
+        work(from_json(task), tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.jobs.execution.worker import Status, TaskWorker
-from benchmark.jobs.job_specs import Task
+from benchmark.jobs.job_specs import Task, to_json
 from benchmark.system.workers import memory_per_worker
 
 #: Seconds between two looks at the workers.
@@ -21,10 +21,8 @@ LOST = 75
 
 
 class PoolWorker(Protocol):
-    """A worker with its task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
+    """A worker at a task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
 
-    task: Any
-    looked: float
     status_at_end: Status
     trace: str
 
@@ -90,7 +88,8 @@ class LocalWorkerPool:
 
     def begin(self, task: Task) -> TaskWorker:
         """Start a process; raises ``OSError`` if the system starts none."""
-        return TaskWorker(task, self._progress / f"{os.getpid()}-{next(self._numbers)}", self._memory)
+        status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
+        return TaskWorker(to_json(task), status_file, self._memory)
 
     def wait(self, running: Sequence[Any]) -> None:
         """Wait until one of them ends, or a moment."""

@@ -121,17 +121,12 @@ class ForeignScorerSpec(_FromItsProcess, ScorerSpec):
         return cast(Scorer, _RemoteScorer(self._remote, self.info))
 
 
-def kept_apart(spec: MethodSpec) -> MethodSpec:
-    """Return a method as workers are told of it: one of a plugin, so that they do not import it."""
-    if not spec.is_foreign or isinstance(spec, ForeignMethodSpec):
+def kept_apart(spec: MethodSpec | ScorerSpec) -> MethodSpec | ScorerSpec:
+    """Return a method or scorer as workers are told of it: one of a plugin, so that they do not import it."""
+    if not spec.is_foreign or isinstance(spec, _FromItsProcess):
         return spec
-    return ForeignMethodSpec(spec.base_name, spec.target, named=spec.named, spelling=spec.name)
-
-
-def scorer_kept_apart(spec: ScorerSpec) -> ScorerSpec:
-    """Return a scorer as workers are told of it; see :func:`kept_apart`."""
-    if not spec.is_foreign or isinstance(spec, ForeignScorerSpec):
-        return spec
+    if isinstance(spec, MethodSpec):
+        return ForeignMethodSpec(spec.base_name, spec.target, named=spec.named, spelling=spec.name)
     return ForeignScorerSpec(spec.base_name, spec.target, spelling=spec.name)
 
 
