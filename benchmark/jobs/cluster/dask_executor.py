@@ -39,10 +39,10 @@ _CONNECTING, _GONE = 10.0, 10.0
 #: Seconds to wait for the first worker, or for another one when all are lost.
 _NOBODY = 600.0
 
-#: Seconds without a heartbeat after which a worker counts as lost.
+#: Seconds without a heartbeat, or for the answer of a finished task to arrive, after which a worker counts as lost.
 SILENCE = 60.0
 
-#: Seconds for a worker to hand over its answer, or to write down where a task is that is stopped.
+#: Seconds for a worker to write down where a task is that is stopped.
 _LAST_WORDS = 10.0
 
 
@@ -190,7 +190,7 @@ class RemoteTask:
 
     def _take_answer(self) -> None:
         try:
-            found = json.loads(self._answer.result(timeout=_LAST_WORDS))
+            found = json.loads(self._answer.result(timeout=SILENCE))
             status, code = Status(**found["status"]), int(found["exit_code"])
         except Exception:  # cancelled, killed, or without an answer
             self._code = LOST
