@@ -63,9 +63,9 @@ def write_figure(
             if not jobs:
                 raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
         if what == "forms":
-            figure = forms_figure(jobs, store, selection, subjects[0] if subjects else "", shapes, timeout)
+            figure = forms_figure(jobs, store, subjects[0] if subjects else "", shapes, timeout)
         else:
-            figure = effect_figure(jobs, store, selection, subjects, shapes, timeout)
+            figure = effect_figure(jobs, store, subjects, shapes, timeout)
         save(figure, path)
     say(f"wrote {path}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import time
 from collections.abc import Sequence
@@ -74,14 +75,13 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
         drop_stale_kernels(ROOT)
     passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    orders = [JobSpec.of(job, options) for job in to_run]
-    with Claims.of(store) as claims, _Display(orders) as display:
-        for order in orders:
-            if claims.take(order.key):
-                store.remove_record(order.key)  # asked to retry: the failure of before must not stop the workers
-                claims.release(order.key)
-        for order, record in make_executor(options, claims).execute(orders, display.watch):
-            display.ended(order, record)
+    with Claims.of(store) as claims, _Display(to_run) as display:
+        for job in to_run:
+            if claims.take(job.key):
+                store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
+                claims.release(job.key)
+        for done, record in make_executor(options, claims).execute(to_run, display.watch):
+            display.ended(done, record)
             fine &= record["status"] == "ok"
         if claims.is_last():
             store.drop_scratch()
@@ -104,13 +104,17 @@ def make_executor(options: RunOptions, claims: Claims) -> Executor:
     Raises
     ------
     ConfigurationError
-        If the name is unknown, or a scheduler is missing or not asked for.
+        If the name is unknown, dask is not installed, or a scheduler is missing or not asked for.
     """
     if options.executor == "dask":
-        from benchmark.jobs.cluster.executor import DaskExecutor
-
         if not options.scheduler:
             raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
+        if importlib.util.find_spec("distributed") is None:
+            raise ConfigurationError(
+                "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
+            )
+        from benchmark.jobs.cluster.dask_executor import DaskExecutor
+
         return DaskExecutor(options.scheduler, claims, options.timeout, options.workers)
     if options.scheduler:
         raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
@@ -124,13 +128,13 @@ def make_executor(options: RunOptions, claims: Claims) -> Executor:
 class _Display:
     """A progress bar over shapes; plain lines when there is no terminal."""
 
-    def __init__(self, orders: Sequence[JobSpec]) -> None:
+    def __init__(self, jobs: Sequence[JobSpec]) -> None:
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
-            console=Console(file=sys.stderr), disable=not (orders and sys.stderr.isatty()),
+            console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
         )  # fmt: skip
-        self._total = len({(o.dataset, o.input, o.package, shape) for o in orders for shape in o.identifiers})
+        self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
         self._task: TaskID = self._bar.add_task("starting", total=self._total)
         self._begun = self._said = time.monotonic()
 
@@ -151,14 +155,14 @@ class _Display:
             at = f", {names[0]}" if names and (not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
 
-    def ended(self, order: JobSpec, record: Record) -> None:
+    def ended(self, job: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
             scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
-            said = f"{'ok':<11}  {order.name}  {scores}  ({seconds:.2f} s a shape)"
+            said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
         else:
-            said = f"{record['status']:<11}  {order.name}  {brief(record['reason'])}"
+            said = f"{record['status']:<11}  {job.name}  {brief(record['reason'])}"
         if self._bar.disable:
             _say(said)
         else:

@@ -1,40 +1,21 @@
-"""Descriptions of jobs for workers, in plain data that travels between processes."""
+"""Descriptions of jobs and tasks, which travel to other processes and machines as JSON."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
 from benchmark.jobs.foreign.shuffling import shuffled
-from benchmark.jobs.foreign.specs import kept_apart
-from benchmark.jobs.plan import Job
+from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec, kept_apart
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
+from benchmark.parameters.values import format_value
 from benchmark.protocols.models import Model
-from benchmark.storage.keys import plain
-
-
-class Scope(Protocol):
-    """Folders of the results and the official data sets of a selection, and its base seed."""
-
-    @property
-    def results(self) -> Path:
-        """Folder of the store."""
-        ...
-
-    @property
-    def data_root(self) -> Path | None:
-        """Folder of the official data sets, if there is one."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """Base seed of all methods."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -51,8 +32,10 @@ class JobSpec:
         Where the shapes come from.
     identifiers
         The shapes of the gallery, in matrix order.
-    input, method, seed, models
+    input, method, seed
         What is made of them.
+    models
+        Trained models by the names of their trainings; empty for a method that does not learn.
     results
         Folder of the store.
     recipe
@@ -64,7 +47,9 @@ class JobSpec:
     scorer
         What compares the forms.
     ranks_again
-        Whether nothing but its measures is to be made.
+        Whether nothing but its measures is to be made: its distances are kept from an older record.
+    trainings
+        The training whose model treats a shape, by identifier.
     """
 
     key: str
@@ -82,33 +67,18 @@ class JobSpec:
     split_size: int = 0
     scorer: ScorerSpec = field(default_factory=ScorerSpec)
     ranks_again: bool = False
-
-    @classmethod
-    def of(cls, job: Job, scope: Scope) -> JobSpec:
-        """Write the order for a job of the plan."""
-        return cls(
-            key=job.key,
-            facts=job.facts,
-            dataset=job.gallery.source,
-            data_root=scope.data_root,
-            identifiers=tuple(entry.identifier for entry in job.gallery.entries),
-            input=job.input,
-            method=kept_apart(job.method),
-            seed=scope.seed,
-            models=job.models,
-            results=scope.results,
-            recipe=plain(job.recipe),
-            all_unseen=job.gallery.table.all_unseen,
-            split_size=job.gallery.table.split_size,
-            scorer=kept_apart(job.scorer),
-            ranks_again=job.ranks_again,
-        )
+    trainings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """Gallery, input and method, as people name a job, and the scorer where it is not the default one."""
         by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
         return f"{self.facts['gallery']} {self.input} {self.method.name}{by}"
+
+    @property
+    def model_of(self) -> dict[str, Model]:
+        """Trained model of each shape by identifier."""
+        return {identifier: self.models[training] for identifier, training in self.trainings.items()}
 
     @property
     def is_foreign(self) -> bool:
@@ -150,6 +120,41 @@ class ScoringTask:
 
 
 Task = ShapeBatch | ScoringTask
+
+#: What travels, by name: in JSON that name stands beside the arguments that make the same again.
+_CLASSES: dict[str, Any] = {
+    each.__name__: each
+    for each in (
+        ShapeBatch, ScoringTask, JobSpec, Model, MethodSpec, ForeignMethodSpec, ScorerSpec, ForeignScorerSpec, Path,
+    )
+}  # fmt: skip
+
+
+def to_json(described: Task | JobSpec) -> str:
+    """Write a task or a job; methods and scorers of plugins so that whoever reads it imports none of them."""
+    return json.dumps(described, default=_with_class)
+
+
+def from_json(text: str) -> Any:
+    """Return what was written; raises ``ConfigurationError`` if there is no such method or scorer here."""
+    return json.loads(text, object_hook=_of_class)
+
+
+def _with_class(value: Any) -> Any:
+    if isinstance(value, Path):
+        return {"class": Path.__name__, "arguments": [str(value)]}
+    if isinstance(value, MethodSpec | ScorerSpec):
+        value = kept_apart(value)
+    name = JobSpec.__name__ if isinstance(value, JobSpec) else type(value).__name__
+    if name not in _CLASSES:
+        return format_value(value)  # a parameter of a method, which reads it again
+    return {"class": name, "arguments": [getattr(value, each.name) for each in fields(_CLASSES[name])]}
+
+
+def _of_class(content: dict[str, Any]) -> Any:
+    if content.keys() != {"class", "arguments"}:
+        return content
+    return _CLASSES[content["class"]](*(tuple(e) if isinstance(e, list) else e for e in content["arguments"]))
 
 
 def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:

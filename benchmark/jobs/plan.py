@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 from benchmark.api.contracts import Input
+from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
+from benchmark.jobs.job_specs import JobSpec
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
@@ -33,22 +36,14 @@ CHANGED = "changed"
 UNSAVED = "unsaved"
 
 
-@dataclass(frozen=True)
-class Job:
-    """One method on one gallery under one input.
+@dataclass(frozen=True, kw_only=True)
+class Job(JobSpec):
+    """A job as it is planned: its description, and what does not travel to the workers.
 
     Parameters
     ----------
-    key
-        Names the recipe; the record of the job is kept under it.
     gallery
         The shapes.
-    input
-        What the method is given.
-    method
-        The method.
-    recipe
-        Everything that determines the scores.
     state
         ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``published``: a record
         came with the suite, none was made here. ``stale``: there is a record of another recipe. ``missing``: there is
@@ -56,70 +51,87 @@ class Job:
         input.
     reason
         Why it is in this state.
-    models
-        Trained model of each shape by identifier; empty for a method that does not learn.
-    scorer
-        What compares the forms; of no account for a descriptor, whose recipe names the default one.
-    ranks_again
-        Whether nothing but its measures is to be made: its distances are kept from an older record.
     """
 
-    key: str
-    gallery: Gallery
-    input: Input
-    method: MethodSpec
-    recipe: Mapping[str, Any]
-    state: State
-    reason: str
-    models: Mapping[str, Model] = field(default_factory=dict)
-    scorer: ScorerSpec = field(default_factory=ScorerSpec)
-    ranks_again: bool = False
-
-    @property
-    def name(self) -> str:
-        """Data set, input and method, as people name a job, and the scorer where it is not the default one."""
-        by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
-        return f"{self.gallery.name} {self.input} {self.method.name}{by}"
+    gallery: Gallery = field(compare=False, repr=False)
+    state: State = "missing"
+    reason: str = "never run"
 
     @property
     def to_run(self) -> bool:
         """Return whether a run would compute it."""
         return self.state in ("missing", "stale", "published")
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
-        dataset, info = self.gallery.dataset, self.method.info
-        return {
-            "gallery": self.gallery.name,
-            "input": self.input,
-            "method": self.method.name,
-            "title": self.method.title,
-            "family": info.family,
-            "parameters": dict(self.method.parameters),
-            "data": {
-                "name": dataset.name,
-                "title": dataset.title,
-                "stand_in_for": dataset.stand_in_for,
-                "source": self.gallery.source,
-                "module": recipes.dataset_module(dataset),
-                "quick": self.gallery.quick,
-                "n_shapes": len(self.gallery.entries),
-                "n_classes": len({entry.subject for entry in self.gallery.entries}),
-                "chance": chance_levels([entry.subject for entry in self.gallery.entries]),
-            },
-            # Only what is built in, or installed, means something to others.
-            "target": ""
-            if any(m.endswith(".py") for m in (self.method.module, self.scorer.module))
-            else self.method.target,
-            **self._scorer_facts(),
-        }
 
-    def _scorer_facts(self) -> dict[str, str]:
-        """Name and title of the scorer; the default one goes without saying."""
-        if self.method.describes:
-            return {"scorer": NO_SCORER}
-        return {} if self.scorer.name == DEFAULT else {"scorer": self.scorer.name, "scorer_title": self.scorer.title}
+def description(
+    gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec, models: Mapping[str, Model]
+) -> dict[str, Any]:
+    """Return what gallery, method and models determine of a :class:`Job`.
+
+    Parameters
+    ----------
+    gallery, input_, spec
+        The job.
+    scorer
+        What compares the forms; of no account for a descriptor, whose recipe names the default one.
+    models
+        Trained model of each shape by identifier; empty for a method that does not learn.
+    """
+    return {
+        "gallery": gallery,
+        "facts": _facts(gallery, input_, spec, scorer),
+        "dataset": _absolute(gallery.source),
+        "data_root": gallery.data_root and gallery.data_root.absolute(),
+        "identifiers": tuple(entry.identifier for entry in gallery.entries),
+        "input": input_,
+        "method": spec,
+        "models": {model.training: model for model in models.values()},
+        "trainings": {identifier: model.training for identifier, model in models.items()},
+        "all_unseen": gallery.table.all_unseen,
+        "split_size": gallery.table.split_size,
+        "scorer": scorer,
+    }
+
+
+def _absolute(source: str) -> str:
+    """The source of a data set as it is understood from any working directory."""
+    return source if is_known(source) or not is_path(source) else str(Path(source).absolute())
+
+
+def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
+    """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
+    dataset, subjects = gallery.dataset, tuple(entry.subject for entry in gallery.entries)
+    facts = {
+        "gallery": gallery.name,
+        "input": input_,
+        "method": spec.name,
+        "title": spec.title,
+        "family": spec.info.family,
+        "parameters": dict(spec.parameters),
+        "data": {
+            "name": dataset.name,
+            "title": dataset.title,
+            "stand_in_for": dataset.stand_in_for,
+            "source": gallery.source,
+            "module": recipes.dataset_module(dataset),
+            "quick": gallery.quick,
+            "n_shapes": len(subjects),
+            "n_classes": len(set(subjects)),
+            "chance": _chance(subjects),
+        },
+        # Only what is built in, or installed, means something to others.
+        "target": "" if any(m.endswith(".py") for m in (spec.module, scorer.module)) else spec.target,
+    }
+    if spec.describes:
+        facts["scorer"] = NO_SCORER
+    elif scorer.name != DEFAULT:  # the default one goes without saying
+        facts |= {"scorer": scorer.name, "scorer_title": scorer.title}
+    return dict(keys.plain(facts))
+
+
+@cache
+def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
+    return chance_levels(subjects)
 
 
 def make_plan(
@@ -180,16 +192,19 @@ class _Planning:
         # A descriptor compares its descriptors itself: one job, whatever compares the forms.
         scorer = ScorerSpec() if not spec.missing_packages() and spec.describes else self.scorer
 
-        def job(state: State, reason: str, recipe: Mapping[str, Any] | None = None) -> Job:
-            key = keys.digest(recipe) if recipe else ""
-            return Job(key, gallery, input_, spec, recipe or {}, state, reason, models, scorer)
+        def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
+            return Job(
+                **description(gallery, input_, spec, scorer, models), key=keys.digest(recipe) if recipe else "",
+                recipe=recipe or {}, seed=self.seed, results=store.root.parent.absolute(), state=state, reason=reason,
+                ranks_again=ranks_again,
+            )  # fmt: skip
 
         if missing := spec.missing_packages():
             return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
         if input_ not in spec.info.inputs:
             return job("unsupported", f"does not take the {input_} input")
         try:
-            models = find_models(spec, gallery, store.models)
+            models = find_models(spec, gallery, store.models.absolute())
         except MissingModel as error:
             return job("unavailable", str(error))
         except NoFolds as error:
@@ -206,8 +221,8 @@ class _Planning:
             return job("published", "finished elsewhere; a run makes it anew here", recipe)
         place = Place(gallery.name, input_, spec.name, self.seed, scorer.name)
         if older := self.before.get(place):
-            stale = job("stale", what_changed(older[-1], recipe), recipe)
-            return replace(stale, ranks_again=_has_distances(older[-1], recipe, store))
+            ranks_again = _has_distances(older[-1], recipe, store)
+            return job("stale", what_changed(older[-1], recipe), recipe, ranks_again=ranks_again)
         # No quick row is published, and to read all records takes a second.
         if not gallery.quick and (elsewhere := self._published_before.get(place)):
             return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
@@ -256,7 +271,7 @@ def job_recipe(
         recipe["split_size"] = gallery.table.split_size
     if models:
         recipe["models"] = {model.training: model.digest for model in models.values()}
-    return recipe
+    return dict(keys.plain(recipe))
 
 
 def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:

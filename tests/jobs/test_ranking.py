@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
+from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages import features
 from benchmark.jobs.stages.measures import over_splits, scores
@@ -94,17 +94,14 @@ def test_distances_that_are_damaged_are_made_again(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_ranking_tells_which_draw_is_under_way(tmp_path):
-    class Scope:
-        results, data_root, seed = tmp_path / "results", None, 0
-
+    store = Store.open(tmp_path / "results")
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     specs = select(("identity",), methods())
-    (job,) = make_plan(galleries((), [str(rods)]), ["mesh"], specs, Store.open(Scope.results))
-    spec = JobSpec.of(job, Scope)
+    (job,) = make_plan(galleries((), [str(rods)]), ["mesh"], specs, store)
     told = []
-    runner.work(ShapeBatch((spec,), spec.identifiers), lambda *_: None)
-    runner.work(ScoringTask((spec,)), lambda key, steps, shape="": told.append((key, shape)))
-    record = Store.open(Scope.results).records.read(job.key)
+    runner.work(ShapeBatch((job,), job.identifiers), lambda *_: None)
+    runner.work(ScoringTask((job,)), lambda key, steps, shape="": told.append((key, shape)))
+    record = store.records.read(job.key)
     assert record["status"] == "ok"
     said = [shape for key, shape in told if key == job.key]
     assert said == ["", *(f"comparing 4 forms, {n} of 3" for n in (1, 2, 3))]

@@ -10,7 +10,7 @@ from benchmark.jobs.execution import executors, worker, worker_pool
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import ProcessExecutor
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
-from benchmark.jobs.job_specs import JobSpec, ScoringTask
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, from_json, to_json
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
@@ -32,14 +32,14 @@ class Scripted:
 
     script: list = []  # noqa: RUF012
 
-    def __init__(self, task, number, progress, memory):
+    def __init__(self, task, sentinel):
         fate = self.script.pop(0) if self.script else DONE
         if isinstance(fate, OSError):
             raise fate
         self.status, self.exit_code = fate
-        self.task, self.number, self.looked, self.trace = task, number, 0.0, "in a method"
+        self.trace = "in a method"
         self.status_at_end = self.status
-        self.sentinel = progress.open()
+        self.sentinel = sentinel.open()
         if self.status.is_done and isinstance(task, ScoringTask):
             for job in task.jobs:
                 Store.open(job.results).write_record(record(method=job.facts["method"]))
@@ -57,7 +57,7 @@ def run(tmp_path, monkeypatch):
         monkeypatch.setattr(
             worker_pool,
             "TaskWorker",
-            lambda task, number, progress, memory: Scripted(task, number, tmp_path / "sentinel", memory),
+            lambda task, status_file, memory: Scripted(from_json(task), tmp_path / "sentinel"),
         )
         monkeypatch.setattr(executors, "_PATIENCE", 0.0)
         (tmp_path / "sentinel").write_text("")
@@ -166,7 +166,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
-        worker._do(ScoringTask(()), tmp_path / "status", tmp_path / "absent" / "trace", fingerprints.export_cache())
+        worker._do(to_json(ScoringTask(())), tmp_path / "absent" / "status", fingerprints.export_cache())
     assert left.value.code == UNWRITTEN
 
 

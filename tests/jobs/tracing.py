@@ -17,7 +17,6 @@ What is not asked to be named, and why:
 from __future__ import annotations
 
 import copy
-import dataclasses
 import json
 import sys
 import tempfile
@@ -25,14 +24,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import CodeType, FrameType, SimpleNamespace
+from types import CodeType, FrameType
 from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import gallery, runner
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
+from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.rekey.sampling import decimated, make_small
 from benchmark.jobs.stages import distances, measures
@@ -287,11 +286,9 @@ def _run(
     (job,) = make_plan([gallery], [input_], [spec], store, scorer=scorer)
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
-    order = JobSpec.of(job, SimpleNamespace(results=results, data_root=root, seed=0))
-    order = dataclasses.replace(order, method=job.method)  # a plugin, too, is traced in this process
-    runner.work(ShapeBatch((order,), order.identifiers), lambda *_: None)
-    runner.work(ScoringTask((order,)), lambda *_: None)
-    record = store.records.read(order.key) or {}
+    runner.work(ShapeBatch((job,), job.identifiers), lambda *_: None)
+    runner.work(ScoringTask((job,)), lambda *_: None)
+    record = store.records.read(job.key) or {}
     if record.get("status") != "ok":
         raise SystemExit(f"{job.name}: {record.get('reason')}\n{record.get('traceback')}")
 

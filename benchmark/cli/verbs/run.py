@@ -42,7 +42,7 @@ def run(**given: Any) -> None:
     found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
     # A finished job of the same shapes, in a folder of another name, is that of the plan.
     shown = [
-        replace(result, record=result.record | job.facts)
+        replace(result, record={**result.record, **job.facts})
         for job in plan
         if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
     ]

@@ -1,1 +1,1 @@
-"""Orders become records: on this machine, in processes that may die, hang or be stopped at any time."""
+"""Jobs become records: on this machine, in processes that may die, hang or be stopped at any time."""

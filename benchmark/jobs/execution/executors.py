@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from benchmark.errors import BenchmarkError
 from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.job_queue import JobQueue, record_of
 from benchmark.jobs.execution.runner import failure, keep, work
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, LocalWorkerPool, PoolWorker, WorkerPool
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, Task, shape_batches
 from benchmark.jobs.plan import UNSAVED
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
@@ -82,7 +83,7 @@ class SerialExecutor:
             store = Store.open(job.results)
             if job.key not in store.records:
                 work(ScoringTask((job,)), lambda job, steps, shape="": watch([names[job]], done))
-            yield job, _record_of(job, store)
+            yield job, record_of(job, store)
             self.claims.release(job.key)
 
 
@@ -110,83 +111,131 @@ class ProcessExecutor:
         """Do the jobs, handing back each record as soon as its job ends."""
         if jobs:
             pool = LocalWorkerPool(self.workers, Store.open(jobs[0].results).progress)
-            yield from Run(list(jobs), pool, self.claims, self.timeout, watch).records()
+            yield from Run(jobs, pool, self.claims, self.timeout, watch).records()
 
 
 @dataclass
-class Run:
-    """The jobs of one run, and the workers that are at them."""
+class RunningTask:
+    """A worker with its task; ``looked`` says when somebody looked at it last."""
 
-    jobs: list[JobSpec]
-    pool: WorkerPool
-    claims: Claims
-    timeout: float | None
-    watch: Watch
-    running: list[PoolWorker] = field(default_factory=list)
-    waiting: deque[ShapeBatch] = field(default_factory=deque)
-    to_rank: list[JobSpec] = field(default_factory=list)
-    claimed: set[str] = field(default_factory=set)
-    elsewhere: dict[str, JobSpec] = field(default_factory=dict)
-    open_batches: dict[str, int] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
-    deaths: dict[str, int] = field(default_factory=dict)
-    steps_done: int = 0
-    failed_starts: int = 0
-    refused: int = 0
-    not_before: float = 0.0
+    task: Task
+    worker: PoolWorker
+    looked: float = field(default_factory=time.monotonic)
 
-    def records(self) -> Iterator[tuple[JobSpec, Record]]:
-        """Work until every job has its record."""
-        self.store = Store.open(self.jobs[0].results)
-        self._require_folder()
-        self.pending = {job.key: job for job in self.jobs}
-        self._split_into_batches(self.jobs)
-        try:
-            while self.waiting or self.running or self.to_rank or self.elsewhere:
-                self._start()
-                self.pool.wait(self.running)
-                for worker in list(self.running):
-                    self._look_at(worker)
-                self._look_elsewhere()
-                self._tell()
-                yield from self._ended()
-        finally:
-            for worker in self.running:
-                worker.end()
+    @property
+    def keys(self) -> list[str]:
+        """Keys of its jobs."""
+        return [job.key for job in self.task.jobs]
 
-    def _split_into_batches(self, jobs: Iterable[JobSpec]) -> None:
-        for batch in shape_batches(list(jobs), max(self.pool.size, 1)):
-            self.waiting.append(batch)
-            for job in batch.jobs:
-                self.open_batches[job.key] = self.open_batches.get(job.key, 0) + 1
 
-    def _start(self) -> None:
-        while len(self.running) < self.pool.size and time.monotonic() >= self.not_before:
-            task = self._due() or self._next_batch()
-            if task is None:
-                return
-            number = next(n for n in range(len(self.running) + 1) if n not in {w.number for w in self.running})
-            try:
-                self.running.append(self.pool.begin(task, number))
-            except OSError as error:
-                self._refused(task, error)
-            else:
-                self.refused = 0
+class Workers:
+    """The workers of a run, and what jobs have cost them.
 
-    def _refused(self, task: Task, error: OSError) -> None:
-        """The system starts no process now: ask again later, when others may have ended."""
-        self._require_folder()
-        if isinstance(task, ScoringTask):
-            self.to_rank += task.jobs
-        else:
-            self.waiting.appendleft(task)
-        self.refused += not self.running
-        self.not_before = time.monotonic() + _PATIENCE
-        if self.refused >= _MAX_FAILED_STARTS:
+    Parameters
+    ----------
+    pool
+        Starts them.
+    """
+
+    def __init__(self, pool: WorkerPool) -> None:
+        self.pool = pool
+        self.running: list[RunningTask] = []
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self.deaths: Counter[str] = Counter()
+        self._failed_starts = 0
+        self._refusals = 0
+        self._not_before = 0.0
+
+    @property
+    def free(self) -> int:
+        """Return how many more can be started now."""
+        return self.pool.size - len(self.running) if time.monotonic() >= self._not_before else 0
+
+    def begin(self, task: Task) -> None:
+        """Start a worker; raises ``OSError`` if the system starts none now."""
+        self.running.append(RunningTask(task, self.pool.begin(task)))
+        self._refusals = 0
+
+    def pause(self, error: OSError) -> None:
+        """Start none for a moment, after which others may have ended; raises ``BenchmarkError`` if that never helps."""
+        self._refusals += not self.running
+        self._not_before = time.monotonic() + _PATIENCE
+        if self._refusals >= _MAX_FAILED_STARTS:
             raise BenchmarkError(
                 f"the system starts no process: {error.strerror}",
                 "end other programs or run with --executor serial; finished jobs are kept",
             ) from error
+
+    def look_at(self, running: RunningTask) -> Status:
+        """Return how far a worker is, and book the time since the last look for the job that it is at."""
+        now, status = time.monotonic(), running.worker.status
+        if status.job and not status.is_done:
+            self._failed_starts = 0
+            self.seconds[status.job] += now - running.looked
+        running.looked = now
+        return status
+
+    def failed_to_start(self, code: int) -> None:
+        """Take note that a worker ended before it began; raises ``BenchmarkError`` if one after the other does."""
+        self._failed_starts += 1
+        if self._failed_starts >= _MAX_FAILED_STARTS:
+            raise BenchmarkError(
+                f"{_MAX_FAILED_STARTS} processes in turn ended before they began, the last with {ending(code)}",
+                "find out what ends them, or run with --executor serial; finished jobs are kept",
+            )
+
+
+class Run:
+    """A run of jobs: what waits goes to the workers, and what they leave is handed on.
+
+    Parameters
+    ----------
+    jobs
+        The jobs, at least one.
+    pool
+        Starts workers.
+    claims
+        The jobs that other runs are at.
+    timeout
+        Seconds of work after which a job is stopped; None for no limit.
+    watch
+        Told about progress.
+    """
+
+    def __init__(
+        self, jobs: Sequence[JobSpec], pool: WorkerPool, claims: Claims, timeout: float | None, watch: Watch
+    ) -> None:
+        self.store = Store.open(jobs[0].results)
+        self.queue = JobQueue(jobs, self.store, claims, pool.size)
+        self.workers = Workers(pool)
+        self.timeout = timeout
+        self.watch = watch
+
+    def records(self) -> Iterator[tuple[JobSpec, Record]]:
+        """Work until every job has its record."""
+        self._require_folder()
+        workers = self.workers
+        try:
+            while self.queue or workers.running:
+                self._start()
+                workers.pool.wait([running.worker for running in workers.running])
+                for running in list(workers.running):
+                    self._look_at(running)
+                self.queue.take_over(workers.pool.size)
+                self._tell()
+                yield from self.queue.ended({key for running in workers.running for key in running.keys})
+        finally:
+            for running in workers.running:
+                running.worker.end()
+
+    def _start(self) -> None:
+        while (free := self.workers.free) > 0 and (task := self.queue.take(free)):
+            try:
+                self.workers.begin(task)
+            except OSError as error:
+                self._require_folder()
+                self.queue.put_back(task)
+                self.workers.pause(error)
 
     def _require_folder(self) -> None:
         if not self.store.progress.is_dir():
@@ -199,172 +248,73 @@ class Run:
                 f"cannot write to {self.store.progress}", "change its rights or choose another --results DIR"
             )
 
-    def _next_batch(self) -> ShapeBatch | None:
-        """The next batch, without the jobs that another run is at."""
-        while self.waiting:
-            batch = self.waiting[0]
-            for job in batch.jobs:
-                if job.key not in self.claimed:
-                    self._claim(job)
-            if self.waiting and self.waiting[0].jobs == batch.jobs:
-                return self.waiting.popleft()
-        return None
+    def _look_at(self, running: RunningTask) -> None:
+        """End what takes too long, and take note of what has ended."""
+        worker, has_ended = running.worker, running.worker.exit_code is not None
+        status = self.workers.look_at(running)
+        if has_ended:
+            worker.end()
+            self.workers.running.remove(running)
+            if worker.status_at_end.is_done:  # however it died after that
+                self.queue.finish(running.task)
+            else:
+                self._died(running)
+        elif self.timeout and self.workers.seconds[status.job] > self.timeout:
+            worker.stop()
+            self.workers.running.remove(running)
+            said = f"stopped after {self.timeout:g} s; pass a longer --timeout, what is done is kept"
+            self._blame(running, status, "timeout", said)
 
-    def _claim(self, job: JobSpec) -> None:
-        if not self.claims.take(job.key):
-            self.elsewhere[job.key] = job
-        elif job.key not in self.store.records:
-            self.claimed.add(job.key)
-            return
-        self.open_batches[job.key] = 0
-        batches_left = [(batch, tuple(o for o in batch.jobs if o != job)) for batch in self.waiting]
-        self.steps_done += sum(len(batch.identifiers) for batch, left in batches_left if not left)
-        self.waiting = deque(replace(batch, jobs=left) for batch, left in batches_left if left)
-
-    def _look_elsewhere(self) -> None:
-        """Take over what another run has given up; what it has done is handed on like everything else."""
-        free = [job for key, job in self.elsewhere.items() if self.claims.take(key)]
-        for job in free:
-            del self.elsewhere[job.key]
-        to_do = [job for job in free if job.key not in self.store.records]
-        self.claimed |= {job.key for job in to_do}
-        self._split_into_batches(to_do)
-
-    def _due(self) -> ScoringTask | None:
-        """Jobs that can be ranked, shared among the free workers: starting a process for each would take longer."""
-        free = self.pool.size - len(self.running)
-        count = -(-len(self.to_rank) // free)
-        chosen, self.to_rank = self.to_rank[:count], self.to_rank[count:]
-        return ScoringTask(tuple(chosen)) if chosen else None
-
-    def _look_at(self, worker: PoolWorker) -> None:
-        """Book the time of the job that a worker is at; end what takes too long; take note of what has ended."""
-        now, status, ended = time.monotonic(), worker.status, worker.exit_code is not None
-        if status.job and not status.is_done:
-            self.failed_starts = 0
-            self.seconds[status.job] = self.seconds.get(status.job, 0.0) + now - worker.looked
-        worker.looked = now
-        if not ended:
-            if self.timeout and self.seconds.get(status.job, 0.0) > self.timeout:
-                worker.stop()
-                said = f"stopped after {self.timeout:g} s; pass a longer --timeout, what is done is kept"
-                self._blame(worker, status, "timeout", said)
-            return
-        worker.end()
-        if worker.status_at_end.is_done:  # however it died after that
-            self._finish(worker)
-        else:
-            self._died(worker)
-
-    def _died(self, worker: PoolWorker) -> None:
-        """A process ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
-        code, status = worker.exit_code or 0, worker.status_at_end
+    def _died(self, running: RunningTask) -> None:
+        """A worker ended in the middle of its task: blame the job that it was at, unless somebody killed it."""
+        code, status = running.worker.exit_code or 0, running.worker.status_at_end
         self._require_folder()
         if code == UNWRITTEN:
-            key = status.job or _keys(worker.task)[0]  # on a full disk it could not even say what it was at
-            self._blame(worker, replace(status, job=key), UNSAVED, "the results folder could not be written; run again")
+            status = replace(status, job=status.job or running.keys[0])  # on a full disk it could not even say that
+            self._blame(running, status, UNSAVED, "the results folder could not be written; run again")
         elif not status.job:
-            self.failed_starts += 1
-            if self.failed_starts >= _MAX_FAILED_STARTS:
-                raise BenchmarkError(
-                    f"{_MAX_FAILED_STARTS} processes in turn ended before they began, the last with {ending(code)}",
-                    "find out what ends them, or run with --executor serial; finished jobs are kept",
-                )
-            self._again(worker, without="")
+            self.workers.failed_to_start(code)
+            self._again(running)
         elif code == LOST:
             said = f"the machine that it ran on was lost, for the {_MACHINES}th time; --retry it"
-            self._killed(worker, status, _MACHINES, said)
+            self._killed(running, status, _MACHINES, said)
         elif -code in BY_HAND:
             said = "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
-            self._killed(worker, status, _MAX_RETRIES, said)
+            self._killed(running, status, _MAX_RETRIES, said)
         else:
-            is_foreign = status.job in self.pending and self.pending[status.job].is_foreign
-            more = "'check' shows more" if is_foreign else "run it with --executor serial to see more"
-            said = f"the process ended with {ending(code)}; {more}"
-            self._blame(worker, status, "crashed", said)
+            job = self.queue.pending.get(status.job)
+            more = "'check' shows more" if job and job.is_foreign else "run it with --executor serial to see more"
+            self._blame(running, status, "crashed", f"the process ended with {ending(code)}; {more}")
 
-    def _killed(self, worker: PoolWorker, status: Status, retries: int, said: str) -> None:
+    def _killed(self, running: RunningTask, status: Status, retries: int, said: str) -> None:
         """Somebody else ended it: another try, if it has one left."""
-        self.deaths[status.job] = self.deaths.get(status.job, 0) + 1
-        if self.deaths[status.job] < retries:
-            self._again(worker, without="")
+        self.workers.deaths[status.job] += 1
+        if self.workers.deaths[status.job] < retries:
+            self._again(running)
         else:
-            self._blame(worker, status, "killed", said)
+            self._blame(running, status, "killed", said)
 
-    def _blame(self, worker: PoolWorker, status: Status, kind: str, said: str) -> None:
+    def _blame(self, running: RunningTask, status: Status, kind: str, said: str) -> None:
         """Write the record of the job that broke its worker, and let the rest of the batch go on."""
-        key = status.job
-        if key in self.pending and key not in self.store.records:
+        job = self.queue.pending.get(status.job)
+        if job and job.key not in self.store.records:
             where = f"{status.shape}: " if status.shape else ""
-            keep(self.pending[key], self.store, failure(kind, where + said, worker.trace))
-        self._again(worker, without=key)
+            keep(job, self.store, failure(kind, where + said, running.worker.trace))
+        self._again(running, without=status.job)
 
-    def _again(self, worker: PoolWorker, without: str) -> None:
-        self.running.remove(worker)
-        task = worker.task
-        if isinstance(task, ScoringTask):
-            self.to_rank += [o for o in task.jobs if o.key != without and o.key not in self.store.records]
-            return
-        behind = worker.status_at_end.steps
-        left = tuple(job for job in task.jobs if job.key != without)
-        identifiers = task.identifiers[behind:]
-        if without:
-            self.open_batches[without] -= 1
-        if left and identifiers:
-            self.steps_done += behind
-            self.waiting.appendleft(replace(task, jobs=left, identifiers=identifiers))
-        else:
-            self.steps_done += len(task.identifiers)
-            for job in left:
-                self._close(job)
-
-    def _finish(self, worker: PoolWorker) -> None:
-        worker.end()
-        self.running.remove(worker)
-        if isinstance(worker.task, ShapeBatch):
-            self.steps_done += len(worker.task.identifiers)
-            for job in worker.task.jobs:
-                self._close(job)
-
-    def _close(self, job: JobSpec) -> None:
-        """One batch of a job is over; after the last one it is ranked, before further shapes."""
-        self.open_batches[job.key] -= 1
-        if self.open_batches[job.key] == 0 and job.key not in self.store.records:
-            self.to_rank.append(job)
-
-    def _ended(self) -> Iterator[tuple[JobSpec, Record]]:
-        busy = {key for worker in self.running for key in _keys(worker.task)}
-        due = {job.key for job in self.to_rank}
-        for key, job in list(self.pending.items()):
-            if key in self.store.records and (self.open_batches[key] == 0 or key not in busy):
-                del self.pending[key]
-                self.elsewhere.pop(key, None)
-                yield job, _record_of(job, self.store)
-                self.claims.release(key)
-            elif self.open_batches[key] == 0 and key not in busy and key not in due and key not in self.elsewhere:
-                del self.pending[key]  # its ranking ended without a word
-                yield job, keep(job, self.store, failure("crashed", "ranking left no record; run it again"))
-                self.claims.release(key)
+    def _again(self, running: RunningTask, without: str = "") -> None:
+        self.queue.put_back(running.task, running.worker.status_at_end.steps, without)
 
     def _tell(self) -> None:
-        at = [worker.status for worker in self.running]
-        known = [(s, w) for s, w in zip(at, self.running, strict=True) if s.job in self.pending]
-        names = [
-            self.pending[s.job].name + (f", {s.shape}" if s.shape and isinstance(w.task, ScoringTask) else "")
-            for s, w in known
-        ]
-        if not self.running and self.pool.waits_for:
-            names = [self.pool.waits_for]
-        elif not self.running and self.elsewhere:
-            names = [f"another run is at {job.name}" for job in self.elsewhere.values()]
-        shapes = sum(s.steps for s, w in zip(at, self.running, strict=True) if isinstance(w.task, ShapeBatch))
-        self.watch(names, self.steps_done + shapes)
-
-
-def _keys(task: Task) -> list[str]:
-    return [job.key for job in task.jobs]
-
-
-def _record_of(job: JobSpec, store: Store) -> Record:
-    record = store.records.read(job.key)
-    return record if record is not None else keep(job, store, failure("crashed", "the job left no record"))
+        """Tell which jobs are at work, or what is waited for, and how many shapes are done."""
+        names, shapes = [], self.queue.shapes_done
+        for running in self.workers.running:
+            status, is_ranking = running.worker.status, isinstance(running.task, ScoringTask)
+            if job := self.queue.pending.get(status.job):
+                names.append(job.name + (f", {status.shape}" if status.shape and is_ranking else ""))
+            shapes += 0 if is_ranking else status.steps
+        if not self.workers.running and self.workers.pool.waits_for:
+            names = [self.workers.pool.waits_for]
+        elif not self.workers.running:
+            names = [f"another run is at {job.name}" for job in self.queue.elsewhere.values()]
+        self.watch(names, shapes)

@@ -20,7 +20,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, from_json
 from benchmark.jobs.method_run import MethodRun, ShapeResult
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
@@ -132,7 +132,7 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
 
 
 def _method_run(job: JobSpec, preparation: Preparation, store: Store) -> MethodRun:
-    method_run = MethodRun(preparation, store, job.method, job.seed, job.models, job.scorer)
+    method_run = MethodRun(preparation, store, job.method, job.seed, job.model_of, job.scorer)
     if not isinstance(method_run.method, Method):
         return method_run
     seen = method_run.seen(_entries(job, preparation.dataset), preparation.dataset.name)
@@ -181,18 +181,19 @@ def _guarded(job: JobSpec, store: Store, identifier: str = "") -> Iterator[None]
         keep(job, store, failure("failed", reason, traceback.format_exc()))
 
 
-def make_forms(job: JobSpec, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
+def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
     """Make the forms of some shapes of a job and keep them; of a shape that cannot be treated, the reason is kept.
 
     Parameters
     ----------
-    job
-        The job.
+    description
+        The job, as :func:`benchmark.jobs.job_specs.to_json` writes it.
     identifiers
         The shapes.
     say
         Told each shape when it is done.
     """
+    job: JobSpec = from_json(description)
     store = Store.open(job.results)
     dataset = open_dataset(job.dataset, job.data_root)
     method_run = _method_run(job, Preparation(dataset, job.input, store), store)
@@ -265,8 +266,7 @@ def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry], dat
     """Return the part of a learner's record: its models, and which shapes they had seen; empty for other methods."""
     if not job.models:
         return {}
-    models = {model.training: model.summary() for model in job.models.values()}
-    return {"models": list(models.values()), "seen": method_run.seen(entries, dataset)}
+    return {"models": [model.summary() for model in job.models.values()], "seen": method_run.seen(entries, dataset)}
 
 
 def _costs(results: Sequence[ShapeResult], signatures: Signatures) -> dict[str, Any]:

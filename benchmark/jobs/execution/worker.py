@@ -11,8 +11,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark.jobs.cluster.task_messages import TaskMessage
-from benchmark.jobs.job_specs import Task
+from benchmark.jobs.job_specs import from_json
 from benchmark.storage.store import StorageError
 from benchmark.system import fingerprints, plugins, services
 from benchmark.system.workers import Worker
@@ -52,11 +51,9 @@ class TaskWorker:
     Parameters
     ----------
     task
-        What to do, or the message that says so.
-    number
-        Place among the workers that run at the same time.
-    progress
-        Folder of the files that say how far workers are.
+        What to do, as :func:`benchmark.jobs.job_specs.to_json` writes it.
+    status_file
+        Where it says how far it is.
     memory
         Bytes that it may take.
 
@@ -66,18 +63,13 @@ class TaskWorker:
         If the system starts no further process.
     """
 
-    def __init__(self, task: Task | TaskMessage, number: int, progress: Path, memory: int) -> None:
-        self.task = task
-        self.number = number
-        self.looked = time.monotonic()
+    def __init__(self, task: str, status_file: Path, memory: int) -> None:
         self.status_at_end = Status()
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
-        self._status_file = progress / f"{os.getpid()}-{number}"
-        self._trace_file = self._status_file.with_name(f"{self._status_file.name}-trace")
-        self._clear()
-        known = fingerprints.export_cache()
-        self._worker = Worker(_do, task, self._status_file, self._trace_file, known, memory=memory)
+        self._status_file = status_file
+        remove_status(status_file)
+        self._worker = Worker(_do, task, status_file, fingerprints.export_cache(), memory=memory)
 
     @property
     def sentinel(self) -> int:
@@ -92,10 +84,7 @@ class TaskWorker:
     @property
     def status(self) -> Status:
         """Return how far it is."""
-        try:
-            return Status(**json.loads(self._status_file.read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError):
-            return Status()
+        return read_status(self._status_file) or Status()
 
     def stop(self) -> None:
         """End a process that still runs, after it has written down where it is."""
@@ -106,25 +95,36 @@ class TaskWorker:
     def end(self) -> None:
         """Kill the process, if it still runs, and everything that it started."""
         self._worker.end()
-        self.status_at_end = self.status
+        self.status_at_end = read_status(self._status_file) or self.status_at_end
         with suppress(OSError):
-            self.trace = self._trace_file.read_text(encoding="utf-8", errors="replace")
-        self._clear()
-
-    def _clear(self) -> None:
-        for path in (self._status_file, self._trace_file, _beside(self._status_file)):
-            path.unlink(missing_ok=True)
+            self.trace = _beside(self._status_file, "trace").read_text(encoding="utf-8", errors="replace")
+        remove_status(self._status_file)
 
 
-def _beside(status_file: Path) -> Path:
-    return status_file.with_name(f"{status_file.name}-next")
+def read_status(status_file: Path) -> Status | None:
+    """Return how far a worker is; None where it has not said so."""
+    try:
+        return Status(**json.loads(status_file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
 
 
-def _do(task: Task | TaskMessage, status_file: Path, trace_file: Path, known: fingerprints.ImportCache) -> None:
+def remove_status(status_file: Path) -> None:
+    """Remove what a worker has said."""
+    for path in (status_file, _beside(status_file, "trace"), _beside(status_file, "next")):
+        path.unlink(missing_ok=True)
+
+
+def _beside(status_file: Path, what: str) -> Path:
+    return status_file.with_name(f"{status_file.name}-{what}")
+
+
+def _do(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
     """Do the task, in its process."""
     plugins.close_process()
     fingerprints.import_cache(known)
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
+        trace_file = _beside(status_file, "trace")
         services.trace_to(trace_file)
         trace = trace_file.open("wb")  # stays open: the system writes to it when all is lost
         faulthandler.enable(trace, all_threads=False)
@@ -132,7 +132,7 @@ def _do(task: Task | TaskMessage, status_file: Path, trace_file: Path, known: fi
     from benchmark.jobs.execution.runner import work
 
     latest = Status()
-    beside = _beside(status_file)
+    beside = _beside(status_file, "next")
 
     def tell(job: str, steps: int, shape: str = "", *, is_done: bool = False) -> None:
         nonlocal latest
@@ -143,7 +143,7 @@ def _do(task: Task | TaskMessage, status_file: Path, trace_file: Path, known: fi
             beside.replace(status_file)  # so that no reader finds half of it
 
     try:
-        work(task.open() if isinstance(task, TaskMessage) else task, tell)
+        work(from_json(task), tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 from collections.abc import Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.jobs.execution.worker import Status, TaskWorker
-from benchmark.jobs.job_specs import Task
+from benchmark.jobs.job_specs import Task, to_json
 from benchmark.system.workers import memory_per_worker
 
 #: Seconds between two looks at the workers.
@@ -19,11 +21,8 @@ LOST = 75
 
 
 class PoolWorker(Protocol):
-    """A worker with its task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
+    """A worker at a task; see :class:`benchmark.jobs.execution.worker.TaskWorker`."""
 
-    task: Any
-    number: int
-    looked: float
     status_at_end: Status
     trace: str
 
@@ -59,7 +58,7 @@ class WorkerPool(Protocol):
         """Return what it waits for where it can do nothing; "" where it can."""
         ...
 
-    def begin(self, task: Task, number: int) -> PoolWorker:
+    def begin(self, task: Task) -> PoolWorker:
         """Start a worker; raises ``OSError`` if there is none for this task just now."""
         ...
 
@@ -85,10 +84,12 @@ class LocalWorkerPool:
         self.size = size
         self._progress = progress
         self._memory = memory_per_worker(size)
+        self._numbers = itertools.count()
 
-    def begin(self, task: Task, number: int) -> TaskWorker:
+    def begin(self, task: Task) -> TaskWorker:
         """Start a process; raises ``OSError`` if the system starts none."""
-        return TaskWorker(task, number, self._progress, self._memory)
+        status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
+        return TaskWorker(to_json(task), status_file, self._memory)
 
     def wait(self, running: Sequence[Any]) -> None:
         """Wait until one of them ends, or a moment."""

@@ -27,7 +27,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 from benchmark.api.contracts import Input, Mesh
@@ -38,10 +37,10 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, ShapeError, one_line
 from benchmark.jobs.execution.runner import ranked
-from benchmark.jobs.job_specs import JobSpec
+from benchmark.jobs.job_specs import from_json, to_json
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.pairs import training_data
-from benchmark.jobs.plan import Job, data_recipe, job_recipe
+from benchmark.jobs.plan import Job, data_recipe, description, job_recipe
 from benchmark.jobs.preparation import REFUSED, Preparation
 from benchmark.jobs.recipes import distances_recipe, draws_of, source_recipe, training_code
 from benchmark.jobs.rekey.reached import Reached
@@ -282,7 +281,10 @@ class _Tools:
         except MissingModel:
             models, named = self._standing_in(spec, entries), {"models": dict(row.models)}
         recipe = job_recipe(gallery, input_, spec, self._data[place], models, row.seed, scorer) | named
-        return Job(digest(recipe), gallery, input_, spec, recipe, "missing", "", models, scorer)
+        return Job(
+            **description(gallery, input_, spec, scorer, models), key=digest(recipe), recipe=recipe, seed=row.seed,
+            results=self.store.root.parent,
+        )  # fmt: skip
 
     def _standing_in(self, spec: MethodSpec, entries: Iterable[Entry]) -> dict[str, Model]:
         """Return a model of the same network for shapes whose own is not here; raises ``MissingModel`` without one."""
@@ -317,7 +319,7 @@ class _Tools:
         return Gallery(table, row.source, dataset, entries, data_root=self.data_root)
 
     def _method_run(self, job: Job, preparation: Preparation) -> MethodRun:
-        return MethodRun(preparation, self.store, job.method, job.recipe["seed"], job.models, job.scorer)
+        return MethodRun(preparation, self.store, job.method, job.seed, job.model_of, job.scorer)
 
     def _made(
         self, rows: Mapping[int, Row], jobs: Mapping[int, Job], tell: Callable[[int], None]
@@ -352,7 +354,7 @@ class _Tools:
         """Train each model of a job for three steps on two pairs, or bodies: the digest of its weights."""
         learner: Any = job.method.create()
         found: dict[str, Outcome] = {}
-        for name in dict.fromkeys(model.training for model in job.models.values()):
+        for name in job.models:
             training = find_training(name)
             few = Part(training.trained.subjects[:1], (training.trained.poses or (0, 1))[:2])
             whole = training_data(replace(training, trained=few), self.store, self.data_root, lambda said: None, 2)
@@ -388,10 +390,9 @@ class _Tools:
         entries = tuple(entry for entry in job.gallery.entries if entry.identifier in row.sample)
         names = tuple(entry.identifier for entry in entries)
         n_classes = len({entry.subject for entry in entries})
-        small = self.job(replace(row, identifiers=names, split_size=n_classes if row.split_size else 0))
-        scope = SimpleNamespace(results=self.store.root.parent, data_root=self.data_root, seed=row.seed)
         try:
-            content = ranked(JobSpec.of(small, scope), self.store)
+            small = self.job(replace(row, identifiers=names, split_size=n_classes if row.split_size else 0))
+            content = ranked(from_json(to_json(small)), self.store)
         except Exception as error:  # a plug-in may raise anything
             return {"measures": {"": (f"raises {type(error).__name__}", "")}}
         method_run = self._method_run(small, Preparation(small.gallery.dataset, small.input, self.store))

@@ -15,7 +15,7 @@ from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.execution.runner import make_forms
-from benchmark.jobs.job_specs import JobSpec, Scope
+from benchmark.jobs.job_specs import to_json
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
@@ -67,7 +67,6 @@ class Forms:
 def forms_figure(
     jobs: Sequence[Job],
     store: Store,
-    selection: Scope,
     subject: str = "",
     shapes: Sequence[str] = (),
     limit: float | None = None,
@@ -84,8 +83,6 @@ def forms_figure(
         their own, but not those of a job that has failed.
     store
         Where the forms are.
-    selection
-        What the jobs were planned for.
     subject
         Which subject to show; the first one by default.
     shapes
@@ -100,14 +97,13 @@ def forms_figure(
     ConfigurationError
         If there is no such subject or shape.
     """
-    rows = _of_methods(jobs, store, selection, _chosen(jobs[0].gallery, subject, shapes), limit)
+    rows = _of_methods(jobs, store, _chosen(jobs[0].gallery, subject, shapes), limit)
     return _drawn([[each.meshes[k] for each in rows] for k in range(len(rows[0].meshes))], rows, size)
 
 
 def effect_figure(
     jobs: Sequence[Job],
     store: Store,
-    selection: Scope,
     subjects: Sequence[str] = (),
     shapes: Sequence[str] = (),
     limit: float | None = None,
@@ -117,7 +113,7 @@ def effect_figure(
 
     Parameters
     ----------
-    jobs, store, selection, limit, size
+    jobs, store, limit, size
         As of :func:`forms_figure`.
     subjects
         Which subjects to show, one in each row; those of the shapes, or the first two, by default.
@@ -132,7 +128,7 @@ def effect_figure(
     rows = []
     for subject in named:
         own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in gallery.entries)]
-        rows.append(_of_methods(jobs[:1], store, selection, _chosen(gallery, subject, own), limit))
+        rows.append(_of_methods(jobs[:1], store, _chosen(gallery, subject, own), limit))
     n_poses = max(len(row[0].meshes) for row in rows)
     side = 1.5
     figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=size / 2)
@@ -236,9 +232,7 @@ def _chosen(gallery: Gallery, subject: str, shapes: Sequence[str]) -> list[Entry
     return [members[i] for i in np.unique(np.linspace(0, len(members) - 1, POSES).astype(int))]
 
 
-def _of_methods(
-    jobs: Sequence[Job], store: Store, selection: Scope, entries: Sequence[Entry], limit: float | None
-) -> list[Forms]:
+def _of_methods(jobs: Sequence[Job], store: Store, entries: Sequence[Entry], limit: float | None) -> list[Forms]:
     """The shapes themselves, then the forms of each method, all poses turned alike."""
     gallery, input_ = jobs[0].gallery, jobs[0].input
     preparation = Preparation(gallery.dataset, input_, store)
@@ -257,9 +251,7 @@ def _of_methods(
     for job in (job for job in jobs if isinstance(job.method.create(), Method)):
         forms = Forms(job.method.title)
         model: Points | None = None
-        for form, surface, points in zip(
-            _made(job, preparation, selection, entries, limit), surfaces, seen, strict=True
-        ):
+        for form, surface, points in zip(_made(job, preparation, entries, limit), surfaces, seen, strict=True):
             if isinstance(form, str) or isinstance(surface, str) or points is None:
                 forms.meshes.append(form if isinstance(form, str) else str(surface))
                 continue
@@ -279,21 +271,18 @@ def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:
         return str(error)
 
 
-def _made(
-    job: Job, preparation: Preparation, selection: Scope, entries: Sequence[Entry], limit: float | None
-) -> list[Mesh | str]:
+def _made(job: Job, preparation: Preparation, entries: Sequence[Entry], limit: float | None) -> list[Mesh | str]:
     """The form of each shape, or the reason why there is none."""
     if job.state in ("unavailable", "unsupported", "failed") or preparation.store is None:
         return [job.reason] * len(entries)
-    method_run = MethodRun(preparation, preparation.store, job.method, selection.seed, job.models)
-    order = JobSpec.of(job, selection)
+    method_run = MethodRun(preparation, preparation.store, job.method, job.seed, job.model_of)
     recipes = {entry.identifier: method_run.recipe(entry) for entry in entries}
     missing = [name for name, recipe in recipes.items() if preparation.store.find(recipe, wanted=_nothing) is None]
     reason = "it cannot be kept"
     if missing:
         try:
             guard = Guard(job.name, "run it to see more", limit)
-            call_apart(make_forms, order, missing, guard=guard, say=lambda _: None)
+            call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)
         except BenchmarkError as error:
             reason = str(error)
     return [_found(method_run, entry) or reason for entry in entries]

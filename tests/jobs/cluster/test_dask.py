@@ -1,6 +1,7 @@
 """Jobs on a dask cluster of real processes: killed, hung, foreign workers cost nobody anything but time."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -170,19 +171,16 @@ def at_the_trap(place, cluster, number):
 
 
 @pytest.mark.parametrize(
-    ("number", "shares"),
+    "number",
     [
-        pytest.param(signal.SIGKILL, True, marks=pytest.mark.slow),
-        pytest.param(signal.SIGSTOP, True, marks=pytest.mark.exhaustive),
-        pytest.param(signal.SIGKILL, False, marks=pytest.mark.exhaustive),
+        pytest.param(signal.SIGKILL, marks=pytest.mark.slow),
+        pytest.param(signal.SIGSTOP, marks=pytest.mark.exhaustive),
     ],
 )
-def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number, shares):
-    from benchmark.jobs.cluster import remote_task, worker_node
+def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number):
+    from benchmark.jobs.cluster import dask_executor
 
-    monkeypatch.setattr(remote_task, "SILENCE", 6.0)
-    if not shares:
-        monkeypatch.setattr(worker_node.WorkerNode, "shares_folder", False)
+    monkeypatch.setattr(dask_executor, "SILENCE", 6.0)
     assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
     shapes = described(place)
     cluster.worker()
@@ -192,15 +190,7 @@ def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypa
     thread.join()
     assert done.exit_code == 0, done.output
     assert outcomes(place / "cluster") == outcomes(place / "alone")
-    again = described(place)
-    assert sorted(set(again)) == shapes
-    if shares:
-        assert again == shapes  # nothing twice
-    else:
-        assert len(again) <= len(shapes) + 2  # what lay on the disk of the lost worker alone
-        assert not list((place / "cluster").glob("runs/scratch/*/*"))
-        left = [disk for disk in (place / "cluster").parent.glob("cluster/disk*/*/canonical-forms-*") if disk.exists()]
-        assert len(left) <= 1
+    assert described(place) == shapes  # nothing twice
     if number == signal.SIGKILL:
         wait_until(lambda: not psutil.pid_exists(caught[0]), 20)  # its work goes with the worker
 
@@ -242,10 +232,50 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
     assert "No module named 'benchmark'" in done.stderr
 
 
-def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
-    from benchmark.jobs.cluster import dask_pool
+@pytest.mark.slow
+def test_a_method_that_takes_too_long_is_stopped_and_its_place_is_told(place, cluster):
+    cluster.worker()
+    (place / "notes" / "trap").write_text("")
+    done = run(*selection(place, "results"), *on(cluster), "--timeout", "20s")
+    assert done.exit_code == 1, done.output
+    found = {record["method"]: record for record in Store.open(place / "results").records}
+    assert {name: record["status"] for name, record in found.items()} == {"noted": "timeout", "surface-area": "ok"}
+    assert re.match(r"thi(ck|n)\d: stopped after 20 s", found["noted"]["reason"])
+    assert "in describe" in found["noted"]["traceback"]
+    assert list((place / "results" / "runs" / "progress").iterdir()) == []
 
-    monkeypatch.setattr(dask_pool, "_CONNECTING", 1.0)
+
+@pytest.mark.slow
+def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begins(place, cluster, monkeypatch):
+    from benchmark.jobs.cluster import dask_executor
+
+    def without_marker(self, address):
+        self._marker.unlink(missing_ok=True)
+        return inspect(self, address)
+
+    inspect = dask_executor.DaskWorkerPool._inspect
+    monkeypatch.setattr(dask_executor.DaskWorkerPool, "_inspect", without_marker)
+    cluster.worker()
+    said = f"worker tcp.*: it does not see the results folder {place}/results, .*; mount .* or run parts with --shard"
+    with pytest.raises(ConfigurationError, match=said):
+        run(*selection(place, "results"), *on(cluster))
+    assert not (place / "notes" / "done").exists()
+    assert list((place / "results" / "runs" / "progress").iterdir()) == []
+
+
+@pytest.mark.parametrize("written", ["by this run", "by another run", None])
+def test_the_results_folder_is_shared_if_a_worker_reads_what_the_run_wrote(tmp_path, written):
+    from benchmark.jobs.cluster import supervisor
+
+    if written is not None:
+        (tmp_path / "marker").write_text(written)
+    assert supervisor._is_shared(tmp_path / "marker", "by this run") == (written == "by this run")
+
+
+def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
+    from benchmark.jobs.cluster import dask_executor
+
+    monkeypatch.setattr(dask_executor, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):
         run(*selection(place, "results"), "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     assert list((place / "results" / "runs" / "progress").iterdir()) == []

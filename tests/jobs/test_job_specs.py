@@ -1,8 +1,7 @@
-"""Tasks that travel as text come out as they went in, and need dask as little as those who have none of it."""
+"""Jobs and tasks that travel as JSON come out as they went in, and need dask as little as those who have none of it."""
 
 import importlib.util
-import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -10,21 +9,18 @@ import pytest
 from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import make_executor
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.cluster import dask_worker, task_messages
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch
+from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, from_json, to_json
 from benchmark.jobs.plan import make_plan
-from benchmark.methods.registry import methods, select
+from benchmark.methods.registry import MethodSpec, methods, select
+from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
 from benchmark.storage.keys import plain
 from benchmark.storage.store import Store
+from tests.toy import write_rods
 
 NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
-
-
-class Scope:
-    def __init__(self, results):
-        self.results, self.data_root, self.seed = results, None, 3
 
 
 @pytest.fixture
@@ -32,17 +28,17 @@ def jobs(tmp_path):
     plan = make_plan(
         galleries((), ["animals"], None, quick=True), ["view"], select(NAMES, methods()), Store.open(tmp_path), 3
     )
-    return [JobSpec.of(job, Scope(tmp_path)) for job in plan if job.to_run]
+    return [job for job in plan if job.to_run]
 
 
-def test_a_task_comes_out_of_its_letter_as_it_went_in(jobs):
+def test_a_task_comes_out_of_its_json_as_it_went_in(jobs):
     assert any(job.models for job in jobs)
     for task in (ShapeBatch(tuple(jobs), ("cat0", "dog1")), ScoringTask(tuple(jobs))):
-        text = json.dumps(task_messages.written(task))
-        found = task_messages.TaskMessage(text).open()
+        found = from_json(to_json(task))
         assert type(found) is type(task)
         assert getattr(found, "identifiers", None) == getattr(task, "identifiers", None)
         for before, after in zip(task.jobs, found.jobs, strict=True):
+            assert type(after) is JobSpec  # what a plan knows besides stays at home
             for field in fields(JobSpec):
                 then, now = getattr(before, field.name), getattr(after, field.name)
                 if field.name == "models":
@@ -57,34 +53,24 @@ def test_a_task_comes_out_of_its_letter_as_it_went_in(jobs):
                     assert now == then
 
 
-def test_paths_of_a_letter_are_absolute_and_models_move_with_the_folder_of_results(jobs, tmp_path, monkeypatch):
+def test_methods_and_scorers_of_plugins_are_written_so_that_a_worker_does_not_import_them(jobs, tmp_path):
+    plugin = tmp_path / "mine.py"
+    plugin.write_text("raise AssertionError('imported')")
+    mine = MethodSpec("mine", f"{plugin}:Mine")
+    after = from_json(to_json(replace(jobs[0], method=mine, scorer=ScorerSpec("own", f"{plugin}:Own"))))
+    assert after.method == ForeignMethodSpec("mine", f"{plugin}:Mine", spelling="mine")
+    assert after.scorer == ForeignScorerSpec("own", f"{plugin}:Own", spelling="own")
+
+
+def test_paths_of_a_job_are_absolute(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "rods").mkdir()
-    job = JobSpec(**{**vars(jobs[0]), "dataset": "./rods", "results": Path("results"), "data_root": Path()})
-    content = task_messages.written_job(job)
-    assert [content[name] for name in ("dataset", "results", "data_root")] == [
-        str(tmp_path / "rods"), str(tmp_path / "results"), str(tmp_path),
-    ]  # fmt: skip
-    assert task_messages.model_folder(["results", "models/a"], Path("/elsewhere")) == Path("/elsewhere/models/a")
+    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    chosen = galleries((), ["./rods"], Path())
+    (job,) = make_plan(chosen, ["mesh"], select(["surface-area"], methods()), Store.open(Path("results")))
+    assert [job.dataset, job.results, job.data_root] == [str(tmp_path / "rods"), tmp_path / "results", tmp_path]
 
 
-@pytest.mark.parametrize(
-    ("name", "travels"),
-    [
-        ("runs/artefacts/ab/" + "ab" * 16 + ".npz", True),
-        ("runs/records/" + "ab" * 16 + ".json", True),
-        ("models/humans-fold-0/literal-seed0/card.json", True),
-        ("models/../runs/records/x.json", False),
-        ("runs/artefacts/../../../etc/passwd", False),
-        ("/etc/passwd", False),
-        ("runs/artefacts/ab/" + "ab" * 16 + ".npz\n", False),
-    ],
-)
-def test_only_files_of_a_results_folder_travel(name, travels):
-    assert bool(dask_worker.FILE.fullmatch(name)) == travels
-
-
-def test_without_dask_the_mend_is_told(tmp_path, monkeypatch):
+def test_without_dask_the_hint_is_told(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "distributed" else find(name))
     with pytest.raises(ConfigurationError, match=r"needs the package distributed; run `pip install 'dask"):
