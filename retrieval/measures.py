@@ -17,9 +17,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
+from benchmark.errors import ConfigurationError
+
+__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults", "chance_levels"]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,20 +55,19 @@ class RankedResults:
 
 @dataclass(frozen=True)
 class RandomOrder:
-    """A list of N - 1 results in which irrelevant ones lead, and the others follow in random order."""
+    """A list of N - 1 results in random order."""
 
     n_results: int
     n_relevant: int
-    n_leading: int
 
     @property
     def share(self) -> float:
-        """Share of the results behind the leading ones that is relevant."""
-        return self.n_relevant / (self.n_results - self.n_leading)
+        """Share of the results that is relevant."""
+        return self.n_relevant / self.n_results
 
     def hits(self, rank: int) -> float:
         """Return the relevant results that are expected up to a rank."""
-        return self.share * max(min(rank, self.n_results) - self.n_leading, 0)
+        return self.share * min(rank, self.n_results)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def _discounted(results: RankedResults, weights: FloatArray) -> float:
 
 def _discounted_by_chance(order: RandomOrder, weights: Callable[[int], FloatArray]) -> float:
     sums = _sums(weights, order.n_results)
-    return float(order.share * (sums[order.n_results] - sums[order.n_leading]) / sums[order.n_relevant])
+    return float(order.share * sums[order.n_results] / sums[order.n_relevant])
 
 
 def _cumulated_discounts(counts: FloatArray, n_relevant: int) -> FloatArray:
@@ -147,12 +148,11 @@ def _e_measure_by_chance(order: RandomOrder) -> float:
 def _average_precision_by_chance(order: RandomOrder) -> float:
     """Return the expected average precision.
 
-    A relevant result behind the leading ones has one in ``(n_relevant - 1) / (n_drawn - 1)`` of the ranks before it
-    there.
+    A relevant result has another one at each of the ranks before it with probability
+    ``(n_relevant - 1) / (n_results - 1)``.
     """
-    n_drawn = order.n_results - order.n_leading
-    before = np.arange(n_drawn) * (order.n_relevant - 1) / max(n_drawn - 1, 1)
-    return float(((1.0 + before) / np.arange(order.n_leading + 1, order.n_results + 1)).mean())
+    before = np.arange(order.n_results) * (order.n_relevant - 1) / max(order.n_results - 1, 1)
+    return float(((1.0 + before) / np.arange(1, order.n_results + 1)).mean())
 
 
 _PSB = "Shilane, Min, Kazhdan, Funkhouser 2004"
@@ -203,3 +203,35 @@ MEASURES: tuple[Measure, ...] = (
 
 PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])
 """The measures that the paper prints, in its order; tables print these."""
+
+
+def chance_levels(labels: ArrayLike) -> dict[str, float]:
+    """Exact expectation of the measures for a random ranking, printed under every table.
+
+    Parameters
+    ----------
+    labels
+        Class of each shape, shape (N,).
+
+    Returns
+    -------
+    dict
+        Each of :data:`MEASURES`, averaged over all queries that have a relevant model.
+
+    Raises
+    ------
+    ConfigurationError
+        If no class has two members.
+    """
+    names = np.asarray(labels)
+    n_relevant = (names[:, None] == names).sum(axis=1) - 1
+    if not (n_relevant > 0).any():
+        raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
+    total, n_queries = np.zeros(len(MEASURES)), 0
+    sizes, multiplicity = np.unique(n_relevant, return_counts=True)
+    for relevant, queries in zip(sizes.tolist(), multiplicity.tolist(), strict=True):
+        if relevant:
+            order = RandomOrder(len(names) - 1, relevant)
+            total += queries * np.array([measure.by_chance(order) for measure in MEASURES])
+            n_queries += queries
+    return dict(zip((measure.name for measure in MEASURES), (total / n_queries).tolist(), strict=True))

@@ -69,11 +69,6 @@ def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
     return _fingerprint(modules, tuple(without))
 
 
-def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
-    """The code part of :func:`fingerprint`."""
-    return dict(fingerprint(module, without=without).code)
-
-
 @dataclass(frozen=True)
 class ImportCache:
     """Facts about sources and packages that one process hands to another.

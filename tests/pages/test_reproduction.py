@@ -11,8 +11,7 @@ import pytest
 
 from benchmark.reference import paper
 from benchmark.results import open_results
-from retrieval.chance import chance_levels
-from retrieval.measures import PRINTED
+from retrieval.measures import PRINTED, chance_levels
 
 ROOT = Path(__file__).parents[2]
 NETWORK = (ROOT / "docs" / "appendix" / "paper-network.md").read_text(encoding="utf-8")

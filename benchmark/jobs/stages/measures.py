@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrieval.chance import chance_levels
-from retrieval.measures import MEASURES
+from retrieval.measures import MEASURES, chance_levels
 from retrieval.metrics import Scores, evaluate
 from retrieval.splits import all_splits, ranges, scores_of_splits
 
