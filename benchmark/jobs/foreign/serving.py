@@ -19,7 +19,7 @@ from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of
 from benchmark.storage.costs import Meter
 from benchmark.storage.keys import plain
-from benchmark.system.messages import Arrays
+from benchmark.system.arrays import Arrays
 from benchmark.system.services import Ask
 
 Facts = Mapping[str, Any]

@@ -18,7 +18,7 @@ from benchmark.jobs.foreign.serving import folded, serve
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.storage.costs import Cost
-from benchmark.system.messages import Arrays
+from benchmark.system.arrays import Arrays
 from benchmark.system.services import Service
 
 Facts = dict[str, Any]
