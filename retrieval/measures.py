@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from benchmark.errors import ConfigurationError
-
-__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults", "chance_levels"]
+__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
 
 FloatArray = NDArray[np.float64]
 
@@ -203,35 +201,3 @@ MEASURES: tuple[Measure, ...] = (
 
 PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])
 """The measures that the paper prints, in its order; tables print these."""
-
-
-def chance_levels(labels: ArrayLike) -> dict[str, float]:
-    """Exact expectation of the measures for a random ranking, printed under every table.
-
-    Parameters
-    ----------
-    labels
-        Class of each shape, shape (N,).
-
-    Returns
-    -------
-    dict
-        Each of :data:`MEASURES`, averaged over all queries that have a relevant model.
-
-    Raises
-    ------
-    ConfigurationError
-        If no class has two members.
-    """
-    names = np.asarray(labels)
-    n_relevant = (names[:, None] == names).sum(axis=1) - 1
-    if not (n_relevant > 0).any():
-        raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
-    total, n_queries = np.zeros(len(MEASURES)), 0
-    sizes, multiplicity = np.unique(n_relevant, return_counts=True)
-    for relevant, queries in zip(sizes.tolist(), multiplicity.tolist(), strict=True):
-        if relevant:
-            order = RandomOrder(len(names) - 1, relevant)
-            total += queries * np.array([measure.by_chance(order) for measure in MEASURES])
-            n_queries += queries
-    return dict(zip((measure.name for measure in MEASURES), (total / n_queries).tolist(), strict=True))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmark.storage.keys import digest
-from retrieval.measures import chance_levels
+from retrieval.chance import chance_levels
 
 MEASURES = ("NN", "FT", "ST", "DCG")
 SHAPES = ("cat0", "cat1", "dog0", "dog1")

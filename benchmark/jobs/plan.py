@@ -19,7 +19,7 @@ from benchmark.storage import keys
 from benchmark.storage.records import NO_SCORER, Place, Record, by_place
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
-from retrieval.measures import chance_levels
+from retrieval.chance import chance_levels
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
 

@@ -10,7 +10,8 @@ from typing import Any, get_args
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
-from retrieval.measures import PRINTED, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 
 #: A type; a list of one kind; a mapping from names to one kind (``{...: kind}``) or to the kinds of its parts, of which
 #: those whose names end in ``?`` may be missing; or a question to be answered with yes.
@@ -162,7 +163,7 @@ def _agree(one: float | None, other: float | None) -> bool:
 
 @cache
 def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
-    """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.measures.chance_levels`."""
+    """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.chance.chance_levels`."""
     return chance_levels(labels)
 
 

@@ -11,9 +11,9 @@ from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, p
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs import recipes
 from tests.toy import rod, write_rods
 

@@ -14,8 +14,7 @@ from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans_scanlike import adults
 from benchmark.datasets.varied import sampler as sampling
 from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
-from benchmark.datasets.varied.camera import Perturbations, both_sides, perturbed, rendered, turned
-from benchmark.datasets.varied.extents import extents
+from benchmark.datasets.varied.camera import Perturbations, both_sides, extents, perturbed, rendered, turned
 from benchmark.datasets.varied.model import CANONICAL, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import LARGEST_TURN, free_pose, joint_limits, varied_pose

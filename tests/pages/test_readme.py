@@ -13,7 +13,8 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.methods.conformance import check_target
 from benchmark.reference import paper
-from retrieval.measures import PRINTED, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 from tests.rows import is_form
 from tests.toy import write_rods
 

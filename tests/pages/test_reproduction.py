@@ -11,7 +11,8 @@ import pytest
 
 from benchmark.reference import paper
 from benchmark.results import open_results
-from retrieval.measures import PRINTED, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 
 ROOT = Path(__file__).parents[2]
 NETWORK = (ROOT / "docs" / "appendix" / "paper-network.md").read_text(encoding="utf-8")

@@ -6,7 +6,8 @@ from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
-from retrieval.measures import PRINTED, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
 from tests import mean_folds, mean_target
 from tests.toy import rod, write_off, write_rods
 

@@ -15,7 +15,7 @@ from benchmark.report.files import render, write
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
-from retrieval.measures import chance_levels
+from retrieval.chance import chance_levels
 from tests.records import record
 
 

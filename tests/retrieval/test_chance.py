@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from retrieval.measures import MEASURES, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 
 TOSCA = {

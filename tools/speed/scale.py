@@ -127,7 +127,8 @@ def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
     from benchmark.protocols.tables import INPUTS
     from benchmark.storage.keys import plain
     from benchmark.storage.store import Store
-    from retrieval.measures import MEASURES, chance_levels
+    from retrieval.chance import chance_levels
+    from retrieval.measures import MEASURES
     from tests.records import record
 
     results = folder / f"{size}-made-up"

@@ -16,9 +16,8 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed_name"]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrieval.measures import MEASURES, chance_levels
+from retrieval.chance import chance_levels
+from retrieval.measures import MEASURES
 from retrieval.metrics import Scores, evaluate
 from retrieval.splits import all_splits, ranges, scores_of_splits
 

@@ -13,7 +13,7 @@ from benchmark.datasets.official.sets import EXTENDED, SETS
 from benchmark.datasets.official.tosca import CLASS_SIZES
 from benchmark.errors import DatasetError
 from benchmark.protocols.galleries import galleries
-from retrieval.measures import chance_levels
+from retrieval.chance import chance_levels
 from tests.datasets.official.layouts import make
 from tests.toy import RADII, rod, write_off
 

@@ -1,0 +1,47 @@
+"""Chance level: the scores of a ranking without knowledge of the class, printed under every table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from benchmark.errors import ConfigurationError
+from retrieval.measures import MEASURES, RandomOrder
+
+
+def chance_levels(labels: ArrayLike) -> dict[str, float]:
+    """Exact expectation of the measures for a random ranking.
+
+    Parameters
+    ----------
+    labels
+        Class of each shape, shape (N,).
+
+    Returns
+    -------
+    dict
+        Each of :data:`retrieval.measures.MEASURES`, averaged over all queries that have a relevant model.
+
+    Raises
+    ------
+    ConfigurationError
+        If no class has two members.
+    """
+    return _levels(np.asarray(labels))
+
+
+def _levels(labels: NDArray[Any]) -> dict[str, float]:
+    n_results = len(labels) - 1
+    n_relevant = (labels[:, None] == labels).sum(axis=1) - 1
+    if not (n_relevant > 0).any():
+        raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
+    sizes, multiplicity = np.unique(n_relevant, return_counts=True)
+    total, n_queries = np.zeros(len(MEASURES)), 0
+    for relevant, queries in zip(sizes.tolist(), multiplicity.tolist(), strict=True):
+        if relevant:
+            order = RandomOrder(n_results, relevant)
+            total += queries * np.array([measure.by_chance(order) for measure in MEASURES])
+            n_queries += queries
+    return dict(zip((measure.name for measure in MEASURES), (total / n_queries).tolist(), strict=True))
