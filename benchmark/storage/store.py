@@ -182,7 +182,7 @@ class Store:
         return found.digest if found else ""
 
     def discard(self, key: str) -> None:
-        """Forget the arrays under a key."""
+        """Remove the arrays under a key."""
         for scratch in (False, True):
             self._path(key, scratch=scratch).unlink(missing_ok=True)
 
@@ -206,23 +206,23 @@ class Store:
         try:
             self.records.write(record)
         except OSError as error:
-            raise self._no_room(f"{record['key']}.json", error) from error
+            raise self._cannot_write(f"{record['key']}.json", error) from error
 
     def remove_record(self, key: str) -> None:
-        """Forget a job; raises ``StorageError`` if that cannot be done."""
+        """Remove the record of a job; raises ``StorageError`` if that cannot be done."""
         try:
             self.records.remove(key)
         except OSError as error:
-            raise self._no_room(f"{key}.json", error) from error
+            raise self._cannot_write(f"{key}.json", error) from error
 
     def _write(self, path: Path, write: Callable[[Any], object]) -> None:
         """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
         try:
             write_atomically(path, write)
         except OSError as error:
-            raise self._no_room(path.name, error) from error
+            raise self._cannot_write(path.name, error) from error
 
-    def _no_room(self, name: str, error: OSError) -> StorageError:
+    def _cannot_write(self, name: str, error: OSError) -> StorageError:
         return StorageError(
             f"cannot write {name} under {self.root}: {error.strerror}",
             "free some space or choose another --results DIR; finished jobs are kept",
