@@ -73,7 +73,9 @@ def export(
     """
     if layout not in LAYOUTS:
         raise did_you_mean("layout", layout, LAYOUTS)
-    names = _numbered_names(dataset.entries) if layout == "shrec14" else _class_names(dataset.entries)
+    _check_words(dataset.entries)
+    numbered = [f"{number}.obj" for number in range(len(dataset.entries))]
+    names = numbered if layout == "shrec14" else _class_names(dataset.entries)
     cla = {CLA_FILE: _classification(dataset.entries)} if layout == "shrec14" else {}
     texts = {**cla, SETTINGS_FILE: _settings(dataset)}
     _check_target(dataset, folder, {*names, *texts}, force)
@@ -165,13 +167,7 @@ def _write(dataset: Dataset, entry: Entry, path: Path) -> ManifestRow:
     return ManifestRow(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, file_digest(path))
 
 
-def _numbered_names(entries: Sequence[Entry]) -> list[str]:
-    _check_words(entries)
-    return [f"{number}.obj" for number in range(len(entries))]
-
-
 def _class_names(entries: Sequence[Entry]) -> list[str]:
-    _check_words(entries)
     poses: dict[str, list[str]] = {}
     for entry in entries:
         poses.setdefault(entry.subject, []).append(entry.pose)
