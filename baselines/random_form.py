@@ -1,4 +1,4 @@
-"""A form that knows nothing of the shape: the floor of every table."""
+"""A form that knows nothing of the shape: the lower bound of every table."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ class ResultsFolder:
         record = self._scored(key)
         found = list(self._artefacts.distances(record))
         if not found:
-            raise self._not_kept(record, "distances")
+            raise self._absent(record, "distances")
         return np.stack(found).astype(np.float64)
 
     def forms(self, key: str) -> dict[str, Mesh]:
@@ -163,7 +163,7 @@ class ResultsFolder:
             if name in entries and (form := method_run.found_form(entries[name])) is not None
         }
         if len(found) < len(answered_shapes(record)):
-            raise self._not_kept(record, "forms")
+            raise self._absent(record, "forms")
         return found
 
     def descriptors(self, key: str) -> DataFrame:
@@ -182,7 +182,7 @@ class ResultsFolder:
         }
         vectors = {name: require_arrays(each)["descriptor"] for name, each in found.items() if each is not None}
         if len(vectors) < len(answered_shapes(record)):
-            raise self._not_kept(record, "descriptors")
+            raise self._absent(record, "descriptors")
         return DataFrame.from_dict(vectors, orient="index").rename_axis("shape")
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ class ResultsFolder:
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record
 
-    def _not_kept(self, record: dict[str, Any], what: str) -> StorageError:
+    def _absent(self, record: dict[str, Any], what: str) -> StorageError:
         changed = self._results[record["key"]].outdated
         why = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
         return StorageError(f"the {what} of {told(record)} are not in {self.folder}: {why}", "run it again here")

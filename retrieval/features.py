@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
 from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, gradients, orientations
@@ -82,45 +82,6 @@ class Features:
         return Features(np.concatenate([per_view[v] for v in source]), offsets)
 
 
-@dataclass(frozen=True, eq=False)
-class Keypoints:
-    """Keypoints of one image with their descriptors.
-
-    Parameters
-    ----------
-    positions
-        Shape (k, 2), float64: x (column) and y (row) in pixels; the centre of the first pixel is (0, 0).
-    scales
-        Shape (k,), float64: standard deviation of the Gaussian, in pixels.
-    angles
-        Shape (k,), float64: radians in [0, 2 pi), from the x axis towards the y axis (downwards).
-    descriptors
-        Shape (k, 128), uint8.
-    """
-
-    positions: NDArray[np.float64]
-    scales: NDArray[np.float64]
-    angles: NDArray[np.float64]
-    descriptors: NDArray[np.uint8]
-
-
-def detect(image: ArrayLike, *, peak_threshold: float, background: float = np.nan) -> Keypoints:
-    """Find and describe the keypoints of one image.
-
-    Parameters
-    ----------
-    image
-        Shape (height, width), single precision, in [0, 1].
-    peak_threshold
-        Smallest absolute difference of Gaussians at a keypoint, in units of the image.
-    background
-        Value of pixels where nothing was seen; the search leaves out what lies far from all other pixels.
-    """
-    stack = _checked(np.asarray(image, dtype=np.float32)[None])
-    frames, descriptors, _ = _detect_all(stack, np.float32(background), peak_threshold, EDGE_RATIO)
-    return Keypoints(frames[:, :2], frames[:, 2], frames[:, 3], descriptors)
-
-
 def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> Features:
     """Describe every view of a form.
 
@@ -128,8 +89,10 @@ def detect_views(images: NDArray[np.float32], *, peak_threshold: float, backgrou
     ----------
     images
         Shape (number of views, height, width), float32.
-    peak_threshold, background
-        As in :func:`detect`.
+    peak_threshold
+        Smallest absolute difference of Gaussians at a keypoint, in units of the images, which lie in [0, 1].
+    background
+        Value of pixels where nothing was seen; the search leaves out what lies far from all other pixels.
     """
     _, descriptors, offsets = _detect_all(_checked(images), np.float32(background), peak_threshold, EDGE_RATIO)
     return Features(descriptors, offsets)

@@ -53,20 +53,19 @@ class RankedResults:
 
 @dataclass(frozen=True)
 class RandomOrder:
-    """A list of N - 1 results in which irrelevant ones lead, and the others follow in random order."""
+    """A list of N - 1 results in random order."""
 
     n_results: int
     n_relevant: int
-    n_leading: int
 
     @property
     def share(self) -> float:
-        """Share of the results behind the leading ones that is relevant."""
-        return self.n_relevant / (self.n_results - self.n_leading)
+        """Share of the results that is relevant."""
+        return self.n_relevant / self.n_results
 
     def hits(self, rank: int) -> float:
         """Return the relevant results that are expected up to a rank."""
-        return self.share * max(min(rank, self.n_results) - self.n_leading, 0)
+        return self.share * min(rank, self.n_results)
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def _discounted(results: RankedResults, weights: FloatArray) -> float:
 
 def _discounted_by_chance(order: RandomOrder, weights: Callable[[int], FloatArray]) -> float:
     sums = _sums(weights, order.n_results)
-    return float(order.share * (sums[order.n_results] - sums[order.n_leading]) / sums[order.n_relevant])
+    return float(order.share * sums[order.n_results] / sums[order.n_relevant])
 
 
 def _cumulated_discounts(counts: FloatArray, n_relevant: int) -> FloatArray:
@@ -147,12 +146,11 @@ def _e_measure_by_chance(order: RandomOrder) -> float:
 def _average_precision_by_chance(order: RandomOrder) -> float:
     """Return the expected average precision.
 
-    A relevant result behind the leading ones has one in ``(n_relevant - 1) / (n_drawn - 1)`` of the ranks before it
-    there.
+    A relevant result has another one at each of the ranks before it with probability
+    ``(n_relevant - 1) / (n_results - 1)``.
     """
-    n_drawn = order.n_results - order.n_leading
-    before = np.arange(n_drawn) * (order.n_relevant - 1) / max(n_drawn - 1, 1)
-    return float(((1.0 + before) / np.arange(order.n_leading + 1, order.n_results + 1)).mean())
+    before = np.arange(order.n_results) * (order.n_relevant - 1) / max(order.n_results - 1, 1)
+    return float(((1.0 + before) / np.arange(1, order.n_results + 1)).mean())
 
 
 _PSB = "Shilane, Min, Kazhdan, Funkhouser 2004"

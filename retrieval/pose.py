@@ -105,12 +105,6 @@ def rectilinearity_rotation(mesh: Mesh) -> Rotation:
     return np.asarray(next(rotation for rotation, area in found if area <= bound))
 
 
-def projected_area(mesh: Mesh) -> float:
-    """Sum over triangles of the areas of their projections on the three coordinate planes."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
-
-
 def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
     """Bring a form into the unit sphere and into the candidate pose that shows least of it.
 

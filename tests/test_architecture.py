@@ -76,7 +76,7 @@ def test_an_arrow_from_the_store_to_the_runner_would_fail():
     assert may_import("benchmark.jobs.execution.runner", "benchmark.storage.store")
 
 
-def test_every_module_has_a_floor():
+def test_every_module_has_a_layer():
     assert [name for name, _ in modules() if name != "benchmark" and not package(name)] == []
 
 

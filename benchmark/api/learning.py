@@ -119,7 +119,7 @@ class Learner(Protocol):
 
     ``split`` says which data trains it, ``shipped_models`` is the folder of the models that come with the method. A
     learner may have a method ``check_card(card, folder)`` that raises ``ConfigurationError`` if the card is none of its
-    own; it is called before any shape is treated, and must not load the weights.
+    own; it is called before any shape is processed, and must not load the weights.
     """
 
     info: ClassVar[MethodInfo]

@@ -15,8 +15,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.completion import EVERY, FINISHED
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.system.names import DATA_VARIABLE
-from benchmark.system.text import say
+from benchmark.system.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
     from benchmark.jobs.cluster.sharding import Shard

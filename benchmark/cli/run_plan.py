@@ -25,11 +25,9 @@ from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
 from benchmark.jobs.job_specs import JobSpec
 from benchmark.jobs.plan import Job, unavailable_record
-from benchmark.storage.environment import environment_text
-from benchmark.storage.pruning import sweep_leftovers
+from benchmark.storage.environment import ROOT, environment_text
 from benchmark.storage.records import Record
-from benchmark.storage.store import Store
-from benchmark.system.commits import ROOT
+from benchmark.storage.store import Store, sweep_leftovers
 from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset, printable
+from benchmark.datasets.base import Dataset, Entry, printable
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
@@ -279,3 +280,28 @@ def _source(name: str) -> DatasetSource:
     if name not in CATALOGUE:
         raise did_you_mean("data set", name, CATALOGUE)
     return CATALOGUE[name]
+
+
+def canonical_entry(dataset: Dataset, subject: str) -> Entry:
+    """Return the shape that shows a subject in the canonical pose.
+
+    That is the pose that the folder's ``dataset.toml`` names, else the null pose of the official set, else the first
+    pose in the order of the data set.
+
+    Parameters
+    ----------
+    dataset
+        The data set.
+    subject
+        One of its subjects.
+
+    Raises
+    ------
+    ConfigurationError
+        If the data set has no such subject.
+    """
+    shapes = [entry for entry in dataset.entries if entry.subject == subject]
+    if not shapes:
+        raise did_you_mean(f"subject of data set '{dataset.name}'", subject, {e.subject for e in dataset.entries})
+    pose = dataset.canonical_poses.get(subject) if isinstance(dataset, FolderDataset) else None
+    return next((entry for entry in shapes if entry.pose == pose), shapes[0])

@@ -243,7 +243,7 @@ def _inspect_all(
         try:
             found = inspect(dataset.load(entry), dataset.camera(entry))
         except ShapeError as error:
-            anomalies.append(Anomaly("error", file, _without_path(error.problem, entry.path), error.hint))
+            anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
             continue
         inspections[entry.identifier] = found
         if not found.faces_left:
@@ -335,7 +335,3 @@ def _relative(path: Path | None, folder: Path) -> str:
     if path is None or path == folder:
         return folder.resolve().name
     return path.relative_to(folder).as_posix()
-
-
-def _without_path(problem: str, path: Path | None) -> str:
-    return problem.removeprefix(f"{path}: ")

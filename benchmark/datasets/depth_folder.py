@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,12 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
-from benchmark.datasets.files import FolderDataset, file_digest, is_there, text_of
+from benchmark.datasets.files import FolderDataset, file_digest, is_there
+from benchmark.datasets.settings import read_settings
 from benchmark.depth.frame import FrameFiles, Up, checked_up
 from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.errors import BenchmarkError, DatasetError, ShapeError, UnreadableMesh, did_you_mean
+from benchmark.errors import BenchmarkError, DatasetError, ShapeError, UnreadableMesh
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 
@@ -91,13 +91,7 @@ def with_depth_settings(dataset: DepthFolder, settings: Path) -> DepthFolder:
     """
     if not is_there(settings):
         return dataset
-    try:
-        values = tomllib.loads(text_of(settings))
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(f"cannot read {settings}: {error}", "correct the file or remove it") from error
-    for key in values:
-        if key not in _KEYS:
-            raise did_you_mean(f"key of {settings}, in a folder of depth images", key, _KEYS)
+    values = read_settings(settings, _KEYS, ", in a folder of depth images")
     try:
         return dataclasses.replace(dataset, **dict(_changes(values, settings.parent)))
     except (BenchmarkError, TypeError, ValueError) as error:

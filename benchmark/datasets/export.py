@@ -1,4 +1,4 @@
-"""Write a data set as files in one of the official layouts, so that reading them again gives the same shapes."""
+"""Write a data set as files that give the same shapes when they are read again: meshes, or frames of a depth camera."""
 
 from __future__ import annotations
 
@@ -6,15 +6,22 @@ import json
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+from PIL import Image
+
 from benchmark.datasets.base import Dataset, Entry, Watched
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.camera_frames import CameraFrames
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import subject_of_stem
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, write_manifest
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
+from benchmark.depth.intrinsics import Intrinsics
+from benchmark.depth.reading import DEFAULT_SCALE
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
@@ -22,6 +29,8 @@ from benchmark.geometry.io import write_mesh
 LAYOUTS = ("shrec14", "tosca")
 
 CLA_FILE = "classes.cla"
+
+CAMERA_FILE = "camera.json"
 
 
 def export(
@@ -64,40 +73,87 @@ def export(
     """
     if layout not in LAYOUTS:
         raise did_you_mean("layout", layout, LAYOUTS)
-    names = _numbered_names(dataset.entries) if layout == "shrec14" else _class_names(dataset.entries)
+    _check_words(dataset.entries)
+    numbered = [f"{number}.obj" for number in range(len(dataset.entries))]
+    names = numbered if layout == "shrec14" else _class_names(dataset.entries)
     cla = {CLA_FILE: _classification(dataset.entries)} if layout == "shrec14" else {}
     texts = {**cla, SETTINGS_FILE: _settings(dataset)}
     _check_target(dataset, folder, {*names, *texts}, force)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
-            made = Path(name)
-            shapes = zip(watched(dataset.entries), names, strict=True)
-            rows = [_write(dataset, entry, made / file) for entry, file in shapes]
-            for file, text in texts.items():
-                (made / file).write_bytes(text.encode())
-            write_manifest(made, rows)
-            folder.mkdir(exist_ok=True)
-            written = (*names, *texts, MANIFEST_FILE)
-            for file in written:
-                (made / file).replace(folder / file)
-    except OSError as error:
-        raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
+    written = (*names, *texts, MANIFEST_FILE)
+    with _filled(folder, written) as made:
+        shapes = zip(watched(dataset.entries), names, strict=True)
+        rows = [_write(dataset, entry, made / file) for entry, file in shapes]
+        for file, text in texts.items():
+            (made / file).write_bytes(text.encode())
+        write_manifest(made, rows)
     return written
 
 
-def _check_target(dataset: Dataset, folder: Path, files: set[str], force: bool) -> None:
+def export_frames(
+    dataset: CameraFrames, folder: Path, *, force: bool = False, watched: Watched = iter
+) -> tuple[str, ...]:
+    """Write each frame as ``CLASS/POSE.png`` in millimetres with ``CLASS/POSE_mask.png``, and ``camera.json``.
+
+    Parameters
+    ----------
+    dataset, folder, force, watched
+        As of :func:`export`.
+
+    Returns
+    -------
+    tuple of str
+        Names of the files.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder is not empty, or cannot be written.
+    """
+    _check_empty(folder, force)
+    written = (*(file for entry in dataset.entries for file in _frame_files(entry)), CAMERA_FILE)
+    with _filled(folder, written) as made:
+        for entry in watched(dataset.entries):
+            (made / entry.subject).mkdir(exist_ok=True)
+            depths, mask = dataset.frame(entry)
+            images = np.round(depths * DEFAULT_SCALE).astype(np.uint16), mask
+            for image, file in zip(images, _frame_files(entry), strict=True):
+                Image.fromarray(image).save(made / file)
+        (made / CAMERA_FILE).write_text(_open3d(dataset.intrinsics), encoding="utf-8")
+    return written
+
+
+def _frame_files(entry: Entry) -> tuple[str, str]:
+    return f"{entry.subject}/{entry.pose}.png", f"{entry.subject}/{entry.pose}_mask.png"
+
+
+@contextmanager
+def _filled(folder: Path, files: Sequence[str]) -> Iterator[Path]:
+    """Give an empty folder; the files that the body writes there are moved into another one, made if need be."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
+            yield Path(name)
+            for file in files:
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (Path(name) / file).replace(folder / file)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
+
+
+def _check_empty(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "choose another one")
+    if folder.exists() and any(folder.iterdir()) and not force:
+        raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
+
+
+def _check_target(dataset: Dataset, folder: Path, files: set[str], force: bool) -> None:
     sources = {entry.path.resolve().parent for entry in dataset.entries if entry.path}
     if isinstance(dataset, FolderDataset):
         sources.add(dataset.folder.resolve())
     if folder.resolve() in sources:
         raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
-    if not folder.exists():
-        return
-    if any(folder.iterdir()) and not force:
-        raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
+    _check_empty(folder, force)
     other = sorted(path.name for path in folder.glob("*.cla") if path.name not in files)
     if other:
         raise ConfigurationError(
@@ -111,13 +167,7 @@ def _write(dataset: Dataset, entry: Entry, path: Path) -> ManifestRow:
     return ManifestRow(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, file_digest(path))
 
 
-def _numbered_names(entries: Sequence[Entry]) -> list[str]:
-    _check_words(entries)
-    return [f"{number}.obj" for number in range(len(entries))]
-
-
 def _class_names(entries: Sequence[Entry]) -> list[str]:
-    _check_words(entries)
     poses: dict[str, list[str]] = {}
     for entry in entries:
         poses.setdefault(entry.subject, []).append(entry.pose)
@@ -211,3 +261,10 @@ def _table(name: str, values: Mapping[str, str]) -> str:
 def _quoted(text: str) -> str:
     # A basic string of TOML is a string of JSON.
     return json.dumps(text, ensure_ascii=False)
+
+
+def _open3d(camera: Intrinsics) -> str:
+    """Intrinsics as Open3D writes them, column by column."""
+    width, height = camera.size or (0, 0)
+    columns = [camera.fx, 0, 0, 0, camera.fy, 0, camera.cx, camera.cy, 1]
+    return json.dumps({"width": width, "height": height, "intrinsic_matrix": columns}, indent=1) + "\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from benchmark.datasets.base import Entry, natural_key, printable
@@ -51,15 +51,10 @@ def folder_dataset(folder: Path) -> FolderDataset:
     elif cla:
         entries = _from_cla(cla, files)
     elif files:
-        stems = [(printable(path.stem), path) for path in files]
-        entries = [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in stems]
+        entries = _from_names(files)
     else:
-        entries = [
-            Entry(printable(f"{sub.name}/{path.stem}"), printable(sub.name), printable(path.stem), path)
-            for sub in sub_folders(folder)
-            for path in mesh_files(sub)
-        ]
-    depth_entries = [] if entries else _of_depth_images(folder)
+        entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
+    depth_entries = [] if entries else _from_depth_images(folder)
     if not entries and not depth_entries:
         raise DatasetError(
             f"no meshes in {folder}",
@@ -84,31 +79,42 @@ def depth_files(folder: Path) -> list[Path]:
     DatasetError
         If the folder does not exist or cannot be listed.
     """
-    try:
-        found = [path for path in folder.iterdir() if path.is_file() and is_depth_file(path)]
-    except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+    found = _listed(folder, lambda path: path.is_file() and is_depth_file(path))
     return sorted(found, key=lambda path: natural_key(path.name))
 
 
-def _of_depth_images(folder: Path) -> list[Entry]:
-    flat = [(printable(path.stem), path) for path in depth_files(folder)]
-    if flat:
-        return [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in flat]
-    return [
-        Entry(printable(f"{sub.name}/{path.stem}"), printable(sub.name), printable(path.stem), path)
-        for sub in sub_folders(folder)
-        if sub.name not in MASK_FOLDERS
-        for path in depth_files(sub) or (depth_files(sub / "depth") if (sub / "depth").is_dir() else [])
-    ]
+def _from_depth_images(folder: Path) -> list[Entry]:
+    if flat := depth_files(folder):
+        return _from_names(flat)
+    entries: list[Entry] = []
+    for sub in sub_folders(folder):
+        if sub.name not in MASK_FOLDERS:
+            inner = sub / "depth"
+            entries += _from_sub_folder(sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else []))
+    return entries
+
+
+def _from_names(files: Iterable[Path]) -> list[Entry]:
+    stems = [(printable(path.stem), path) for path in files]
+    return [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in stems]
+
+
+def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
+    subject = printable(folder.name)
+    return [Entry(printable(f"{folder.name}/{path.stem}"), subject, printable(path.stem), path) for path in files]
+
+
+def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
+    """Paths in a folder in the order of their names; raises ``DatasetError`` if it cannot be listed."""
+    try:
+        return [path for path in sorted(folder.iterdir()) if is_wanted(path)]
+    except OSError as error:
+        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
 
 
 def sub_folders(folder: Path) -> list[Path]:
     """Visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
-    try:
-        found = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
-    except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+    found = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
     return sorted(found, key=lambda path: natural_key(path.name))
 
 
@@ -136,12 +142,11 @@ def all_mesh_files(folder: Path) -> list[Path]:
     DatasetError
         If the folder does not exist or cannot be listed.
     """
-    try:
-        named = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in EXTENSIONS]
-        found = [path for path in named if path.is_file() or (path.is_symlink() and not path.exists())]
-    except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
-    return sorted(found, key=lambda path: EXTENSIONS.index(path.suffix.lower()))
+
+    def is_mesh(path: Path) -> bool:
+        return path.suffix.lower() in EXTENSIONS and (path.is_file() or (path.is_symlink() and not path.exists()))
+
+    return sorted(_listed(folder, is_mesh), key=lambda path: EXTENSIONS.index(path.suffix.lower()))
 
 
 def cla_file(folder: Path) -> Path | None:

@@ -11,9 +11,8 @@ import numpy as np
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.perturbations.surface import noise
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["AMOUNT", "Jittered", "clean_dataset", "clean_name", "jittered", "jittered_name", "parsed_jitter"]

@@ -17,11 +17,10 @@ from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
-from benchmark.system.messages import Arrays
-from benchmark.system.names import LONGEST_NAME, is_name
+from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import classes_of, import_plugin, is_closed
 from benchmark.system.services import Ask, Service
-from benchmark.system.text import clean
+from benchmark.system.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
 

@@ -44,7 +44,9 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
     path = dataset.folder / SETTINGS_FILE
     if not is_there(path):
         return dataset
-    values = _read(path)
+    values = read_settings(path, _KEYS)
+    if values.get("up", "z") not in ("y", "z"):
+        raise DatasetError(f"{path}: up is {values['up']!r}", 'write up = "z" or up = "y"')
     poses: dict[str, list[str]] = {}
     for entry in dataset.entries:
         poses.setdefault(entry.subject, []).append(entry.pose)
@@ -64,16 +66,15 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
     return dataclasses.replace(dataset, **changes)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str, Any]:
+    """Read a settings file; raises ``ConfigurationError`` for another key, ``DatasetError`` if it cannot be read."""
     try:
         values = tomllib.loads(text_of(path))
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and brackets as deep
         raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
     for key in values:
-        if key not in _KEYS:
-            raise did_you_mean(f"key of {path}", key, _KEYS)
-    if values.get("up", "z") not in ("y", "z"):
-        raise DatasetError(f"{path}: up is {values['up']!r}", 'write up = "z" or up = "y"')
+        if key not in keys:
+            raise did_you_mean(f"key of {path}{where}", key, keys)
     return values
 
 

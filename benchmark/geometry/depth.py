@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
-from benchmark.geometry.sensor import DepthSensor
 
 DepthImage = NDArray[np.float32]
 

@@ -21,7 +21,7 @@ from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
 from benchmark.storage.records import NO_SCORER, Place, Record, by_place
 from benchmark.storage.store import Store
-from benchmark.system.parsed_sources import kept_parses
+from benchmark.system.fingerprints import parse_cache
 from retrieval.chance import chance_levels
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
@@ -161,7 +161,7 @@ def make_plan(
     plan = _Planning(store, seed, retry, scorer or ScorerSpec(), by_place(store.records))
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
-    with kept_parses():
+    with parse_cache():
         for gallery in galleries:
             rows = gallery.rows(specs, store.models)
             for input_ in wanted_inputs:

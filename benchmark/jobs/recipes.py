@@ -9,7 +9,7 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError
-from benchmark.geometry.sensor import DepthSensor
+from benchmark.geometry.camera import DepthSensor
 from benchmark.jobs.stages.complete import N_VERTICES
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec

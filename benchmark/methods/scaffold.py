@@ -16,7 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
 from benchmark.system.files import write_text
-from benchmark.system.names import LONGEST_NAME, RESERVED, is_name
+from benchmark.system.text import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
 

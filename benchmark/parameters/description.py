@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from benchmark.parameters.constraints import Constraint, Interval
-from benchmark.parameters.values import format_value
+from benchmark.parameters.values import declared_parameters, format_value
 
 __all__ = ["ParameterText", "described", "explained"]
 
@@ -42,25 +42,14 @@ class ParameterText:
 
 def described(cls: type[Any]) -> list[ParameterText]:
     """Parameters of a dataclass in the order of its fields; none of another class."""
-    if not dataclasses.is_dataclass(cls):
-        return []
-    try:
-        annotations = typing.get_type_hints(cls, include_extras=True)
-    except Exception:  # a name that is known to type checkers alone
-        annotations = {}
     meanings: dict[str, str] = {}
     for base in reversed(inspect.getmro(cls)):
         meanings |= explained(vars(base).get("__doc__") or "")
     found = []
-    for each in dataclasses.fields(cls):
-        if not each.init:
-            continue
-        default = each.default
-        if each.default_factory is not dataclasses.MISSING:
-            default = each.default_factory()
-        values = _values(annotations.get(each.name, type(default)))
+    for name, (annotation, default) in declared_parameters(cls).items():
+        values = _values(type(default) if isinstance(annotation, str) else annotation)
         written = "" if default is dataclasses.MISSING else format_value(default)
-        found.append(ParameterText(each.name, values, written, meanings.get(each.name, "")))
+        found.append(ParameterText(name, values, written, meanings.get(name, "")))
     return found
 
 

@@ -30,6 +30,7 @@ __all__ = [
     "CheckedParameters",
     "assignments",
     "checked",
+    "declared_parameters",
     "format_value",
     "non_default_values",
     "parameter_values",
@@ -53,7 +54,7 @@ class CheckedParameters:
     """A base of a frozen dataclass that checks its parameters, and normalises them, whenever one is made."""
 
     def __post_init__(self) -> None:
-        given = {name: getattr(self, name) for name in _declared(type(self))}
+        given = {name: getattr(self, name) for name in declared_parameters(type(self))}
         for name, value in checked(type(self), given).items():
             object.__setattr__(self, name, value)
 
@@ -81,7 +82,7 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         If there is no such parameter, or a value does not fit.
     """
     owner = owner or getattr(getattr(cls, "info", None), "name", cls.__name__)
-    fields = _declared(cls)
+    fields = declared_parameters(cls)
     found = {}
     for name, value in given.items():
         if name not in fields:
@@ -108,14 +109,14 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     values = checked(cls, given, owner)
     return {
         name: values[name]
-        for name, (annotation, default) in _declared(cls).items()
+        for name, (annotation, default) in declared_parameters(cls).items()
         if name in values and values[name] != _normalised(annotation, default)
     }
 
 
 def parameter_values(made: Any) -> dict[str, Any]:
     """All parameters of an object that was made of a dataclass, normalised; none of an object of another class."""
-    fields = _declared(type(made))
+    fields = declared_parameters(type(made))
     return {name: _normalised(annotation, getattr(made, name)) for name, (annotation, _) in fields.items()}
 
 
@@ -159,7 +160,7 @@ def _split(text: str) -> list[str]:
     return parts if text.strip() else []
 
 
-def _declared(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
+def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     """Annotation and default of each parameter of a class, in the order of its fields."""
     if not dataclasses.is_dataclass(cls):
         return {}

@@ -1,14 +1,20 @@
-"""Environment of a run, for the reader of a record: versions, system, and the kernels of the linear algebra."""
+"""Environment of a run, for the reader of a record: commit, versions, system, and the kernels of the linear algebra."""
 
 from __future__ import annotations
 
 import json
 import platform
+import subprocess
 from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
+from benchmark.system.fingerprints import FIRST_PARTY
 from benchmark.system.text import brief
+
+#: Folder that holds the packages of the suite.
+ROOT = Path(__file__).parents[2]
 
 #: Packages that compute.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
@@ -48,3 +54,23 @@ def _linear_algebra() -> dict[str, str]:
     loaded = (part for part in threadpool_info() if part.get("user_api") == "blas")
     kinds = {f"{part['internal_api']} {part.get('version')} {part.get('architecture', '')}".strip() for part in loaded}
     return {"blas": ", ".join(sorted(kinds))} if kinds else {}
+
+
+def git(root: Path, *words: str) -> str | None:
+    """Return what git says in a repository; None where it fails, or there is no git."""
+    try:
+        done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+@cache
+def commit() -> str:
+    """Return the first ten digits of the commit, with ``+`` where files differ from it; "" outside of a repository."""
+    if not (ROOT / ".git").exists():  # an installed suite may lie inside of somebody else's repository
+        return ""
+    found = git(ROOT, "rev-parse", "--short=10", "HEAD")
+    if not found:
+        return ""
+    return f"{found}+" if git(ROOT, "status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY) else found

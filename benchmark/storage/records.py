@@ -72,7 +72,7 @@ class Records:
         return self._read(self.folder / f"{key}.json")
 
     def remove(self, key: str) -> None:
-        """Forget a job."""
+        """Remove the record of a job."""
         (self.folder / f"{key}.json").unlink(missing_ok=True)
 
     def __contains__(self, key: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,9 +16,9 @@ from benchmark.errors import BenchmarkError
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.keys import digest
-from benchmark.storage.records import Record, Records
+from benchmark.storage.records import Record, Records, by_place
 from benchmark.system.arrays import Arrays, digest_of, load_arrays, save_arrays
-from benchmark.system.files import write_atomically
+from benchmark.system.files import is_alive, leftovers, write_atomically
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 
@@ -182,7 +182,7 @@ class Store:
         return found.digest if found else ""
 
     def discard(self, key: str) -> None:
-        """Forget the arrays under a key."""
+        """Remove the arrays under a key."""
         for scratch in (False, True):
             self._path(key, scratch=scratch).unlink(missing_ok=True)
 
@@ -206,23 +206,23 @@ class Store:
         try:
             self.records.write(record)
         except OSError as error:
-            raise self._no_room(f"{record['key']}.json", error) from error
+            raise self._cannot_write(f"{record['key']}.json", error) from error
 
     def remove_record(self, key: str) -> None:
-        """Forget a job; raises ``StorageError`` if that cannot be done."""
+        """Remove the record of a job; raises ``StorageError`` if that cannot be done."""
         try:
             self.records.remove(key)
         except OSError as error:
-            raise self._no_room(f"{key}.json", error) from error
+            raise self._cannot_write(f"{key}.json", error) from error
 
     def _write(self, path: Path, write: Callable[[Any], object]) -> None:
         """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
         try:
             write_atomically(path, write)
         except OSError as error:
-            raise self._no_room(path.name, error) from error
+            raise self._cannot_write(path.name, error) from error
 
-    def _no_room(self, name: str, error: OSError) -> StorageError:
+    def _cannot_write(self, name: str, error: OSError) -> StorageError:
         return StorageError(
             f"cannot write {name} under {self.root}: {error.strerror}",
             "free some space or choose another --results DIR; finished jobs are kept",
@@ -242,3 +242,44 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     except Exception:
         return None
     return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest)
+
+
+def unneeded(store: Store) -> Iterator[Path]:
+    """Files that can be removed: the newest record of each place keeps what it was made from, all else may go.
+
+    The artefacts of a job that was stopped are among them; it would begin anew.
+    """
+    newest = (records[-1] for records in by_place(store.records).values())
+    needed = {key for record in newest for key in record.get("artefacts", ())}
+    yield from (path for path in store.artefact_files() if path.stem not in needed)
+    yield from store.scratch.glob("*/*.npz")
+    yield from (path for path in (store.root / "rekey").rglob("*") if path.is_file())
+    yield from _leftovers(store)
+
+
+def sweep_leftovers(store: Store) -> None:
+    """Remove what killed processes left behind: half-written files, and notes on progress that nobody reads."""
+    remove(list(_leftovers(store)))
+
+
+def remove(paths: Iterable[Path]) -> int:
+    """Remove files; returns the bytes that were freed."""
+    freed = 0
+    for path in paths:
+        with contextlib.suppress(OSError):
+            size = path.stat().st_size
+            path.unlink()
+            freed += size
+    return freed
+
+
+def _leftovers(store: Store) -> Iterator[Path]:
+    yield from leftovers(store.root)
+    yield from leftovers(store.published.folder)
+    yield from (path for path in store.progress.iterdir() if not _is_watched(path))
+
+
+def _is_watched(path: Path) -> bool:
+    """Return whether the harness that looks at a progress file is alive."""
+    harness = path.name.partition("-")[0]
+    return harness.isdecimal() and is_alive(int(harness))

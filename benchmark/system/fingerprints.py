@@ -15,11 +15,14 @@ import json
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
+
+from benchmark.system.files import write_text
 
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
@@ -69,11 +72,6 @@ def fingerprint(*modules: str, without: Iterable[str] = ()) -> Fingerprint:
     return _fingerprint(modules, tuple(without))
 
 
-def code_of(module: str, without: Iterable[str] = ()) -> dict[str, str]:
-    """The code part of :func:`fingerprint`."""
-    return dict(fingerprint(module, without=without).code)
-
-
 @dataclass(frozen=True)
 class ImportCache:
     """Facts about sources and packages that one process hands to another.
@@ -105,6 +103,48 @@ def clear_cache() -> None:
     """Read all sources again at the next call: they may have changed since."""
     for cached in (_fingerprint, _source, _read):
         cached.cache_clear()
+
+
+#: Entries of the parse cache, of which each version of a module is one, beyond which its file is begun anew.
+_MOST_PARSED = 4000
+
+
+@contextmanager
+def parse_cache(folder: Path | None = None) -> Iterator[None]:
+    """Begin with what earlier processes have parsed, which takes a second, and write down what the body adds to it.
+
+    An entry is known by the digest of its source, so that it is never out of date; a file that is damaged or cannot be
+    written is as good as none.
+
+    Parameters
+    ----------
+    folder
+        Where the file lies; None for that of Python's compiled modules beside the code.
+    """
+    source = Path(__file__)
+    version = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
+    path = (folder or source.parent / "__pycache__") / f"parsed-sources-{version}.json"
+    before = _read_parses(path)
+    _PARSED.update(before)
+    try:
+        yield
+    finally:
+        if new := {known_as: module for known_as, module in _PARSED.items() if known_as not in before}:
+            all_parsed = {**before, **new} if len(before) < _MOST_PARSED else new
+            entries = [[*known_as, module.digest, module.names] for known_as, module in all_parsed.items()]
+            with suppress(OSError):
+                write_text(path, json.dumps(entries))
+
+
+def _read_parses(path: Path) -> dict[tuple[str, str, str, tuple[str, ...]], _Module]:
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        return {
+            (text, name, package, tuple(without)): _Module(digest, tuple(names))
+            for text, name, package, without, digest, names in entries
+        }
+    except (OSError, ValueError, TypeError):
+        return {}
 
 
 @cache

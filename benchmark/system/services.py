@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
-from benchmark.system.messages import Arrays, packed, unpacked
-from benchmark.system.names import DATA_VARIABLE
+from benchmark.system.arrays import Arrays, packed, unpacked
+from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import GRACE, Worker, end_like
 
 #: Answers one request, facts and arrays; the last argument asks whoever sent it, while it waits.

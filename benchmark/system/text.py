@@ -1,4 +1,4 @@
-"""Text from outside made fit to be shown: names, titles and reasons come from files, plugins and other machines."""
+"""Text from outside: names that can be used, and titles and reasons made fit to be shown."""
 
 from __future__ import annotations
 
@@ -9,6 +9,17 @@ import click
 #: Characters of a reason that a table or a list of jobs shows; the record has it whole.
 LONGEST_REASON = 500
 
+#: Characters of the longest name, which becomes part of the names of files.
+LONGEST_NAME = 60
+
+#: Environment variable of the folder of the official data sets where ``--data-root`` is not passed.
+DATA_VARIABLE = "CANONICAL_FORMS_DATA"
+
+#: Words on the command line that stand for several methods, so that none can be called like them.
+RESERVED = frozenset({"all", "finished"})
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
 _BREAKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
 
 #: Colours and movements of the cursor, as programs write them into their errors.
@@ -17,6 +28,11 @@ _TERMINAL_CODES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]")
 _BLANKS = re.compile(r"\s+")
 
 _CUT = " ..."
+
+
+def is_name(name: object) -> bool:
+    """Return whether something can be called like this: lower-case words joined by hyphens, not too long."""
+    return isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None
 
 
 def clean(text: object) -> str:
@@ -48,10 +64,10 @@ def say(text: object = "", *, err: bool = False) -> None:
     click.echo(clean(text), err=err)
 
 
-def say_lines(text: str, *, err: bool = False) -> None:
+def say_lines(text: str) -> None:
     """Print what has several lines by design, each for itself."""
     for line in text.removesuffix("\n").split("\n"):
-        say(line, err=err)
+        say(line)
 
 
 def _without_breaks(found: re.Match[str]) -> str:

@@ -39,9 +39,9 @@ def shape(name: str) -> Mesh:
 
 def answer(name: str, mesh: Mesh) -> FloatArray:
     method = METHODS[name].create()
-    treated = shape_of(mesh)
-    treated.source_area = mesh.area
-    return method.canonicalise(treated).vertices if isinstance(method, Method) else method.describe(treated)
+    prepared = shape_of(mesh)
+    prepared.source_area = mesh.area
+    return method.canonicalise(prepared).vertices if isinstance(method, Method) else method.describe(prepared)
 
 
 def perturbed(name: str, mesh: Mesh, seed: int) -> FloatArray:

@@ -111,7 +111,7 @@ class TestBones:
             bone_rotations(joints, 2 * joints + 1, bones), np.eye(3)[None].repeat(4, 0), atol=1e-12
         )
 
-    def test_triangles_are_parted_by_the_planes_of_bisection(self):
+    def test_triangles_are_split_by_the_planes_of_bisection(self):
         """Three joints on a strip: the middle part divides between its two bones at the middle joint."""
         mesh = sheet(rows=31, columns=5)
         x = mesh.vertices[:, 0]

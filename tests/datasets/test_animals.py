@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from benchmark.datasets.animals import CANONICAL_POSE, CLASSES, Animals, animals_mesh
 from benchmark.datasets.animals.anatomy import Species, tube
 from benchmark.datasets.animals.body import Field, surface
+from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.people import PEOPLE
 from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.animals.relaxation import Relaxation
 from benchmark.datasets.animals.skeleton import Skeleton, direction, smallest_rotation
 from benchmark.datasets.animals.skinning import blend, bone_weights
-from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.base import check_retrievable
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT, SIDE

@@ -8,7 +8,7 @@ from PIL import Image
 
 from benchmark.datasets.camera_frames import DISTANCES, HEIGHTS, WALLS, CameraFrames
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.export_frames import export_frames
+from benchmark.datasets.export import export_frames
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.depth.frame import observe
 from benchmark.errors import ConfigurationError

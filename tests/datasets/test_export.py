@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from benchmark.cli.verbs.data import data
 from benchmark.datasets.base import Entry
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest

@@ -9,7 +9,7 @@ from benchmark.datasets import files
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnreadableMesh
-from benchmark.system.fingerprints import code_of
+from benchmark.system.fingerprints import fingerprint
 from tests.toy import write_rods
 
 
@@ -57,6 +57,6 @@ def test_the_digest_is_that_of_the_bytes(tmp_path):
 
 @pytest.mark.parametrize("name", ["humans", "animals", "humans_scanlike"])
 def test_a_generated_set_does_not_depend_on_readers_of_files(name):
-    needed = set(code_of(f"benchmark.datasets.{name}"))
+    needed = set(fingerprint(f"benchmark.datasets.{name}").code)
     assert "benchmark.datasets.base" in needed
     assert not {"benchmark.geometry.io", "benchmark.geometry.formats.text", "benchmark.datasets.files"} & needed

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from benchmark.datasets.base import Entry, check_retrievable, natural_key
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError

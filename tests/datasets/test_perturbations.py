@@ -11,9 +11,9 @@ from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, p
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs import recipes
 from tests.toy import rod, write_rods
 
@@ -102,7 +102,7 @@ def rods(tmp_path_factory):
     return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
 
 
-def test_names_are_read_as_they_are_spelt():
+def test_names_are_read_as_they_are_written():
     for perturbation in PERTURBATIONS:
         for strength in STRENGTHS:
             assert parsed(perturbed_name("a set", perturbation, strength)) == ("a set", perturbation, strength)
@@ -113,14 +113,14 @@ def test_names_are_read_as_they_are_spelt():
         open_dataset("humans[noses=1]", None)
 
 
-def test_generated_and_disturbed_sets_can_be_named_on_the_command_line(tmp_path):
+def test_generated_and_perturbed_sets_can_be_named_on_the_command_line(tmp_path):
     named = ["humans[subjects=3]", "animals-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
     assert sources(named, ()) == named
     with pytest.raises(ConfigurationError, match="unknown data set 'animal-few'; did you mean animals-few"):
         sources(["animal-few[noise=3]"], ())
 
 
-def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
+def test_a_perturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
     clean = open_dataset(str(rods), None)
     one, same, other = (open_dataset(f"{rods}[noise={strength}]", None) for strength in (3, 3, 4))
     entry = one.entries[0]
@@ -131,7 +131,7 @@ def test_a_disturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_othe
     assert len(named) == 3
 
 
-def test_an_overview_shows_one_shape_as_the_disturbed_sets_have_it(rods):
+def test_an_overview_shows_one_shape_as_the_perturbed_sets_have_it(rods):
     clean = open_dataset(str(rods), None)
     shape = clean.entries[2]
     shown = overview(clean, shape.identifier)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.official.tosca import CLASS_SIZES, tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE

@@ -14,15 +14,22 @@ from benchmark.datasets.human_subjects import SUBJECTS
 from benchmark.datasets.humans_scanlike import adults
 from benchmark.datasets.varied import sampler as sampling
 from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
-from benchmark.datasets.varied.camera import Perturbations, both_sides, perturbed, rendered, turned
-from benchmark.datasets.varied.extents import extents
-from benchmark.datasets.varied.model import CANONICAL, body_model, varied_mesh
+from benchmark.datasets.varied.camera import Perturbations, both_sides, extents, perturbed, rendered, turned
+from benchmark.datasets.varied.model import CANONICAL, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import LARGEST_TURN, free_pose, joint_limits, varied_pose
 from benchmark.datasets.varied.sampler import LARGEST_DOUBLED, Sampler
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
+from benchmark.geometry.mesh import Mesh
+
+
+def varied_mesh(body: Body, pose: Pose) -> Mesh:
+    """Mesh of one body in one pose."""
+    model = body_model()
+    return Mesh(model.vertices([body], [[pose]])[0][0], model.faces)
+
 
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
 needs_the_full_body = pytest.mark.exhaustive

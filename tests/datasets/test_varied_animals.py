@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from benchmark.datasets.animals.anatomy import Species, tube
+from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.animals.skeleton import Skeleton
-from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, motion, proportions, sampler
 from benchmark.errors import DatasetError, InvalidMesh
 

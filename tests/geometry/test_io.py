@@ -143,7 +143,7 @@ GOOD_OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
         ("none", "0 0 0\n", UnreadableMesh),
     ],
 )
-def test_bad_files_raise_a_named_error_with_file_and_mend(tmp_path, name, content, error):
+def test_bad_files_raise_a_named_error_with_file_and_hint(tmp_path, name, content, error):
     if name.endswith(".vert"):
         written(tmp_path, name.replace(".vert", ".tri"), "0 1 2\n")
     with pytest.raises(error) as caught:

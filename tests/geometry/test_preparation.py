@@ -183,7 +183,7 @@ def test_dirty_mesh_is_mended_and_the_report_says_how():
     ],
     ids=["one triangle", "collinear", "one point", "no faces", "empty", "only lone triangles"],
 )
-def test_what_is_no_surface_is_refused_with_a_mend(mesh):
+def test_what_is_no_surface_is_refused_with_a_hint(mesh):
     with pytest.raises(InvalidMesh) as caught:
         prepare(mesh)
     assert caught.value.hint

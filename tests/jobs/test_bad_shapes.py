@@ -33,7 +33,7 @@ def crumbs(count=5000):
     )
 
 
-#: Bad shapes, with the reasons under the mesh and the view input; "" where the shape can be treated.
+#: Bad shapes, with the reasons under the mesh and the view input; "" where the shape can be processed.
 BAD = {
     "points": (moved(0.0), "has extent 0", "has extent 0"),
     "line": (Mesh(GOOD.vertices * [1, 0, 0], GOOD.faces), "0 triangles with area", "none of the 576 triangles"),

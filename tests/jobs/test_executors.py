@@ -239,23 +239,23 @@ def test_an_interrupt_while_workers_start_is_as_quiet(place):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fate", ["lives", "is killed"])
+@pytest.mark.parametrize("fate", ["survives", "is killed"])
 def test_a_second_run_waits_for_the_jobs_of_the_first_and_takes_over_what_it_leaves(place, fate):
     arguments = only(place, "slow", "waits-once")
     first = start(place, *arguments, "-j", 2)
     wait_until((place / "notes" / "waits-once").exists)
     second = start(place, *arguments, "-j", 1)
     time.sleep(2)  # it may plan and look for work, and finds all of it taken
-    if fate == "lives":
+    if fate == "survives":
         os.kill(int((place / "notes" / "waits-once").read_text().split()[0]), signal.SIGKILL)
     else:
         first.kill()
     outputs = [first.communicate(timeout=200)[1], second.communicate(timeout=200)[1]]
     assert second.returncode == 0, outputs[1]
-    assert first.returncode == (0 if fate == "lives" else -signal.SIGKILL)
+    assert first.returncode == (0 if fate == "survives" else -signal.SIGKILL)
     found = {name: record["status"] for name, record in records(place / "results").items()}
     assert found == {"slow": "ok", "waits-once": "ok", "surface-area": "ok"}
-    if fate == "lives":
+    if fate == "survives":
         assert len(told(place, "slow")) == 4  # each shape once
     assert list((place / "results" / "runs" / "scratch").iterdir()) == []
 

@@ -17,7 +17,7 @@ from torch import nn
 from benchmark.api.learning import CARD, WEIGHTS, card_digest, read_card
 from benchmark.datasets import human_subjects
 from benchmark.datasets.animals import Animals
-from benchmark.datasets.animals.species import SPECIES
+from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.humans import CANONICAL_POSE, Humans, sample_human
 from benchmark.datasets.humans_scanlike import adults

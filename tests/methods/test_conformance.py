@@ -16,7 +16,7 @@ from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
 from benchmark.methods.conformance import checks, processes, shapes
 from benchmark.methods.registry import MethodSpec
-from benchmark.system.names import DATA_VARIABLE
+from benchmark.system.text import DATA_VARIABLE
 
 METHOD = """
 import os

@@ -45,7 +45,7 @@ from tests.plugins import write_plugin
         ({"info": "title='T', deterministic=1"}, "deterministic is 1; write True or False"),
     ],
 )
-def test_what_a_method_cannot_be_is_named_with_its_mend(faults, message, tmp_path, monkeypatch):
+def test_what_a_method_cannot_be_is_named_with_its_hint(faults, message, tmp_path, monkeypatch):
     monkeypatch.setattr(np, "asarray", np.asarray)  # some change them
     monkeypatch.setattr(time, "sleep", time.sleep)
     with pytest.raises(ConfigurationError, match=message):

@@ -182,7 +182,7 @@ def test_every_way_to_write_a_variant_is_one_method():
     assert again.without_parameter("start").without_parameter("max_iterations") == known["least-squares-mds"]
 
 
-def test_a_number_is_spelt_by_what_it_is():
+def test_a_number_is_written_by_what_it_is():
     spec = registry.variant("learned[smoothing=3]", registry.methods())
     assert (spec.name, spec.title) == ("learned[smoothing=3.0]", "Our (smoothing=3.0)")
 

@@ -58,7 +58,7 @@ def test_a_quoted_text_is_read_as_itself(text):
         ("[b]", None),
     ],
 )
-def test_a_name_is_parted_from_what_its_one_pair_of_brackets_holds(name, expected):
+def test_a_name_is_split_from_what_its_one_pair_of_brackets_holds(name, expected):
     assert split_name(name) == expected
 
 

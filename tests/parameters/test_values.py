@@ -223,7 +223,7 @@ def test_a_class_may_check_itself() -> None:
         ((), "()"),
     ],
 )
-def test_values_are_spelt_in_one_way(value: Any, text: str) -> None:
+def test_values_are_written_in_one_way(value: Any, text: str) -> None:
     assert format_value(value) == text
 
 
@@ -231,7 +231,7 @@ def test_values_are_spelt_in_one_way(value: Any, text: str) -> None:
     ("name", "value"),
     [("number", 0.1 + 0.2), ("flag", True), ("optional", 5), ("levels", (3,)), ("levels", ()), ("pair", (1e-9, 2.0))],
 )
-def test_what_is_spelt_is_read_again(name: str, value: Any) -> None:
+def test_what_is_written_is_read_again(name: str, value: Any) -> None:
     assert read(name, format_value(value)) == value
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.datasets.animals import Animals
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError

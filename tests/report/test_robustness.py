@@ -74,7 +74,7 @@ def test_without_a_clean_record_there_is_no_curve():
     assert robustness([Result(each) for each in noisy(1, 1, 1, 1, 1)]) == []
 
 
-def test_tables_write_the_curves_beside_the_other_tables_and_disturbed_sets_have_none_of_their_own(tmp_path):
+def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have_none_of_their_own(tmp_path):
     folder = tmp_path / "results" / "runs" / "records"
     folder.mkdir(parents=True)
     for method in ("classic-mds", "pca"):

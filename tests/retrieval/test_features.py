@@ -1,20 +1,37 @@
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
-from retrieval.features import Features, Keypoints, detect, detect_views
+from retrieval.features import EDGE_RATIO, Features, _checked, _detect_all, detect_views
 from retrieval.gaussian_blur import blur, gaussian_kernel
 from retrieval.gradient_histograms import describe, gradients, orientations
 
 pytestmark = pytest.mark.kernels
 
 PEAK = 0.04 / 3  # OpenCV divides its contrast threshold by the levels per octave.
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Keypoints of one image: positions (x, y), scales, angles and descriptors."""
+
+    positions: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
+
+
+def detect(image: ArrayLike, *, peak_threshold: float, background: float = np.nan) -> Keypoints:
+    stack = _checked(np.asarray(image, dtype=np.float32)[None])
+    frames, descriptors, _ = _detect_all(stack, np.float32(background), peak_threshold, EDGE_RATIO)
+    return Keypoints(frames[:, :2], frames[:, 2], frames[:, 3], descriptors)
 
 
 @pytest.fixture(scope="module")

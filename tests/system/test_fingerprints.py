@@ -65,7 +65,7 @@ def test_a_function_that_is_left_out_may_change(package):
 
 
 def test_relative_imports_are_followed(package):
-    assert set(fingerprints.code_of("toyparty.method")) == {
+    assert set(fingerprints.fingerprint("toyparty.method").code) == {
         "toyparty", "toyparty.method", "toyparty.helper", "toyparty.constants", "toyparty.trainer", "toyparty.pictures",
     }  # fmt: skip
     assert changes(package / "constants.py", "TWO = 3\n", "toyparty.method")
@@ -87,7 +87,7 @@ def test_every_way_to_import_is_seen(package, line):
     (package / "inner" / "__init__.py").write_text("from .deep import VALUE\n")
     (package / "inner" / "deep.py").write_text("from ..constants import TWO\nVALUE = TWO\n")
     (package / "method.py").write_text(f"{line}\n")
-    assert "toyparty.constants" in fingerprints.code_of("toyparty.method")
+    assert "toyparty.constants" in fingerprints.fingerprint("toyparty.method").code
 
 
 def test_what_is_imported_for_type_checking_alone_is_left_out_and_the_other_branch_is_not(package):
@@ -95,14 +95,14 @@ def test_what_is_imported_for_type_checking_alone_is_left_out_and_the_other_bran
         "from typing import TYPE_CHECKING\n\nif TYPE_CHECKING:\n    from toyparty import bystander\n"
         "else:\n    from toyparty import helper\n"
     )
-    assert set(fingerprints.code_of("toyparty.method")) == {
+    assert set(fingerprints.fingerprint("toyparty.method").code) == {
         "toyparty", "toyparty.method", "toyparty.helper", "toyparty.constants",
     }  # fmt: skip
     (package / "method.py").write_text(
         "import typing\n\nif not typing.TYPE_CHECKING:\n    from toyparty import helper\n"
     )
     fingerprints.clear_cache()
-    assert "toyparty.helper" in fingerprints.code_of("toyparty.method")
+    assert "toyparty.helper" in fingerprints.fingerprint("toyparty.method").code
 
 
 def test_comments_docstrings_and_moved_lines_do_not_invalidate(package):
@@ -130,7 +130,7 @@ def test_imports_of_a_function_that_a_stage_never_calls_are_left_out(package):
 
 
 def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
-    forms = fingerprints.code_of("learned.paired.methods", without=("train", "check_options"))
+    forms = fingerprints.fingerprint("learned.paired.methods", without=("train", "check_options")).code
     assert {"learned.paired.methods", "learned.paired.prediction", "learned.paired.network", "learned.images"} <= set(
         forms
     )
@@ -140,7 +140,7 @@ def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
         "learned.paired.training",
         "learned.paired.pairs",
     } & set(forms)
-    assert "learned.paired.pictures" in fingerprints.code_of("learned.paired.methods")
+    assert "learned.paired.pictures" in fingerprints.fingerprint("learned.paired.methods").code
 
 
 def test_an_edit_in_the_pictures_of_a_training_leaves_forms_alone(tmp_path):
@@ -176,14 +176,14 @@ def clean():
 
 def test_the_closure_names_what_is_imported_inside_functions():
     assert {"benchmark.api.contracts", "benchmark.geometry.geodesics"} <= set(
-        fingerprints.code_of("baselines.classic_mds")
+        fingerprints.fingerprint("baselines.classic_mds").code
     )
 
 
 def test_modules_that_cannot_change_a_result_are_left_out_with_what_they_import(package, monkeypatch):
-    assert not fingerprints.IGNORED & set(fingerprints.code_of("baselines.classic_mds"))
+    assert not fingerprints.IGNORED & set(fingerprints.fingerprint("baselines.classic_mds").code)
     monkeypatch.setattr(fingerprints, "IGNORED", fingerprints.IGNORED | {"toyparty.helper"})
-    assert set(fingerprints.code_of("toyparty.method", without=("train",))) == {"toyparty", "toyparty.method"}
+    assert set(fingerprints.fingerprint("toyparty.method", without=("train",)).code) == {"toyparty", "toyparty.method"}
 
 
 # Plugins -------------------------------------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ def plugin(tmp_path):
 
 
 def test_a_helper_beside_a_plugin_belongs_to_it(plugin):
-    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "side_helper"}
+    assert set(fingerprints.fingerprint(str(plugin)).code) == {"mine.py", "side_helper"}
     assert changes(plugin.with_name("side_helper.py"), "def twice(x):\n    return 3 * x\n", str(plugin))
     assert not changes(plugin.with_name("neighbour.py"), "x = 2\n", str(plugin))
 
@@ -212,7 +212,7 @@ def test_a_helper_package_beside_a_plugin_belongs_to_it_in_all_its_modules(plugi
     (package / "__init__.py").write_text("from .parts import half\n")
     (package / "parts.py").write_text("def half(x):\n    return x / 2\n")
     plugin.write_text("from side_package import half\n")
-    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "side_package", "side_package.parts"}
+    assert set(fingerprints.fingerprint(str(plugin)).code) == {"mine.py", "side_package", "side_package.parts"}
     assert changes(package / "parts.py", "def half(x):\n    return x / 4\n", str(plugin))
 
 
@@ -223,7 +223,7 @@ def test_a_helper_on_the_search_path_belongs_to_its_plugin(plugin, tmp_path, mon
     (folder / "far_bystander.py").write_text("x = 1\n")
     plugin.write_text("from far_helper import thrice\n")
     monkeypatch.syspath_prepend(folder)  # what PYTHONPATH does
-    assert set(fingerprints.code_of(str(plugin))) == {"mine.py", "far_helper"}
+    assert set(fingerprints.fingerprint(str(plugin)).code) == {"mine.py", "far_helper"}
     assert changes(folder / "far_helper.py", "def thrice(x):\n    return 4 * x\n", str(plugin))
     assert not changes(folder / "far_bystander.py", "x = 2\n", str(plugin))
 

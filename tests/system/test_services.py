@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from benchmark.errors import BenchmarkError, UnsupportedShape
-from benchmark.system.messages import packed, unpacked
-from benchmark.system.names import DATA_VARIABLE
+from benchmark.system.arrays import packed, unpacked
 from benchmark.system.plugins import close_process, import_plugin
 from benchmark.system.services import ForeignError, Service
+from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import Worker
 
 

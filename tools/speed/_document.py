@@ -28,7 +28,7 @@ COMPARISONS = """\
 ## Against other programs
 
 The ratio is the time of the other program over ours, both measured in one run on one machine: above 1, ours is faster.
-Processor time is that of one thread and hardly disturbed by other work; wall time is used where several processes or
+Processor time is that of one thread and hardly affected by other work; wall time is used where several processes or
 threads share the work, or a process starts. Before the semicolon stands what we set out to reach, behind it what makes
 the comparison fair. The command is `make speed`.
 """

@@ -42,16 +42,16 @@ class Memory:
     """Keeps the artefacts of one mesh for several shapes."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, Mapping[str, NDArray[Any]]] = {}
+        self._computed: dict[str, Mapping[str, NDArray[Any]]] = {}
 
     def get_or_compute(
         self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
     ) -> Mapping[str, NDArray[Any]]:
         """Compute each stage once."""
         name = f"{stage} {sorted(parameters.items())}"
-        if name not in self._kept:
-            self._kept[name] = compute()
-        return self._kept[name]
+        if name not in self._computed:
+            self._computed[name] = compute()
+        return self._computed[name]
 
 
 class WatchedShape(Shape):

@@ -71,10 +71,10 @@ def _trainings() -> list[str]:
 def _forms(folder: ResultsFolder, method: str, fold: int) -> list[Form]:
     """Forms of a fold of the generated humans; they are named by subject and pose."""
     kept = folder.forms(newest(folder, f"humans fold {fold}", method, "view"))
-    return [Form(*_parted(name), mesh) for name, mesh in kept.items()]
+    return [Form(*_split_name(name), mesh) for name, mesh in kept.items()]
 
 
-def _parted(name: str) -> tuple[str, int]:
+def _split_name(name: str) -> tuple[str, int]:
     subject, _, pose = name.partition("_")
     return subject, list(POSES).index(pose)
 

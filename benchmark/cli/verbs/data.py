@@ -165,7 +165,7 @@ def _exported(source: str, root: str | None, name: str, output: str, layout: str
     from benchmark.datasets.camera_frames import CameraFrames
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.export import export as write
-    from benchmark.datasets.export_frames import export_frames
+    from benchmark.datasets.export import export_frames
 
     with counting(f"writing {name}") as watched:
         dataset = open_dataset(source, Path(root) if root else None)

@@ -139,8 +139,7 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions)
 def prune(dry_run: bool, results: Path) -> None:
     """Free what no record needs: artefacts of older code, and what killed processes left behind."""
     from benchmark.jobs.execution.claims import Claims
-    from benchmark.storage.pruning import remove, unneeded
-    from benchmark.storage.store import Store
+    from benchmark.storage.store import Store, remove, unneeded
 
     store = Store.open(results)
     with Claims.of(store) as claims:

@@ -1,4 +1,4 @@
-"""Proportions of the gorilla, as data; see :mod:`.species`."""
+"""Proportions of the gorilla, as data; see :data:`.generate.SPECIES`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Proportions of the cat, the dog and the wolf, as data; see :mod:`.species`."""
+"""Proportions of the cat, the dog and the wolf, as data; see :data:`.generate.SPECIES`."""
 
 from __future__ import annotations
 

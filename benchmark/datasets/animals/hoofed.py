@@ -1,4 +1,4 @@
-"""Proportions of the horse and the centaur, as data; see :mod:`.species`."""
+"""Proportions of the horse and the centaur, as data; see :data:`.generate.SPECIES`."""
 
 from __future__ import annotations
 

@@ -18,9 +18,8 @@ from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed_name"]

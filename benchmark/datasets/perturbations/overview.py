@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, Perturbed
 from benchmark.errors import DatasetError
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 
 __all__ = ["Overview", "overview"]
 

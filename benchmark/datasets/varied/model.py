@@ -110,12 +110,6 @@ class BodyModel:
         return self.model._get_phenotype_blendshape_coefficients(*parsed[1:])
 
 
-def varied_mesh(body: Body, pose: Pose) -> Mesh:
-    """Mesh of one body in one pose: 13 348 vertices, closed, of genus 0."""
-    model = body_model()
-    return Mesh(model.vertices([body], [[pose]])[0][0], model.faces)
-
-
 @functools.cache
 def body_model() -> BodyModel:
     """The model, loaded once.

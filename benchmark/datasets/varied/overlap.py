@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.datasets.scanning import _count_crossings
-from benchmark.datasets.varied.extents import extents
+from benchmark.datasets.varied.camera import extents
 from benchmark.geometry.mesh import Faces, Points
 
 CELL = 0.02

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from benchmark.api.streaming import Fresh, Surfaces
 from benchmark.datasets.human_poses import Pose
-from benchmark.datasets.varied.bodies import varied_body
+from benchmark.datasets.varied.bodies import Body, varied_body
 from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, perturbed, rendered, turned
 from benchmark.datasets.varied.model import CANONICAL, BodyModel, Shaped, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import varied_pose
 from benchmark.errors import DatasetError
-from benchmark.geometry.mesh import Points
+from benchmark.geometry.mesh import Faces, Points
+
+S = TypeVar("S")
 
 LARGEST_DOUBLED = 0.004
 """Share of a body that may lie inside of it twice.
@@ -93,31 +97,12 @@ class Sampler:
         model = body_model()
         names = [f"varied-{self.seed}-{number}-{place}" for place in range(bodies)]
         randoms = [np.random.default_rng([self.seed, number, place]) for place in range(bodies)]
-        drawn, shapes = self._bodies(model, names, randoms, again)
-        return names, randoms, shapes, self._posed(model, names, drawn, shapes, randoms, again)
 
-    def _bodies(
-        self, model: BodyModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
-    ) -> tuple[list[Shaped], list[Points]]:
-        """Bodies, and their vertices in the canonical pose."""
-        drawn: list[Shaped | None] = [None] * len(names)
-        shapes: list[Points] = [np.empty((0, 3))] * len(names)
-        missing = list(range(len(names)))
-        for _ in range(MOST_DRAWS):
-            candidates = model.shaped([varied_body(randoms[place]) for place in missing])
-            made = model.posed(candidates, [[CANONICAL]] * len(candidates))
-            for place, body, (vertices,) in zip(missing, candidates, made, strict=True):
-                height = _height(vertices)
-                if not SHORTEST < height < TALLEST:
-                    again[BODIES_LEAVE] += 1
-                elif doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
-                    again[POSES_OVERLAP] += 1
-                else:
-                    drawn[place], shapes[place] = body, vertices
-            missing = [place for place in missing if drawn[place] is None]
-            if not missing:
-                return [body for body in drawn if body is not None], shapes
-        raise hopeless(names[missing[0]])
+        def standing(candidates: Sequence[Shaped]) -> list[Points]:
+            return [vertices for (vertices,) in model.posed(candidates, [[CANONICAL]] * len(candidates))]
+
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
+        return names, randoms, shapes, self._posed(model, names, drawn, shapes, randoms, again)
 
     def _posed(
         self,
@@ -137,7 +122,7 @@ class Sampler:
             poses: list[list[Pose]] = [[varied_pose(randoms[place]) for _ in range(self.poses)] for place in missing]
             made = model.posed([bodies[place] for place in missing], poses)
             for place, candidates in zip(missing, made, strict=True):
-                height = _height(shapes[place])
+                height = height_of(shapes[place])
                 for vertices in candidates:
                     if len(found[place]) == self.poses:
                         break
@@ -148,7 +133,55 @@ class Sampler:
         raise hopeless(next(name for name, made in zip(names, found, strict=True) if len(made) < self.poses))
 
 
-def _height(vertices: Points) -> float:
+def drawn_bodies(
+    shaped: Callable[[list[Body]], Sequence[S]],
+    standing: Callable[[Sequence[S]], Iterable[Points]],
+    faces: Faces,
+    names: Sequence[str],
+    randoms: Sequence[np.random.Generator],
+    again: Counter[str],
+) -> tuple[list[S], list[Points]]:
+    """Draw bodies of human height that are not pushed through themselves when they stand.
+
+    Parameters
+    ----------
+    shaped
+        Makes bodies at rest of drawn ones.
+    standing
+        Makes their vertices in the canonical pose.
+    faces
+        Triangles of the vertices.
+    names, randoms
+        Of each body, its name and its source of chance.
+    again
+        Counts what was drawn again, by reason.
+
+    Returns
+    -------
+    bodies, vertices
+        Each body at rest, and its vertices in the canonical pose.
+    """
+    drawn: dict[int, S] = {}
+    shapes: dict[int, Points] = {}
+    missing = list(range(len(names)))
+    for _ in range(MOST_DRAWS):
+        candidates = shaped([varied_body(randoms[place]) for place in missing])
+        for place, body, vertices in zip(missing, candidates, standing(candidates), strict=True):
+            height = height_of(vertices)
+            if not SHORTEST < height < TALLEST:
+                again[BODIES_LEAVE] += 1
+            elif doubled_share(vertices, faces, height) > LARGEST_DOUBLED:
+                again[POSES_OVERLAP] += 1
+            else:
+                drawn[place], shapes[place] = body, vertices
+        missing = [place for place in missing if place not in drawn]
+        if not missing:
+            return [drawn[place] for place in range(len(names))], [shapes[place] for place in range(len(names))]
+    raise hopeless(names[missing[0]])
+
+
+def height_of(vertices: Points) -> float:
+    """Return the extent of a standing body along the vertical axis."""
     return float(np.ptp(vertices[:, 2]))
 
 

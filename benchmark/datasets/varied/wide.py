@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,13 +21,12 @@ from benchmark.datasets.varied.model import CANONICAL
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import range_of_motion
 from benchmark.datasets.varied.sampler import (
-    BODIES_LEAVE,
     LARGEST_DOUBLED,
     MOST_DRAWS,
     POSES_OVERLAP,
     SHARES,
-    SHORTEST,
-    TALLEST,
+    drawn_bodies,
+    height_of,
     hopeless,
 )
 from benchmark.geometry.mesh import Faces, Points
@@ -92,7 +92,11 @@ class WideSampler:
         names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
         # A number more than those of `Sampler`, so that no body of it comes here.
         randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
-        drawn, shapes = self._bodies(model, names, randoms, again)
+
+        def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
+            return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
+
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
         posed = self._posed(model, names, drawn, shapes, randoms, again)
         images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
@@ -103,7 +107,7 @@ class WideSampler:
             target = turned(shapes[place], Perturbations())
             half_width = _half_width(target, random)
             fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
-            height = _height(shapes[place])
+            height = height_of(shapes[place])
             places[place] = target / height
             for row in range(self.poses * self.views):
                 made = self._view(model, posed[place, row // self.views], height, size, random)
@@ -112,29 +116,6 @@ class WideSampler:
             identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again),
             pixels=pixels, places=places, points=_standardised(places, self.triangles),
         )  # fmt: skip
-
-    def _bodies(
-        self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
-    ) -> tuple[list[Resting], list[Points]]:
-        """Bodies, and their vertices in the canonical pose."""
-        drawn: dict[int, Resting] = {}
-        shapes: dict[int, Points] = {}
-        missing = list(range(len(names)))
-        for _ in range(MOST_DRAWS):
-            candidates = model.shaped([varied_body(randoms[place]) for place in missing])
-            standing = model.posed(candidates, np.tile(CANONICAL.angles(), (len(missing), 1)))
-            for place, body, vertices in zip(missing, candidates, standing, strict=True):
-                height = _height(vertices)
-                if not SHORTEST < height < TALLEST:
-                    again[BODIES_LEAVE] += 1
-                elif doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
-                    again[POSES_OVERLAP] += 1
-                else:
-                    drawn[place], shapes[place] = body, vertices
-            missing = [place for place in missing if place not in drawn]
-            if not missing:
-                return [drawn[place] for place in range(len(names))], [shapes[place] for place in range(len(names))]
-        raise hopeless(names[missing[0]])
 
     def _posed(
         self,
@@ -156,7 +137,7 @@ class WideSampler:
             for (place, pose), vertices in zip(tried, made, strict=True):
                 if (place, pose) not in missing:
                     continue
-                if doubled_share(vertices, model.faces, _height(shapes[place])) > LARGEST_DOUBLED:
+                if doubled_share(vertices, model.faces, height_of(shapes[place])) > LARGEST_DOUBLED:
                     again[POSES_OVERLAP] += 1
                 else:
                     found[place, pose] = vertices
@@ -220,7 +201,7 @@ def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
     standing = model.posed(
         model.shaped([varied_body(random) for _ in range(AVERAGED)]), np.tile(CANONICAL.angles(), (AVERAGED, 1))
     )
-    places = _some(np.stack([turned(vertices, Perturbations()) / _height(vertices) for vertices in standing]))
+    places = _some(np.stack([turned(vertices, Perturbations()) / height_of(vertices) for vertices in standing]))
     mean = places.mean(axis=0)
     return mean, float(np.sqrt(np.mean((places - mean) ** 2)))
 
@@ -295,7 +276,3 @@ def _ball() -> trimesh.Trimesh:
 
 def _half_width(points: Points, random: np.random.Generator) -> float:
     return float(np.abs(points[:, :2]).max()) / random.uniform(*SHARES)
-
-
-def _height(vertices: Points) -> float:
-    return float(np.ptp(vertices[:, 2]))

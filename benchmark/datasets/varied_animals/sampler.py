@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmark.datasets.animals.anatomy import Species
 from benchmark.datasets.animals.body import Field, surface
+from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.relaxation import Relaxation
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.datasets.animals.skinning import blend, bone_weights
-from benchmark.datasets.animals.species import SPECIES
 from benchmark.datasets.varied_animals.motion import drawn_motion
 from benchmark.datasets.varied_animals.proportions import drawn_species
 from benchmark.errors import DatasetError, InvalidMesh

@@ -27,10 +27,10 @@ from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import measures
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
+from benchmark.storage.environment import commit
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
 from benchmark.system import fingerprints
-from benchmark.system.commits import commit
 from benchmark.system.services import ForeignError
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]

@@ -18,7 +18,7 @@ from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
 from benchmark.storage.keys import plain
-from benchmark.system.messages import Arrays
+from benchmark.system.arrays import Arrays
 from benchmark.system.services import Ask
 
 Facts = Mapping[str, Any]

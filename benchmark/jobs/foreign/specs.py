@@ -17,7 +17,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.foreign.serving import folded, serve
 from benchmark.methods.specs import Info, Made, MethodSpec, PluginSpec, S, ScorerSpec
 from benchmark.storage.costs import Cost
-from benchmark.system.messages import Arrays
+from benchmark.system.arrays import Arrays
 from benchmark.system.services import Service
 
 Facts = dict[str, Any]

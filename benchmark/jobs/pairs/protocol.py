@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets.base import Entry
-from benchmark.datasets.canonical import canonical_entry
-from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.jobs.pairs.animals import sampled_animals
 from benchmark.jobs.pairs.people import sampled_people

@@ -287,7 +287,10 @@ class _Differences:
                     local |= {as_name for as_name, target in module.imports.items() if target == (origin, leaf)}
                     knows = bool(local) or any(origin in (t[0], f"{t[0]}.{t[1]}") for t in module.imports.values())
                     for function, node in module.functions.items():
-                        self._add(tree, module.name, function, _mentions(node, local, leaf, knows or is_field))
+                        other = self._all[1 - tree].get(module.name)
+                        is_in_both = other is not None and function in other.functions
+                        if is_in_both or self._is_reachable(tree, module.name, function):
+                            self._add(tree, module.name, function, _mentions(node, local, leaf, knows or is_field))
                     for constant, statement in module.constants.items():
                         place = (module.name, constant)
                         if place not in done and any(_mentions(statement, local, leaf, knows)):

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import ConfigurationError
-from benchmark.system.commits import ROOT, commit, git
+from benchmark.storage.environment import ROOT, commit, git
 from benchmark.system.fingerprints import FIRST_PARTY
 from benchmark.system.kernels import compiled_files, drop_stale_kernels
 

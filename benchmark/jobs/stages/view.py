@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 
 
 def seen(

@@ -25,7 +25,7 @@ from benchmark.methods.conformance.case import (
 )
 from benchmark.methods.registry import MethodSpec
 from benchmark.system.calls import BrokenCall, Guard, call_apart
-from benchmark.system.names import DATA_VARIABLE
+from benchmark.system.text import DATA_VARIABLE
 
 KERNEL = "OPENBLAS_CORETYPE"
 

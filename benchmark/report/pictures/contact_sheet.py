@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.canonical import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.sensor import DepthSensor
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import sensor_of
 from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded

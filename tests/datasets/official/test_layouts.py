@@ -4,8 +4,7 @@ from collections import Counter
 
 import pytest
 
-from benchmark.datasets.canonical import canonical_entry
-from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.catalogue import CATALOGUE, canonical_entry, open_dataset
 from benchmark.datasets.official.layouts import members_digest
 from benchmark.datasets.official.sets import SETS, SHREC10_CLASSES, SHREC11_CLASSES
 from benchmark.geometry.camera import FRONT, SIDE, Camera

@@ -195,3 +195,9 @@ def test_statements_of_a_function_that_was_split_are_not_new(compared):
 def test_dead_code_may_go(compared):
     dead = dedent(BEFORE[HELPERS])[dedent(BEFORE[HELPERS]).index("@njit") :]
     assert compared((HELPERS, dead, "")) == []
+
+
+def test_a_use_in_dead_code_need_not_run(compared):
+    dead = "def unused(value):\n    return value < LIMIT\n\n\nclass Form:"
+    found = compared((FORM, "LIMIT = 1e-9", "LIMIT = 1e-8"), (FORM, "class Form:", dead))
+    assert {change.function for change in found} == {"Form.canonicalise"}

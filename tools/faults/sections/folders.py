@@ -66,7 +66,7 @@ def _ignored(_: object) -> None:
     return None
 
 
-#: Shapes that cannot be treated, or can; whatever becomes of them, the others keep their records.
+#: Shapes that cannot be processed, or can; whatever becomes of them, the others keep their records.
 SHAPES: dict[str, Callable[[Path], None]] = {
     "equal-points": _points(lambda v: np.zeros_like(v)),
     "two-points": _points(lambda v: np.where(np.arange(len(v))[:, None] % 2, 1.0, 0.0) * np.ones(3)),

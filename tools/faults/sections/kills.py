@@ -84,7 +84,7 @@ class _Siege:
     scene: Scene
     running: Running | None = None
     kept: dict[str, bytes] = field(default_factory=dict)
-    births: dict[int, float] = field(default_factory=dict)
+    started: dict[int, float] = field(default_factory=dict)
     struck: set[int] = field(default_factory=set)
     struck_at: float | None = None
     said: str = ""
@@ -116,7 +116,7 @@ class _Siege:
                 os.killpg(victim, stroke.number)
             else:
                 os.kill(victim, stroke.number)
-        self.struck.update(self.births)
+        self.struck.update(self.started)
         self.struck_at = time.time()
         if stroke.fells_harness:  # it may have come to its end in the very moment
             self._look_at_end((-stroke.number, 128 + stroke.number, INTERRUPTED, *_ENDS))
@@ -127,10 +127,10 @@ class _Siege:
         now = time.monotonic()
         workers = self.running.workers()
         for worker in workers:
-            self.births.setdefault(worker.pid, now)
+            self.started.setdefault(worker.pid, now)
         self._notice_recovery()
         for worker in workers:
-            if worker.pid in self.struck or now - self.births[worker.pid] < age:
+            if worker.pid in self.struck or now - self.started[worker.pid] < age:
                 continue
             if stroke.fells_harness:
                 return self.running.pid

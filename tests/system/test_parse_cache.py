@@ -1,11 +1,10 @@
-"""What is kept of parsed sources is taken over by the next process, and never out of date."""
+"""The cache of sources: taken over by the next process, and never out of date."""
 
 import json
 
 import pytest
 
 from benchmark.system import fingerprints
-from benchmark.system.parsed_sources import kept_parses
 
 
 @pytest.fixture
@@ -26,7 +25,7 @@ def parsed(source, monkeypatch):
     monkeypatch.setattr(fingerprints, "_parse", lambda *words: count.append(words) or real(*words))
     fingerprints._PARSED.clear()
     fingerprints.clear_cache()
-    with kept_parses(source.parent):
+    with fingerprints.parse_cache(source.parent):
         digest = fingerprints.fingerprint(str(source)).digest
     return len(count), digest
 
