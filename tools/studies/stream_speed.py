@@ -26,8 +26,8 @@ from learned.streamed.images import MakesImages  # noqa: E402
 from learned.streamed.losses import weighted  # noqa: E402
 from learned.streamed.network import build_streamed  # noqa: E402
 from learned.streamed.training import batch_losses  # noqa: E402
-from learned.training.arithmetic import has_bfloat16, keep_freed_memory  # noqa: E402
-from learned.training.steps import Plan  # noqa: E402
+from learned.training.loop import Plan  # noqa: E402
+from learned.training.machine import has_bfloat16, keep_freed_memory  # noqa: E402
 
 CPU = torch.device("cpu")
 TWO_SIDED, PEOPLE = STREAMED["two-sided"], STREAMED["people"]
