@@ -104,16 +104,10 @@ def batch_losses(
         code, places = network.code_and_places(images)
         prediction = network.decoded(code)
         points = network.points(code) if network.points is not None else None
-    return losses(
-        prediction.float(),
-        batch.targets.to(device),
-        code,
-        batch.poses,
-        configuration,
-        _beside(places, batch.places),
-        _beside(points, batch.points),
-    )
-
-
-def _beside(predicted: Tensor | None, true: Tensor | None) -> tuple[Tensor, Tensor] | None:
-    return None if predicted is None or true is None else (predicted.float(), true.to(predicted.device))
+    both = {"places": (places, batch.places), "points": (points, batch.points)}
+    beside = {
+        name: (predicted.float(), true.to(device))
+        for name, (predicted, true) in both.items()
+        if predicted is not None and true is not None
+    }
+    return losses(prediction.float(), batch.targets.to(device), code, batch.poses, configuration, beside)

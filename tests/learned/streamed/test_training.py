@@ -302,7 +302,7 @@ def test_step_sizes_of_a_plan() -> None:
             loop.Plan(steps=100, **wrong)
 
 
-def test_a_stream_without_wide_bodies_cannot_teach_a_network_that_wants_them(
+def test_a_stream_without_wide_bodies_cannot_train_a_network_that_wants_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(configuration.STREAMED, "toy", replace(TOY, stream="wide"))

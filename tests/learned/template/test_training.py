@@ -1,4 +1,4 @@
-"""A template fits what it is taught, however its training is stopped, and unbends what it has not seen."""
+"""A template fits what it is shown, however its training is stopped, and unbends what it has not seen."""
 
 from __future__ import annotations
 
