@@ -12,10 +12,9 @@ from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
 from learned.streamed.training import train_streamed
-from learned.training.fitting import Fitting, plan_among, stream_of
+from learned.training.fitting import Fitting, defaults_of, plan_among, stream_of
 from learned.training.loop import Plan, Trained, TrainingRun
 from learned.training.machine import MachineWithWorkers
-from learned.training.saving import defaults_of
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, MachineWithWorkers]:

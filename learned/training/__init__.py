@@ -1,5 +1,5 @@
 """What all trainings share.
 
 In the order to read it: ``fitting`` (from data to a folder with a model), ``loop`` (plan, objective, steps), ``stream``
-(batches made ahead), ``checkpoint``, ``average``, ``machine``, ``measures`` and ``saving``.
+(batches made ahead), ``checkpoint``, ``average``, ``machine`` and ``measures``.
 """

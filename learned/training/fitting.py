@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import csv
 import datetime
 import hashlib
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+import io
+import json
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import torch
 
-from benchmark.api.learning import CARD, TrainingData
+from benchmark.api.learning import CARD, WEIGHTS, TrainingData, read_card
 from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import checked
-from learned.training.checkpoint import CHECKPOINT
+from learned.training.checkpoint import CHECKPOINT, write
 from learned.training.loop import N, Plan, Trained, TrainingRun
 from learned.training.machine import Machine, MachineWithWorkers, device_named, machine_among
-from learned.training.saving import check_finished, defaults_of, hardware, write_model
 from learned.weights import as_stored, n_parameters, stored
+
+HISTORY = "history.csv"
 
 P = TypeVar("P", bound=Plan)
 
@@ -126,8 +131,7 @@ class Fitting(Generic[N]):
         """
         recipe = self.recipe
         if (folder / CARD).is_file():
-            defaults = {"configuration": self.defaults, self.planned: defaults_of(self.plan)}
-            check_finished(folder, recipe, self.words, defaults)
+            self._check_finished(folder)
             say(f"{folder} holds this model already")
             return
         torch.set_num_threads(machine.cores)
@@ -142,6 +146,21 @@ class Fitting(Generic[N]):
         (folder / CHECKPOINT).unlink(missing_ok=True)
         seen = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in trained.seen.items())
         say(f"finished in {card['seconds']:.0f} s; {seen}")
+
+    def _check_finished(self, folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe."""
+        card = read_card(folder)
+        found = dict(card.get("recipe", {}))
+        # An older card may lack what has a default.
+        for part, defaults in (("configuration", self.defaults), (self.planned, defaults_of(self.plan))):
+            if part in found:
+                found[part] = {**defaults, **found[part]}
+        if found != self.recipe:
+            raise ConfigurationError(
+                f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
+                f"not of {self.words}",
+                "delete the folder to train anew, or name other --results",
+            )
 
     def _saved(self, folder: Path, trained: Trained[N], hardware: str) -> dict[str, Any]:
         """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
@@ -172,5 +191,46 @@ class Fitting(Generic[N]):
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             **trained.told,
         }
-        write_model(folder, weights, progress.history, card)
+        write(folder / WEIGHTS, weights)
+        write(folder / HISTORY, _table(progress.history).encode())
+        # Its presence means a finished model.
+        write(folder / CARD, _card_text(card).encode())
         return card
+
+
+def defaults_of(described: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that have a default, with it, by name."""
+    return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
+
+
+def hardware(device: str) -> str:
+    """Return what computes, in words."""
+    if device == "cuda":
+        return str(torch.cuda.get_device_name())
+    threads = torch.get_num_threads()
+    return f"{_processor()}, {threads} thread{'s' if threads > 1 else ''}"
+
+
+def _card_text(card: Mapping[str, Any]) -> str:
+    """JSON with one line for each entry: long lists of shapes stay on one line."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _table(history: Sequence[Mapping[str, float]]) -> str:
+    columns = list(dict.fromkeys(name for row in history for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in history)
+    return text.getvalue()

@@ -15,8 +15,7 @@ LOOP = "learned.paired.training"
 #: What makes forms of a model, and what only trains one.
 SHARED = {"images", "learner", "surface", "weights"}
 SHARED_IN_TRAINING = {
-    f"training.{name}"
-    for name in ("average", "checkpoint", "fitting", "loop", "machine", "measures", "saving", "stream")
+    f"training.{name}" for name in ("average", "checkpoint", "fitting", "loop", "machine", "measures", "stream")
 }
 PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network", "prediction")}
 PAIRED_IN_TRAINING = {

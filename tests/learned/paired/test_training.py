@@ -25,10 +25,10 @@ from learned.paired.schedule import Schedule
 from learned.paired.training import train
 from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT
+from learned.training.fitting import HISTORY
 from learned.training.loop import Trained
 from learned.training.machine import device_named
 from learned.training.measures import measures
-from learned.training.saving import HISTORY
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, run_in, toy_data, toy_pairs
 
 CPU = torch.device("cpu")
