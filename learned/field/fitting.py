@@ -75,7 +75,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} fresh bodies",
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_field,

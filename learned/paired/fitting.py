@@ -100,7 +100,7 @@ def fit(
         plan=plan,
         planned="schedule",
         words=plan.in_words(),
-        data=data,
+        training_data=data,
         seed=seed,
         train=train,
         load=load_model,

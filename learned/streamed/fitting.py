@@ -82,7 +82,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=in_words(chosen, plan),
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_streamed,

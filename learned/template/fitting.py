@@ -83,7 +83,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=f"'{chosen.name}', {chosen.bodies} bodies, {plan.steps} steps of {plan.bodies} shapes",
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_template,

@@ -74,7 +74,7 @@ class Fitting(Generic[N]):
         How it is trained.
     words
         Network and plan in one clause.
-    data
+    training_data
         What it is trained on.
     seed
         Seed of the weights.
@@ -93,7 +93,7 @@ class Fitting(Generic[N]):
     described: Mapping[str, Any]
     plan: Any
     words: str
-    data: TrainingData
+    training_data: TrainingData
     seed: int
     train: Callable[[TrainingRun], Trained[N]]
     load: Callable[[Path], object]
@@ -106,7 +106,7 @@ class Fitting(Generic[N]):
         return {
             "configuration": dict(self.described),
             self.planned: asdict(self.plan),
-            "data": self.data.digest,
+            "data": self.training_data.digest,
             "seed": self.seed,
         }
 
@@ -136,7 +136,7 @@ class Fitting(Generic[N]):
             return
         torch.set_num_threads(machine.cores)
         folder.mkdir(parents=True, exist_ok=True)
-        say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.data.title}")
+        say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.training_data.title}")
         device = device_named(machine.device)
         trained = self.train(
             TrainingRun(folder=folder, recipe=recipe, seed=self.seed, device=device, workers=machine.workers, say=say)
@@ -164,7 +164,7 @@ class Fitting(Generic[N]):
 
     def _saved(self, folder: Path, trained: Trained[N], hardware: str) -> dict[str, Any]:
         """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
-        network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.data
+        network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.training_data
         as_stored(network)
         weights = stored(network)
         card = {

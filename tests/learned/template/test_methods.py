@@ -55,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
         described=TOY.described(),
         plan=TemplatePlan(),
         words="",
-        data=rods(),
+        training_data=rods(),
         seed=0,
         train=lambda *_: trained,
         load=lambda _: None,  # so that each test is the first to read the files
