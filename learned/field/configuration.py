@@ -12,7 +12,7 @@ from learned.described import configuration_named, described_by
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """One field, and what it is taught.
+    """One field, and what it is trained for.
 
     Parameters
     ----------

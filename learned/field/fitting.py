@@ -6,16 +6,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
 from learned.field.configuration import Field, field_named
 from learned.field.model import load_field
 from learned.field.network import FieldNetwork
 from learned.field.training import FieldPlan, train_field
-from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
-from learned.training.steps import Trained
+from learned.training.fitting import Fitting, plan_among, stream_of
+from learned.training.loop import Trained, TrainingRun
+from learned.training.machine import MachineWithWorkers
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Field, FieldPlan, MachineWithWorkers]:
@@ -53,7 +52,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.training.fitting.MachineWithWorkers`.
+        Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.training.machine.MachineWithWorkers`.
     say
         Told about progress.
 
@@ -67,13 +66,8 @@ def fit(
     chosen, plan, machine = checked_plan(name, options)
     stream = stream_of(data)
 
-    def train(
-        folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
-    ) -> Trained[FieldNetwork]:
-        return train_field(
-            chosen, plan, stream.surfaces, stream.validation_surfaces, folder, recipe,
-            seed=seed, device=device, workers=machine.workers, say=say,
-        )  # fmt: skip
+    def train(run: TrainingRun) -> Trained[FieldNetwork]:
+        return train_field(chosen, plan, stream.surfaces, stream.validation_surfaces, run)
 
     fitting = Fitting(
         kind="field",
@@ -81,7 +75,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} fresh bodies",
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_field,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from torch import Tensor
@@ -16,7 +15,7 @@ from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field
 from learned.field.losses import NAMES, losses, weighted
 from learned.field.network import FieldNetwork, Unbent, build_field
-from learned.training.steps import Plan, Steps, Trained, fresh_bodies
+from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies
 
 LOOKED_AT = 16
 """Validation bodies that are looked at."""
@@ -24,7 +23,7 @@ LOOKED_AT = 16
 
 @dataclass(frozen=True, kw_only=True)
 class FieldPlan(Plan):
-    """Plan of the training of a field; see :class:`learned.training.steps.Plan`."""
+    """Plan of the training of a field; see :class:`learned.training.loop.Plan`."""
 
     steps: Annotated[int, Interval(1)] = 12_000
     bodies: Annotated[int, Interval(2)] = 8
@@ -36,15 +35,9 @@ def train_field(
     plan: Plan,
     make: MakesSurfaces,
     validation: MakesSurfaces | None,
-    folder: Path,
-    recipe: Mapping[str, Any],
-    *,
-    seed: int,
-    device: torch.device,
-    workers: int,
-    say: Callable[[str], None],
+    run: TrainingRun,
 ) -> Trained[FieldNetwork]:
-    """Train a field, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
+    """Train a field, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
 
     Parameters
     ----------
@@ -54,18 +47,8 @@ def train_field(
         Makes the bodies.
     validation
         Makes bodies for the curves; None for no curves.
-    folder
-        Where checkpoints go.
-    recipe
-        Everything that determines the result.
-    seed
-        Seed of the weights.
-    device
-        Where to compute.
-    workers
-        Processes that make bodies.
-    say
-        Told about progress.
+    run
+        Where; its seed is that of the weights.
 
     Raises
     ------
@@ -73,28 +56,27 @@ def train_field(
         If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
         the last step that was done.
     """
-    network = build_field(configuration, seed).to(device)
+    network = build_field(configuration, run.seed).to(run.device)
     looked = MakesSurfaceBatches(validation, configuration, LOOKED_AT, perturbed=False)(0) if validation else None
-    teacher = _Teacher(network, configuration, device, looked)
+    objective = _Objective(network, configuration, run.device, looked)
     batches = MakesSurfaceBatches(make, configuration, plan.bodies)
-    steps = Steps(network, teacher, batches, plan, folder, recipe, __name__, say)
-    progress, precision = steps.run(device, workers)
-    return Trained(network, progress, device.type, precision, fresh_bodies(plan, progress))
+    progress, precision = TrainingLoop(network, objective, batches, plan, run).train()
+    return Trained(network, progress, precision, fresh_bodies(plan, progress))
 
 
 @dataclass
-class _Teacher:
+class _Objective(Objective[SurfaceBatch]):
     network: FieldNetwork
     configuration: Field
     device: torch.device
     looked: SurfaceBatch | None
-    terms: tuple[str, ...] = NAMES
-    watched: str = "position error"
+    terms = NAMES
+    watched = "position error"
 
     def losses(self, batch: SurfaceBatch, half: bool) -> Tensor:
         return self._terms(self._found(batch, half), batch)
 
-    def total(self, losses: Tensor) -> Tensor:
+    def total(self, losses: Tensor, batch: SurfaceBatch) -> Tensor:
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:

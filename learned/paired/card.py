@@ -41,7 +41,7 @@ class Network:
 
 
 def network_of(card: Mapping[str, Any], folder: Path) -> Network:
-    """Return the network of a card, after checking every field that :func:`learned.paired.saving.save_model` writes.
+    """Return the network of a card, after checking every field that :func:`learned.paired.fitting.fit` writes.
 
     A field more or less is an error, for nobody knows what a card of another version means.
 

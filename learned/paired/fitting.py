@@ -1,29 +1,29 @@
-"""From training data to a folder with a finished model: options, pairs, the loop, card and pictures."""
+"""From training data to a folder with a finished model: options, pairs, training, and what the card tells of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from torch import nn
 
-from benchmark.api.learning import CARD, TrainingData
-from learned.paired import pictures
+from benchmark.api.learning import TrainingData
+from learned.paired import pictures, training
 from learned.paired.configuration import Configuration
 from learned.paired.configuration import configuration as configuration_named
 from learned.paired.gathering import forget, gather_kept
 from learned.paired.model import load_model, predict
-from learned.paired.pairs import gather
-from learned.paired.saving import save_model
+from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule, schedule
-from learned.paired.training import check_resolution, train
-from learned.training.arithmetic import device_named
-from learned.training.checkpoint import CHECKPOINT
+from learned.training.fitting import Fitting
+from learned.training.loop import Trained, TrainingRun
 from learned.training.machine import Machine, machine_among
 from learned.training.measures import measures
-from learned.training.saving import check_finished
 from learned.weights import as_stored
 
 SAMPLES = 60
@@ -41,7 +41,7 @@ def checked_options(name: str, options: Mapping[str, Any]) -> tuple[Configuratio
     chosen = configuration_named(name)
     machine, others = machine_among(Machine, options)
     plan = schedule(chosen.schedule, others)
-    check_resolution(chosen, plan.resolution)
+    training.check_resolution(chosen, plan.resolution)
     return chosen, plan, machine
 
 
@@ -53,7 +53,7 @@ def fit(
     options: Mapping[str, Any],
     say: Callable[[str], None],
 ) -> None:
-    """Train a model into a folder, or go on where a training was stopped; a finished one is left alone.
+    """Train a model into a folder, with pictures; see :meth:`learned.training.fitting.Fitting.into`.
 
     Parameters
     ----------
@@ -78,41 +78,57 @@ def fit(
         If training cannot go on.
     """
     chosen, plan, machine = checked_options(name, options)
-    recipe = {
-        "configuration": chosen.described(),
-        "schedule": {field: getattr(plan, field) for field in Schedule.__dataclass_fields__},
-        "data": data.digest,
-        "seed": seed,
-    }
-    if (folder / CARD).is_file():
-        check_finished(folder, recipe, plan.in_words())
-        say(f"{folder} holds this model already")
-        return
-    device = device_named(machine.device)
-    torch.set_num_threads(machine.cores)
-    folder.mkdir(parents=True, exist_ok=True)
-    say(f"{data.title}: gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
-    pairs, unseen = gather_kept(data, plan.resolution, folder, say), gather(data.unseen(), plan.resolution)
-    say(f"training '{name}', seed {seed}: {plan.in_words()}, on {device.type}")
-    result = train(chosen, plan, pairs, unseen, folder, recipe, seed=seed, device=device, say=say)
-    network = result.network.to("cpu").eval()
-    as_stored(network)
-    title = f"{name}, seed {seed}, {data.name}"
-    final = {}
-    for kind, of_kind in (("training", pairs), ("unseen", unseen)):
-        rows = np.linspace(0, len(of_kind) - 1, min(SAMPLES, len(of_kind))).round().astype(int)
-        images, targets = of_kind.images[rows], of_kind.targets[of_kind.target_of[rows]]
-        predictions = torch.stack([predict(network, image) for image in images])
-        final[kind] = measures(predictions, targets)
-        names = [of_kind.identifiers[row] for row in rows]
-        picture = folder / f"samples-{kind}.png"
-        pictures.draw_samples(names, images, predictions, targets, picture, f"{title}: {kind} pairs")
-    pictures.draw_history(result.progress.history, folder / "history.png", title)
-    card = save_model(folder, result, data, chosen, plan, seed=seed, n_pairs=len(pairs), final=final, recipe=recipe)
-    load_model(folder)
-    (folder / CHECKPOINT).unlink(missing_ok=True)
-    forget(folder)
-    say(
-        f"finished in {card['seconds']:.0f} s, {card['images_per_second']:.0f} images a second; unseen mask overlap "
-        f"{final['unseen']['mask overlap']:.3f}, depth error {final['unseen']['depth error']:.4f}"
+
+    def train(run: TrainingRun) -> Trained[nn.Module]:
+        run.say(f"gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
+        pairs = gather_kept(data, plan.resolution, run.folder, run.say)
+        unseen = gather(data.unseen(), plan.resolution)
+        trained = training.train(chosen, plan, pairs, unseen, run)
+        as_stored(trained.network.to("cpu").eval())
+        title = f"{name}, seed {seed}, {data.name}"
+        pictures.draw_history(trained.progress.history, run.folder / "history.png", title)
+        final = {
+            kind: _looked_at(trained.network, of_kind, run.folder / f"samples-{kind}.png", f"{title}: {kind} pairs")
+            for kind, of_kind in (("training", pairs), ("unseen", unseen))
+        }
+        return replace(trained, told=_told(chosen, plan, trained) | {"final": final})
+
+    fitting = Fitting(
+        kind="configuration",
+        name=name,
+        described=chosen.described(),
+        plan=plan,
+        planned="schedule",
+        words=plan.in_words(),
+        training_data=data,
+        seed=seed,
+        train=train,
+        load=load_model,
     )
+    fitting.into(folder, machine, say)
+    forget(folder)
+
+
+def _looked_at(network: nn.Module, pairs: Pairs, picture: Path, title: str) -> dict[str, float | None]:
+    """Draw some predictions of the finished network, and return their measures."""
+    rows = np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(int)
+    images, targets = pairs.images[rows], pairs.targets[pairs.target_of[rows]]
+    predictions = torch.stack([predict(network, image) for image in images])
+    names = [pairs.identifiers[row] for row in rows]
+    pictures.draw_samples(names, images, predictions, targets, picture, title)
+    # The error of masks that do not overlap is none, which JSON calls null.
+    return {name: value if isfinite(value) else None for name, value in measures(predictions, targets).items()}
+
+
+def _told(chosen: Configuration, plan: Schedule, trained: Trained[nn.Module]) -> dict[str, Any]:
+    """Return what the card of such a network tells besides what all cards do; see :mod:`learned.paired.card`."""
+    progress = trained.progress
+    images = trained.seen["pairs"] * plan.epochs / progress.seconds if progress.seconds else 0.0
+    settings = {name: value for name, value in asdict(plan).items() if name != "compile"}
+    return {
+        "extra_data": chosen.extra_data,
+        "schedule": settings | {"early_epochs": plan.n_early, "batch_at_the_end": progress.batch},
+        "departures_from_the_paper": plan.non_default_settings(),
+        "images_per_second": round(images, 1),
+        "final_losses": dict(progress.history[-1]),
+    }

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from torch import Tensor
 
 from benchmark.api.contracts import Interval
 from benchmark.parameters.values import checked
-from learned.training.arithmetic import Precision
+from learned.training.loop import Plan
+from learned.training.machine import Precision
 
 DepthLoss = Literal["all", "masked"]
+
+LOOKS = 25
+"""How often the unseen pairs are looked at during a training."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +78,19 @@ class Schedule:
         """Alpha of an epoch, counted from 0."""
         return self.early_alpha if epoch < self.n_early else self.alpha
 
+    def step_size(self, epoch: int) -> float:
+        """Step size of Adam in an epoch, counted from 0."""
+        if not self.cosine:
+            return self.learning_rate
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * epoch / self.epochs))
+
+    def over(self, n_pairs: int, batch: int) -> Epochs:
+        """Plan of the steps over so many pairs, in batches of a size."""
+        return Epochs(
+            steps=self.epochs * math.ceil(n_pairs / batch), bodies=batch, gradient_clip=self.gradient_clip,
+            precision=self.precision, settings=self,
+        )  # fmt: skip
+
     def non_default_settings(self) -> list[str]:
         """Fields that differ from the paper's schedule, in words; arithmetic and compilation are not part of it."""
         paper = Schedule()
@@ -93,6 +110,39 @@ class Schedule:
         ]
         kept = [told for told in further if told.split()[0] != "early_epochs" or self.early_epochs is not None]
         return text + (f", {', '.join(kept)}" if kept else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Epochs(Plan):
+    """Plan of the steps of a schedule, whose progress is counted in epochs.
+
+    Parameters
+    ----------
+    settings
+        The schedule.
+    """
+
+    settings: Schedule
+    counted: ClassVar[str] = "epoch"
+
+    @property
+    def unit(self) -> int:
+        """Steps of an epoch; the last one may see fewer pairs."""
+        return self.steps // self.settings.epochs
+
+    @property
+    def row(self) -> int:
+        """Steps of a row of the history."""
+        return self.unit
+
+    @property
+    def look(self) -> int:
+        """Steps between two looks at pairs that are not trained on."""
+        return self.unit * max(1, self.settings.epochs // LOOKS)
+
+    def step_size(self, step: int) -> float:
+        """Step size of Adam in a step, counted from 0."""
+        return self.settings.step_size(step // self.unit)
 
 
 def schedule(defaults: Mapping[str, Any], options: Mapping[str, Any]) -> Schedule:
@@ -134,10 +184,3 @@ def losses(prediction: Tensor, target: Tensor, depth_loss: DepthLoss) -> tuple[T
         inside = target[:, 1]
         return (depth * inside).sum() / inside.sum().clamp(min=1), mask.mean()
     return depth.mean(), mask.mean()
-
-
-def step_size(plan: Schedule, epoch: int) -> float:
-    """Step size of Adam in an epoch."""
-    if not plan.cosine:
-        return plan.learning_rate
-    return plan.learning_rate * 0.5 * (1 + math.cos(math.pi * epoch / plan.epochs))

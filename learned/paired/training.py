@@ -1,15 +1,13 @@
-"""The training loop: epochs of Adam over pairs in memory, resumable, the same result however often it was stopped."""
+"""Training over a fixed set of pairs in memory, which are shown once an epoch."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from benchmark.errors import ConfigurationError, TrainingError
@@ -17,27 +15,11 @@ from benchmark.geometry.depth import SIZE
 from learned.paired.configuration import Configuration
 from learned.paired.network import RESOLUTIONS, build
 from learned.paired.pairs import Pairs
-from learned.paired.schedule import Schedule, losses, step_size
-from learned.training import checkpoint
-from learned.training.arithmetic import has_bfloat16, keep_freed_memory
-from learned.training.checkpoint import Progress
+from learned.paired.schedule import Epochs, Schedule, losses
+from learned.training.checkpoint import stands_at
+from learned.training.loop import Objective, Trained, TrainingLoop, TrainingRun
+from learned.training.machine import is_out_of_memory
 from learned.training.measures import measures
-
-CHECKPOINT_SECONDS = 60.0
-"""Time between checkpoints: what a crash costs at most, besides the epoch that runs."""
-
-LOOKS = 25
-"""How often the unseen pairs are looked at during a training."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """A trained network and how it came about."""
-
-    network: nn.Module
-    progress: Progress
-    device: str
-    precision: str
 
 
 def check_resolution(configuration: Configuration, resolution: int) -> None:
@@ -51,40 +33,22 @@ def check_resolution(configuration: Configuration, resolution: int) -> None:
 
 
 def train(
-    configuration: Configuration,
-    plan: Schedule,
-    pairs: Pairs,
-    unseen: Pairs | None,
-    folder: Path,
-    recipe: Mapping[str, Any],
-    *,
-    seed: int,
-    device: torch.device,
-    say: Callable[[str], None],
-) -> Result:
-    """Train a network, going on from the checkpoint in ``folder`` if there is one.
+    configuration: Configuration, schedule: Schedule, pairs: Pairs, unseen: Pairs | None, run: TrainingRun
+) -> Trained[nn.Module]:
+    """Train a network, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
 
-    The order of the pairs depends on the seed and the epoch alone, so a training that was stopped and resumed on the
-    same machine ends with the same weights as one that was not.
+    Where memory does not suffice, it goes on from the last checkpoint with batches of half the size.
 
     Parameters
     ----------
-    configuration, plan
+    configuration, schedule
         What is trained, and how.
     pairs
         The training pairs.
     unseen
         Pairs for curves only.
-    folder
-        Where checkpoints go.
-    recipe
-        Everything that determines the result.
-    seed
-        Seed of the weights and the order.
-    device
-        Where to compute.
-    say
-        Told about progress.
+    run
+        Where; its seed is that of the weights and of the order of the pairs.
 
     Raises
     ------
@@ -93,176 +57,108 @@ def train(
     TrainingError
         If a loss is not a number, memory does not suffice for half the batch, or the checkpoint does not fit.
     """
-    check_resolution(configuration, plan.resolution)
-    loop = _Loop(
-        configuration, plan, pairs.to(device), unseen.to(device) if unseen else None, folder, recipe, seed, device, say
-    )
-    torch.set_flush_denormal(True)
-    keep_freed_memory()
-    try:
-        return loop.run()
-    except _OutOfMemory:
-        loop.halve_batch()
-        say(f"out of memory; going on with batches of {loop.batch}")
-    try:
-        return loop.run()
-    except _OutOfMemory as error:
-        raise TrainingError(
-            f"memory does not suffice for batches of {loop.batch}", "lower --resolution or --batch"
-        ) from error
+    check_resolution(configuration, schedule.resolution)
+    pairs, unseen = pairs.to(run.device), unseen.to(run.device) if unseen else None
+
+    def attempt(batch: int) -> Trained[nn.Module] | None:
+        """Train with batches of this size; None if memory does not suffice."""
+        network = build(configuration, run.seed).to(run.device, memory_format=torch.channels_last)
+        plan = schedule.over(len(pairs), batch)
+        # Compiled or not, the same parameters are trained.
+        forward = torch.compile(network) if schedule.compile else network
+        objective = _Objective(forward, schedule, plan, pairs, unseen, run.seed)
+        try:
+            progress, precision = TrainingLoop(network, objective, objective.batch, plan, run).train()
+        except (MemoryError, RuntimeError) as error:
+            if not is_out_of_memory(error):
+                raise
+            return None
+        return Trained(network, progress, precision, {"pairs": len(pairs)})
+
+    batch = stands_at(run.folder)[1] or schedule.batch
+    if trained := attempt(batch):
+        return trained
+    if batch < 2:
+        raise TrainingError("memory does not suffice for one pair", "lower --resolution")
+    run.say(f"out of memory; going on with batches of {batch // 2}")
+    if trained := attempt(batch // 2):
+        return trained
+    raise TrainingError(f"memory does not suffice for batches of {batch // 2}", "lower --resolution or --batch")
 
 
-class _OutOfMemory(Exception):
-    """An allocation failed."""
+@dataclass(frozen=True)
+class PairBatch:
+    """Rows of the pairs of a step, and the epoch that it belongs to, counted from 0."""
+
+    number: int
+    epoch: int
+    rows: NDArray[np.int64]
+    drawn_again: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass
-class _Loop:
-    """One training; the fields are the parameters of :func:`train`, with the pairs on the device."""
-
-    configuration: Configuration
-    plan: Schedule
+class _Objective(Objective[PairBatch]):
+    forward: nn.Module
+    schedule: Schedule
+    plan: Epochs
     pairs: Pairs
     unseen: Pairs | None
-    folder: Path
-    recipe: Mapping[str, Any]
     seed: int
-    device: torch.device
-    say: Callable[[str], None]
+    terms = ("depth loss", "mask loss")
+    watched = "mask overlap"
+    held_out = "unseen"
 
-    def __post_init__(self) -> None:
-        self.batch = self.plan.batch
-        self.halved = False
-        self.half_precision = self.plan.precision == "bfloat16" or (
-            self.plan.precision == "auto" and has_bfloat16(self.device)
-        )
-
-    def halve_batch(self) -> None:
-        if self.batch < 2:
-            raise TrainingError("memory does not suffice for one pair", "lower --resolution")
-        self.batch //= 2
-        self.halved = True
-
-    def run(self) -> Result:
-        network = build(self.configuration, self.seed).to(self.device, memory_format=torch.channels_last)
-        optimiser = torch.optim.Adam(network.parameters(), lr=self.plan.learning_rate)
-        found = checkpoint.resume(self.folder, network, optimiser, self.recipe, __name__)
-        progress = found or Progress(0, self.batch, 0.0, ())
-        if self.halved:
-            progress = replace(progress, batch=self.batch)
-        self.batch = progress.batch
-        if found:
-            self.say(f"going on after epoch {progress.epoch} of {self.plan.epochs}")
-        # Compiled or not, the same parameters are trained.
-        forward = torch.compile(network) if self.plan.compile else network
-        began, kept = time.perf_counter() - progress.seconds, time.perf_counter()
-        history = list(progress.history)
-        for epoch in range(progress.epoch, self.plan.epochs):
-            row = self._epoch(epoch, forward, optimiser)
-            if self.unseen is not None and _is_look(epoch, self.plan.epochs):
-                row |= {f"unseen {name}": value for name, value in self.measure(forward, self.unseen).items()}
-            history.append(row)
-            progress = Progress(epoch + 1, self.batch, time.perf_counter() - began, tuple(history))
-            if time.perf_counter() - kept > CHECKPOINT_SECONDS or epoch + 1 == self.plan.epochs:
-                checkpoint.keep(self.folder, network, optimiser, progress, self.recipe, __name__)
-                kept = time.perf_counter()
-                self.say(_told(row, progress, self.plan.epochs))
-        return Result(network, progress, self.device.type, "bfloat16" if self.half_precision else "float32")
-
-    def _epoch(self, epoch: int, forward: nn.Module, optimiser: torch.optim.Optimizer) -> dict[str, float]:
-        for group in optimiser.param_groups:
-            group["lr"] = step_size(self.plan, epoch)
-        alpha, beta = self.plan.weight_of_depth(epoch), self.plan.beta
-        forward.train()
-        told: list[Tensor] = []
-        batches = list(self._batches(epoch))
-        try:
-            for rows in batches:
-                image, target = self._load(rows, epoch)
-                with torch.autocast(self.device.type, torch.bfloat16, enabled=self.half_precision):
-                    prediction = forward(image)
-                depth, mask = losses(prediction.float(), target, self.plan.depth_loss)
-                optimiser.zero_grad()
-                (alpha * depth + beta * mask).backward()
-                if self.plan.gradient_clip:
-                    nn.utils.clip_grad_norm_(forward.parameters(), self.plan.gradient_clip)
-                optimiser.step()
-                # Reading a number would make the host wait for the device, so the losses stay there for the epoch.
-                told.append(torch.stack([depth, mask]).detach())
-        except (torch.OutOfMemoryError, MemoryError) as error:
-            raise _OutOfMemory from error
-        except RuntimeError as error:
-            if "allocate memory" in str(error) or "out of memory" in str(error):
-                raise _OutOfMemory from error
-            raise
-        values = torch.stack(told).cpu().numpy().astype(np.float64)
-        self._check(values, epoch, batches)
-        # The last batch may be smaller; every pair counts the same.
-        depth, mask = np.average(values, axis=0, weights=[len(rows) for rows in batches])
-        return {
-            "epoch": float(epoch + 1),
-            "alpha": alpha,
-            "depth loss": float(depth),
-            "mask loss": float(mask),
-            "loss": float(alpha * depth + beta * mask),
-        }
-
-    def _batches(self, epoch: int) -> Iterator[np.ndarray[Any, np.dtype[np.int64]]]:
+    def batch(self, number: int) -> PairBatch:
+        """Batch of a number: the order of the pairs depends on the seed and the epoch alone."""
+        epoch, place = divmod(number, self.plan.unit)
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.pairs))
-        for start in range(0, len(order), self.batch):
-            yield order[start : start + self.batch]
+        return PairBatch(number, epoch, order[place * self.plan.bodies : (place + 1) * self.plan.bodies])
 
-    def _load(self, rows: np.ndarray[Any, np.dtype[np.int64]], epoch: int) -> tuple[Tensor, Tensor]:
-        chosen = torch.from_numpy(rows).to(self.device)
-        image = self.pairs.images[chosen]
-        if self.plan.jitter:
-            image = _shifted(image, self.plan.jitter, np.random.default_rng([self.seed, epoch, *rows[:2].tolist()]))
-        return image.contiguous(memory_format=torch.channels_last), self.pairs.targets[self.pairs.target_of[chosen]]
+    def losses(self, batch: PairBatch, half: bool) -> Tensor:
+        chosen = torch.from_numpy(batch.rows).to(self.pairs.images.device)
+        image, target = self.pairs.images[chosen], self.pairs.targets[self.pairs.target_of[chosen]]
+        if self.schedule.jitter:
+            random = np.random.default_rng([self.seed, batch.epoch, *batch.rows[:2].tolist()])
+            image = _shifted(image, self.schedule.jitter, random)
+        return torch.stack(losses(self._predicted(image, half), target, self.schedule.depth_loss))
 
-    def _check(self, values: np.ndarray[Any, Any], epoch: int, batches: list[np.ndarray[Any, Any]]) -> None:
-        wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(wrong):
-            names = ", ".join(self.pairs.identifiers[row] for row in batches[wrong[0]])
-            raise TrainingError(
-                f"the loss is not a number in epoch {epoch + 1}, batch {wrong[0] + 1} ({names})",
-                "look at these images, or lower the step size with -o learning_rate=3e-4",
-            )
+    def total(self, losses: Tensor, batch: PairBatch) -> Tensor:
+        depth, mask = losses
+        return self.schedule.weight_of_depth(batch.epoch) * depth + self.schedule.beta * mask
 
-    @torch.no_grad()
-    def measure(self, forward: nn.Module, pairs: Pairs) -> dict[str, float]:
-        """Overlap of masks and error of depths on pairs that are not trained on."""
-        forward.eval()
-        predictions = []
-        for start in range(0, len(pairs), 8):
-            image = pairs.images[start : start + 8].contiguous(memory_format=torch.channels_last)
-            with torch.autocast(self.device.type, torch.bfloat16, enabled=self.half_precision):
-                predictions.append(forward(image).float())
-        return measures(torch.cat(predictions), pairs.targets[pairs.target_of])
+    def measured(self, half: bool) -> Mapping[str, float]:
+        if self.unseen is None:
+            return {}
+        predictions = [self._predicted(images, half) for images in self.unseen.images.split(8)]
+        return measures(torch.cat(predictions), self.unseen.targets[self.unseen.target_of])
+
+    def row(self, step: int, losses: NDArray[np.float64], costs: Mapping[str, float]) -> dict[str, float]:
+        epoch = step // self.plan.unit
+        alpha = self.schedule.weight_of_depth(epoch - 1)
+        # The last batch may be smaller; every pair counts the same.
+        sizes = [len(self.batch(number).rows) for number in range(step - len(losses), step)]
+        depth, mask = np.average(losses, axis=0, weights=sizes).tolist()
+        loss = alpha * depth + self.schedule.beta * mask
+        return {"epoch": float(epoch), "alpha": alpha, "depth loss": depth, "mask loss": mask, "loss": loss}
+
+    def place(self, step: int) -> str:
+        batch = self.batch(step - 1)
+        names = ", ".join(self.pairs.identifiers[row] for row in batch.rows)
+        return f"epoch {batch.epoch + 1}, batch {(step - 1) % self.plan.unit + 1} ({names})"
+
+    def _predicted(self, images: Tensor, half: bool) -> Tensor:
+        with torch.autocast(images.device.type, torch.bfloat16, enabled=half):
+            prediction: Tensor = self.forward(images.contiguous(memory_format=torch.channels_last))
+        return prediction.float()
 
 
-def _shifted(images: Tensor, largest: int, generator: np.random.Generator) -> Tensor:
+def _shifted(images: Tensor, largest: int, random: np.random.Generator) -> Tensor:
     """Images shifted by whole pixels, the same for all of a batch; what leaves the frame is lost."""
     limit = round(largest * images.shape[-1] / SIZE)
-    down, right = (int(shift) for shift in generator.integers(-limit, limit + 1, size=2))
+    down, right = (int(shift) for shift in random.integers(-limit, limit + 1, size=2))
     height, width = images.shape[-2:]
     result = torch.zeros_like(images)
     result[..., max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)] = images[
         ..., max(-down, 0) : height + min(-down, 0), max(-right, 0) : width + min(-right, 0)
     ]
     return result
-
-
-def _is_look(epoch: int, epochs: int) -> bool:
-    return (epoch + 1) % max(1, epochs // LOOKS) == 0 or epoch + 1 == epochs
-
-
-def _told(row: Mapping[str, float], progress: Progress, epochs: int) -> str:
-    left = progress.seconds / progress.epoch * (epochs - progress.epoch)
-    looked = f", unseen mask overlap {row['unseen mask overlap']:.3f}" if "unseen mask overlap" in row else ""
-    return (
-        f"epoch {progress.epoch}/{epochs}  depth {row['depth loss']:.5f}  mask {row['mask loss']:.5f}{looked}"
-        f"  {progress.seconds:.0f} s, about {left:.0f} s left"
-    )
-
-
-__all__ = ["Result", "check_resolution", "train"]

@@ -13,7 +13,7 @@ from learned.described import configuration_named, described_by
 
 @dataclass(frozen=True, kw_only=True)
 class Streamed:
-    """One network, and what it is taught.
+    """One network, and what it is trained for.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ class Streamed:
         Weight of the variance of the forms that are predicted for one body, relative to that of all forms.
     places
         Weight of the error of the canonical positions of what the image shows, predicted from the last features but
-        one; no form needs them, they teach the encoder which part of the body is where.
+        one; no form needs them, they make the encoder tell which part of the body is where.
     points
         Weight of the error of the places of points of the body in the canonical pose, a linear function of the code; no
-        form needs them, they teach the code what a body is.
+        form needs them, they make the code tell what a body is.
     stream
         Bodies it is trained on: ``"varied"``, or ``"wide"`` with harder poses and several views of each.
     """

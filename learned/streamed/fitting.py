@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
 from learned.streamed.configuration import Streamed, streamed
 from learned.streamed.model import load_streamed
 from learned.streamed.network import StreamedNetwork
 from learned.streamed.training import train_streamed
-from learned.training.fitting import Fitting, MachineWithWorkers, plan_among, stream_of
-from learned.training.saving import defaults_of
-from learned.training.steps import Plan, Trained
+from learned.training.fitting import Fitting, defaults_of, plan_among, stream_of
+from learned.training.loop import Plan, Trained, TrainingRun
+from learned.training.machine import MachineWithWorkers
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, MachineWithWorkers]:
@@ -57,7 +55,7 @@ def fit(
     folder
         Where the model goes.
     options
-        Fields of :class:`learned.training.steps.Plan` and of :class:`learned.training.fitting.MachineWithWorkers`.
+        Fields of :class:`learned.training.loop.Plan` and of :class:`learned.training.machine.MachineWithWorkers`.
     say
         Told about progress.
 
@@ -75,13 +73,8 @@ def fit(
             raise ConfigurationError(f"training '{data.name}' has no wide stream", "take another configuration")
         stream = stream.wide
 
-    def train(
-        folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
-    ) -> Trained[StreamedNetwork]:
-        return train_streamed(
-            chosen, plan, stream.fresh, stream.validation, folder, recipe,
-            seed=seed, device=device, workers=machine.workers, say=say,
-        )  # fmt: skip
+    def train(run: TrainingRun) -> Trained[StreamedNetwork]:
+        return train_streamed(chosen, plan, stream.fresh, stream.validation, run)
 
     fitting = Fitting(
         kind="streamed",
@@ -89,7 +82,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=in_words(chosen, plan),
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_streamed,

@@ -18,7 +18,7 @@ OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
 
 
 CELL = 8
-"""Pixels per side of the coarse pixels that canonical positions are taught for."""
+"""Pixels per side of the coarse pixels whose canonical positions are predicted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,9 @@ class ImageBatch:
         How often something was drawn again, by reason.
     places
         Canonical positions of the body's points in coarse pixels of the image, and whether there are any, shape
-        (bodies * k, 4, r / CELL, r / CELL); None where nothing is taught by them.
+        (bodies * k, 4, r / CELL, r / CELL); None where no loss asks for them.
     points
-        Standardised places of points of the body, shape (bodies * k, p); None where nothing is taught by them.
+        Standardised places of points of the body, shape (bodies * k, p); None where no loss asks for them.
     """
 
     number: int

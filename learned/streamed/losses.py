@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -27,8 +30,7 @@ def losses(
     code: Tensor,
     poses: int,
     configuration: Streamed,
-    places: tuple[Tensor, Tensor] | None = None,
-    points: tuple[Tensor, Tensor] | None = None,
+    beside: Mapping[str, tuple[Tensor, Tensor]] = MappingProxyType({}),
 ) -> Tensor:
     """All terms, unweighted; those of weight zero are zero.
 
@@ -42,10 +44,9 @@ def losses(
         Poses of each body.
     configuration
         Which terms count.
-    places
-        Predicted canonical positions, shape (n, 3, s, s), and the true ones with their mask, shape (n, 4, s, s).
-    points
-        Predicted and true places of points, shape (n, p) each.
+    beside
+        What is predicted beside the images, with what is true. ``"places"``: canonical positions, shape (n, 3, s, s),
+        and the true ones with their mask, shape (n, 4, s, s). ``"points"``: places of points, shape (n, p) each.
 
     Returns
     -------
@@ -65,8 +66,8 @@ def losses(
             gradient_loss(depths, mask) if configuration.gradient else zero,
             code_loss(code, poses) if configuration.one_code and poses > 1 else zero,
             code_loss(_shown(prediction, mask), poses) if configuration.one_form and poses > 1 else zero,
-            place_loss(*places) if places else zero,
-            functional.mse_loss(*points) if points else zero,
+            place_loss(*beside["places"]) if "places" in beside else zero,
+            functional.mse_loss(*beside["points"]) if "points" in beside else zero,
         ]
     )
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,8 +13,8 @@ from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
 from learned.streamed.network import StreamedNetwork, build_streamed
+from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies
 from learned.training.measures import measures
-from learned.training.steps import Plan, Steps, Trained, fresh_bodies
 
 LOOKED_AT = 32
 """Validation bodies that are looked at."""
@@ -27,15 +25,9 @@ def train_streamed(
     plan: Plan,
     make: MakesFresh,
     validation: MakesFresh | None,
-    folder: Path,
-    recipe: Mapping[str, Any],
-    *,
-    seed: int,
-    device: torch.device,
-    workers: int,
-    say: Callable[[str], None],
+    run: TrainingRun,
 ) -> Trained[StreamedNetwork]:
-    """Train a network, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
+    """Train a network, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
 
     Parameters
     ----------
@@ -45,18 +37,8 @@ def train_streamed(
         Makes the bodies.
     validation
         Makes bodies for the curves; None for no curves.
-    folder
-        Where checkpoints go.
-    recipe
-        Everything that determines the result.
-    seed
-        Seed of the weights.
-    device
-        Where to compute.
-    workers
-        Processes that make bodies.
-    say
-        Told about progress.
+    run
+        Where; its seed is that of the weights.
 
     Raises
     ------
@@ -64,28 +46,27 @@ def train_streamed(
         If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
         the last step that was done.
     """
-    network = build_streamed(configuration, seed).to(device, memory_format=torch.channels_last)
+    network = build_streamed(configuration, run.seed).to(run.device, memory_format=torch.channels_last)
     looked = MakesImages(validation, configuration, LOOKED_AT)(0) if validation else None
-    teacher = _Teacher(network, configuration, device, looked)
+    objective = _Objective(network, configuration, run.device, looked)
     images = MakesImages(make, configuration, plan.bodies)
-    steps = Steps(network, teacher, images, plan, folder, recipe, __name__, say)
-    progress, precision = steps.run(device, workers)
-    return Trained(network, progress, device.type, precision, fresh_bodies(plan, progress))
+    progress, precision = TrainingLoop(network, objective, images, plan, run).train()
+    return Trained(network, progress, precision, fresh_bodies(plan, progress))
 
 
 @dataclass
-class _Teacher:
+class _Objective(Objective[ImageBatch]):
     network: StreamedNetwork
     configuration: Streamed
     device: torch.device
     looked: ImageBatch | None
-    terms: tuple[str, ...] = NAMES
-    watched: str = "mask overlap"
+    terms = NAMES
+    watched = "mask overlap"
 
     def losses(self, batch: ImageBatch, half: bool) -> Tensor:
         return batch_losses(self.network, self.configuration, batch, self.device, half)
 
-    def total(self, losses: Tensor) -> Tensor:
+    def total(self, losses: Tensor, batch: ImageBatch) -> Tensor:
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:
@@ -123,16 +104,10 @@ def batch_losses(
         code, places = network.code_and_places(images)
         prediction = network.decoded(code)
         points = network.points(code) if network.points is not None else None
-    return losses(
-        prediction.float(),
-        batch.targets.to(device),
-        code,
-        batch.poses,
-        configuration,
-        _beside(places, batch.places),
-        _beside(points, batch.points),
-    )
-
-
-def _beside(predicted: Tensor | None, true: Tensor | None) -> tuple[Tensor, Tensor] | None:
-    return None if predicted is None or true is None else (predicted.float(), true.to(predicted.device))
+    both = {"places": (places, batch.places), "points": (points, batch.points)}
+    beside = {
+        name: (predicted.float(), true.to(device))
+        for name, (predicted, true) in both.items()
+        if predicted is not None and true is not None
+    }
+    return losses(prediction.float(), batch.targets.to(device), code, batch.poses, configuration, beside)

@@ -11,7 +11,7 @@ from learned.described import configuration_named, described_by
 
 @dataclass(frozen=True, kw_only=True)
 class Template:
-    """One template with its deformations, and what they are taught.
+    """One template with its deformations, and what they are trained for.
 
     The weights are relative to that of the signed distance. They are those of the authors' implementation
     (github.com/microsoft/DIF-Net, loss.py), each divided by its 3000 for the distance, but for three. A code weighs

@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from benchmark.api.learning import TrainingData
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import checked
@@ -18,8 +16,8 @@ from learned.template.network import TemplateNetwork
 from learned.template.samples import SAMPLES, TOGETHER, collected
 from learned.template.training import TemplatePlan, train_template
 from learned.training.fitting import Fitting, stream_of
+from learned.training.loop import Trained, TrainingRun
 from learned.training.machine import Machine, machine_among
-from learned.training.steps import Trained
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Template, TemplatePlan, Machine]:
@@ -74,12 +72,10 @@ def fit(
     chosen, plan, machine = checked_plan(name, options)
     stream = stream_of(data)
 
-    def train(
-        folder: Path, recipe: Mapping[str, Any], device: torch.device, say: Callable[[str], None]
-    ) -> Trained[TemplateNetwork]:
-        shapes = collected(stream.surfaces, chosen.bodies, folder, stream.digest, say)
-        validation = collected(stream.validation_surfaces, TOGETHER, None, stream.digest, say)
-        return train_template(chosen, plan, shapes, validation, folder, recipe, seed=seed, device=device, say=say)
+    def train(run: TrainingRun) -> Trained[TemplateNetwork]:
+        shapes = collected(stream.surfaces, chosen.bodies, run.folder, stream.digest, run.say)
+        validation = collected(stream.validation_surfaces, TOGETHER, None, stream.digest, run.say)
+        return train_template(chosen, plan, shapes, validation, run)
 
     fitting = Fitting(
         kind="template",
@@ -87,7 +83,7 @@ def fit(
         described=chosen.described(),
         plan=plan,
         words=f"'{chosen.name}', {chosen.bodies} bodies, {plan.steps} steps of {plan.bodies} shapes",
-        data=stream,
+        training_data=stream,
         seed=seed,
         train=train,
         load=load_template,

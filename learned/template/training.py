@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from torch import Tensor
@@ -16,8 +15,8 @@ from learned.template.losses import NAMES, losses, weighted
 from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder
 from learned.template.samples import DrawsPoints, PointBatch, Shapes
 from learned.template.search import descended
-from learned.training.arithmetic import Precision
-from learned.training.steps import Plan, Steps, Trained
+from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun
+from learned.training.machine import Precision
 
 LOOKED_AT = 4
 """Validation shapes that are looked at: poses of bodies that are not trained on."""
@@ -28,7 +27,7 @@ LOOK_RAYS, LOOK_STEPS = 256, 60
 
 @dataclass(frozen=True, kw_only=True)
 class TemplatePlan(Plan):
-    """Plan of the training of a template; see :class:`learned.training.steps.Plan`. ``bodies``: shapes of a step.
+    """Plan of the training of a template; see :class:`learned.training.loop.Plan`. ``bodies``: shapes of a step.
 
     Parameters
     ----------
@@ -49,14 +48,9 @@ def train_template(
     plan: TemplatePlan,
     shapes: Shapes,
     validation: Shapes | None,
-    folder: Path,
-    recipe: Mapping[str, Any],
-    *,
-    seed: int,
-    device: torch.device,
-    say: Callable[[str], None],
+    run: TrainingRun,
 ) -> Trained[TemplateNetwork]:
-    """Train a template, going on from a checkpoint in ``folder``; see :class:`learned.training.steps.Steps`.
+    """Train a template, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
 
     Parameters
     ----------
@@ -66,39 +60,31 @@ def train_template(
         What it is trained on; each has a code.
     validation
         Shapes for the curves; None for no curves.
-    folder
-        Where checkpoints go.
-    recipe
-        Everything that determines the result.
-    seed
-        Seed of the weights, of the first codes and of the points that are drawn.
-    device
-        Where to compute.
-    say
-        Told about progress.
+    run
+        Where; its seed is that of the weights, of the first codes and of the points that are drawn.
 
     Raises
     ------
     TrainingError
         If a loss is not a number, or the checkpoint does not fit.
     """
-    network = build_auto_decoder(configuration, len(shapes), seed).to(device)
-    teacher = _Teacher(network, configuration, device, validation)
-    draws = DrawsPoints(shapes, plan.bodies, configuration.rays, seed)
+    network = build_auto_decoder(configuration, len(shapes), run.seed).to(run.device)
+    objective = _Objective(network, configuration, run.device, validation)
+    draws = DrawsPoints(shapes, plan.bodies, configuration.rays, run.seed)
     rates = {"codes": plan.code_rate}
-    progress, precision = Steps(network, teacher, draws, plan, folder, recipe, __name__, say, rates).run(device, 0)
+    progress, precision = TrainingLoop(network, objective, draws, plan, run, rates).train()
     seen = {"bodies": configuration.bodies, "shapes": len(shapes)}
-    return Trained(network.fields, progress, device.type, precision, seen)
+    return Trained(network.fields, progress, precision, seen)
 
 
 @dataclass
-class _Teacher:
+class _Objective(Objective[PointBatch]):
     network: AutoDecoder
     configuration: Template
     device: torch.device
     validation: Shapes | None
-    terms: tuple[str, ...] = NAMES
-    watched: str = "distance error"
+    terms = NAMES
+    watched = "distance error"
 
     def losses(self, batch: PointBatch, half: bool) -> Tensor:
         codes = self.network.codes(batch.shapes.to(self.device))
@@ -107,7 +93,7 @@ class _Teacher:
         )
         return losses(self.network.fields, codes, points, directions, distances)
 
-    def total(self, losses: Tensor) -> Tensor:
+    def total(self, losses: Tensor, batch: PointBatch) -> Tensor:
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:

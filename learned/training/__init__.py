@@ -1,1 +1,5 @@
-"""Common parts of all trainings: plan, steps, batches made ahead, checkpoints, and the folder of a finished model."""
+"""What all trainings share.
+
+In the order to read it: ``fitting`` (from data to a folder with a model), ``loop`` (plan, objective, steps), ``stream``
+(batches made ahead), ``checkpoint``, ``average``, ``machine`` and ``measures``.
+"""

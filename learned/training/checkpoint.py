@@ -41,13 +41,13 @@ class Progress:
     Parameters
     ----------
     epoch
-        Epochs that are done.
+        Epochs or steps that are done.
     batch
-        Pairs per step, halved if memory ran out.
+        Pairs or bodies of a step, halved if memory ran out.
     seconds
         Time spent so far.
     history
-        One row per epoch.
+        Its rows so far.
     """
 
     epoch: int
@@ -73,53 +73,109 @@ def write(path: Path, content: bytes) -> None:
         ) from error
 
 
-def keep(
-    folder: Path,
-    network: nn.Module,
-    optimiser: torch.optim.Optimizer,
-    progress: Progress,
-    recipe: Mapping[str, Any],
-    loop: str,
-    average: Average | None = None,
-) -> None:
-    """Write a checkpoint.
+@dataclass(frozen=True)
+class Checkpoint:
+    """The file in a folder from which a training goes on.
 
     Parameters
     ----------
     folder
-        Where it goes.
+        Where it is.
     network, optimiser
         What is trained, and the Adam that trains it.
-    progress
-        How far.
-    recipe
-        Everything that determines the result; :func:`resume` refuses another one.
     loop
-        Module of the training loop; :func:`resume` refuses a checkpoint of other code.
+        Module whose code, with all that it imports, determines the result; a checkpoint of other code is refused.
     average
         Averaged weights, if there are any.
     """
-    tensors: dict[str, Tensor] = {}
-    for name, parameter in network.named_parameters():
-        tensors[f"weights.{name}"] = parameter.detach().cpu().contiguous()
-        state = optimiser.state.get(parameter, {})
-        for moment in _MOMENTS:
-            if moment in state:
-                tensors[f"{moment}.{name}"] = state[moment].detach().cpu().contiguous()
-        if "step" in state:
-            tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
-        if average is not None:
-            tensors[f"average.{name}"] = average.weights[name].cpu().contiguous()
-    told = {
-        "recipe": json.dumps(recipe, sort_keys=True),
-        "code": json.dumps(training_code(loop)),
-        "torch": VERSION,
-        "epoch": str(progress.epoch),
-        "batch": str(progress.batch),
-        "seconds": str(progress.seconds),
-        "history": json.dumps(list(progress.history)),
-    }
-    write(folder / CHECKPOINT, save(tensors, told))
+
+    folder: Path
+    network: nn.Module
+    optimiser: torch.optim.Optimizer
+    loop: str
+    average: Average | None = None
+
+    def keep(self, progress: Progress, recipe: Mapping[str, Any]) -> None:
+        """Write it.
+
+        Parameters
+        ----------
+        progress
+            How far.
+        recipe
+            Everything that determines the result; :meth:`resume` refuses another one.
+        """
+        tensors: dict[str, Tensor] = {}
+        for name, parameter in self.network.named_parameters():
+            tensors[f"weights.{name}"] = parameter.detach().cpu().contiguous()
+            state = self.optimiser.state.get(parameter, {})
+            for moment in _MOMENTS:
+                if moment in state:
+                    tensors[f"{moment}.{name}"] = state[moment].detach().cpu().contiguous()
+            if "step" in state:
+                tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
+            if self.average is not None:
+                tensors[f"average.{name}"] = self.average.weights[name].cpu().contiguous()
+        told = {
+            "recipe": json.dumps(recipe, sort_keys=True),
+            "code": json.dumps(training_code(self.loop)),
+            "torch": VERSION,
+            "epoch": str(progress.epoch),
+            "batch": str(progress.batch),
+            "seconds": str(progress.seconds),
+            "history": json.dumps(list(progress.history)),
+        }
+        write(self.folder / CHECKPOINT, save(tensors, told))
+
+    def resume(self, recipe: Mapping[str, Any]) -> Progress | None:
+        """Set network, optimiser and average to where it stands; None if there is none.
+
+        Raises
+        ------
+        TrainingError
+            If it is damaged, or was made with other options or data, by other code or another torch.
+        """
+        # Read at the start, for a file that is edited while the training runs is not the one that runs.
+        running = training_code(self.loop)
+        path = self.folder / CHECKPOINT
+        if not path.is_file():
+            return None
+        try:
+            with safe_open(str(path), framework="pt") as file:
+                told = file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
+            history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
+            code, version = json.loads(told.get("code", "{}")), told.get("torch", "")
+        except (SafetensorError, OSError, KeyError, ValueError) as error:
+            raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
+        if changed := _differences(before, recipe):
+            raise TrainingError(
+                f"checkpoint {path} was made with another {', '.join(changed)}",
+                "train with the same options, or delete the folder to begin anew",
+            )
+        if changed := _differences(code, running):
+            raise TrainingError(
+                f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
+                "delete it to begin anew, or go on with the code that made it",
+            )
+        if _release(version) != _release(VERSION):
+            raise TrainingError(
+                f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {VERSION}",
+                "install that version, or delete the checkpoint to begin anew",
+            )
+        with torch.no_grad():
+            for name, parameter in self.network.named_parameters():
+                parameter.copy_(tensors[f"weights.{name}"])
+                if f"step.{name}" in tensors:
+                    # Moments get the memory layout of their parameter, so that a resumed run computes the same bits.
+                    moments = {
+                        moment: torch.zeros_like(parameter).copy_(tensors[f"{moment}.{name}"]) for moment in _MOMENTS
+                    }
+                    self.optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
+                if self.average is not None:
+                    self.average.weights[name].copy_(tensors[f"average.{name}"])
+        return Progress(epoch, batch, seconds, history)
 
 
 def keep_snapshot(folder: Path, weights: Mapping[str, Tensor], bodies: int, recipe: Mapping[str, Any]) -> None:
@@ -149,71 +205,14 @@ def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor
         raise TrainingError(f"snapshot {kept[-1]} is damaged: {error}", "delete it") from error
 
 
-def steps_done(folder: Path) -> int:
-    """Return the epochs or steps after which the checkpoint was written; 0 if there is none that can be read."""
+def stands_at(folder: Path) -> tuple[int, int]:
+    """Return the epochs or steps that are done, and the batch; 0 and 0 if there is no checkpoint that can be read."""
     try:
         with safe_open(str(folder / CHECKPOINT), framework="pt") as file:
-            return int((file.metadata() or {})["epoch"])
-    except (SafetensorError, OSError, KeyError, ValueError):
-        return 0
-
-
-def resume(
-    folder: Path,
-    network: nn.Module,
-    optimiser: torch.optim.Optimizer,
-    recipe: Mapping[str, Any],
-    loop: str,
-    average: Average | None = None,
-) -> Progress | None:
-    """Set network, optimiser and average to where the checkpoint stands; None if there is none.
-
-    Raises
-    ------
-    TrainingError
-        If the checkpoint is damaged, or was made with other options or data, by other code or another torch.
-    """
-    # Read at the start, for a file that is edited while the training runs is not the one that runs.
-    running = training_code(loop)
-    path = folder / CHECKPOINT
-    if not path.is_file():
-        return None
-    try:
-        with safe_open(str(path), framework="pt") as file:
             told = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
-        history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
-        code, version = json.loads(told.get("code", "{}")), told.get("torch", "")
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
-        raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
-    if changed := _differences(before, recipe):
-        raise TrainingError(
-            f"checkpoint {path} was made with another {', '.join(changed)}",
-            "train with the same options, or delete the folder to begin anew",
-        )
-    if changed := _differences(code, running):
-        raise TrainingError(
-            f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
-            "delete it to begin anew, or go on with the code that made it",
-        )
-    if _release(version) != _release(VERSION):
-        raise TrainingError(
-            f"checkpoint {path} was made with torch {version or 'of an unknown version'}, not {VERSION}",
-            "install that version, or delete the checkpoint to begin anew",
-        )
-    with torch.no_grad():
-        for name, parameter in network.named_parameters():
-            parameter.copy_(tensors[f"weights.{name}"])
-            if f"step.{name}" in tensors:
-                # Moments get the memory layout of their parameter, so that a resumed run computes the same bits.
-                moments = {
-                    moment: torch.zeros_like(parameter).copy_(tensors[f"{moment}.{name}"]) for moment in _MOMENTS
-                }
-                optimiser.state[parameter] = {"step": tensors[f"step.{name}"].reshape(()), **moments}
-            if average is not None:
-                average.weights[name].copy_(tensors[f"average.{name}"])
-    return Progress(epoch, batch, seconds, history)
+        return int(told["epoch"]), int(told["batch"])
+    except (SafetensorError, OSError, KeyError, ValueError):
+        return 0, 0
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

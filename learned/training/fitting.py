@@ -1,47 +1,30 @@
-"""From a stream of bodies to a folder with a finished model, whatever network it is."""
+"""From training data to a folder with a finished model, whatever network it is."""
 
 from __future__ import annotations
 
+import csv
 import datetime
 import hashlib
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+import io
+import json
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import torch
 
-from benchmark.api.contracts import Interval
-from benchmark.api.learning import CARD, TrainingData
+from benchmark.api.learning import CARD, WEIGHTS, TrainingData, read_card
 from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import checked
-from benchmark.threads import available_cores
-from learned.training.arithmetic import device_named
-from learned.training.checkpoint import CHECKPOINT
-from learned.training.machine import Machine, machine_among
-from learned.training.saving import check_finished, defaults_of, hardware, write_model
-from learned.training.steps import N, Plan, Trained
+from learned.training.checkpoint import CHECKPOINT, write
+from learned.training.loop import N, Plan, Trained, TrainingRun
+from learned.training.machine import Machine, MachineWithWorkers, device_named, machine_among
 from learned.weights import as_stored, n_parameters, stored
 
-
-@dataclass(frozen=True, kw_only=True)
-class MachineWithWorkers(Machine):
-    """A machine on which processes of their own make bodies.
-
-    Parameters
-    ----------
-    workers
-        How many; 0 makes the bodies between the steps.
-    """
-
-    workers: Annotated[int, Interval(0, 64)] = 1
-
-    @property
-    def cores(self) -> int:
-        """Threads to compute with on the CPU: the workers need the others."""
-        return self.threads or max(1, available_cores() - self.workers)
-
+HISTORY = "history.csv"
 
 P = TypeVar("P", bound=Plan)
 
@@ -91,37 +74,39 @@ class Fitting(Generic[N]):
         How it is trained.
     words
         Network and plan in one clause.
-    data
+    training_data
         What it is trained on.
     seed
         Seed of the weights.
     train
-        Trains, going on from the checkpoint in the folder; takes folder, recipe, device, and who is told about
-        progress.
+        Trains, going on from the checkpoint in the folder.
     load
         Loads the finished model, and raises ``ConfigurationError`` if it cannot be used.
     defaults
         Fields of the configuration that the card of an older model may lack.
+    planned
+        What the card calls the plan.
     """
 
     kind: str
     name: str
     described: Mapping[str, Any]
-    plan: Plan
+    plan: Any
     words: str
-    data: StreamedData
+    training_data: TrainingData
     seed: int
-    train: Callable[[Path, Mapping[str, Any], torch.device, Callable[[str], None]], Trained[N]]
+    train: Callable[[TrainingRun], Trained[N]]
     load: Callable[[Path], object]
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    planned: str = "plan"
 
     @property
     def recipe(self) -> dict[str, Any]:
         """Everything that determines the result."""
         return {
             "configuration": dict(self.described),
-            "plan": asdict(self.plan),
-            "data": self.data.digest,
+            self.planned: asdict(self.plan),
+            "data": self.training_data.digest,
             "seed": self.seed,
         }
 
@@ -146,22 +131,40 @@ class Fitting(Generic[N]):
         """
         recipe = self.recipe
         if (folder / CARD).is_file():
-            check_finished(folder, recipe, self.words, {"configuration": self.defaults, "plan": defaults_of(self.plan)})
+            self._check_finished(folder)
             say(f"{folder} holds this model already")
             return
         torch.set_num_threads(machine.cores)
         folder.mkdir(parents=True, exist_ok=True)
-        say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.data.title}")
-        trained = self.train(folder, recipe, device_named(machine.device), say)
-        card = self._saved(folder, trained, recipe)
+        say(f"training '{self.name}', seed {self.seed}: {self.words}; {self.training_data.title}")
+        device = device_named(machine.device)
+        trained = self.train(
+            TrainingRun(folder=folder, recipe=recipe, seed=self.seed, device=device, workers=machine.workers, say=say)
+        )
+        card = self._saved(folder, trained, hardware(device.type))
         self.load(folder)
         (folder / CHECKPOINT).unlink(missing_ok=True)
         seen = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in trained.seen.items())
         say(f"finished in {card['seconds']:.0f} s; {seen}")
 
-    def _saved(self, folder: Path, trained: Trained[N], recipe: Mapping[str, Any]) -> dict[str, Any]:
+    def _check_finished(self, folder: Path) -> None:
+        """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe."""
+        card = read_card(folder)
+        found = dict(card.get("recipe", {}))
+        # An older card may lack what has a default.
+        for part, defaults in (("configuration", self.defaults), (self.planned, defaults_of(self.plan))):
+            if part in found:
+                found[part] = {**defaults, **found[part]}
+        if found != self.recipe:
+            raise ConfigurationError(
+                f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
+                f"not of {self.words}",
+                "delete the folder to train anew, or name other --results",
+            )
+
+    def _saved(self, folder: Path, trained: Trained[N], hardware: str) -> dict[str, Any]:
         """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
-        network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.data
+        network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.training_data
         as_stored(network)
         weights = stored(network)
         card = {
@@ -176,15 +179,58 @@ class Fitting(Generic[N]):
             "identifiers": list(data.identifiers),
             "extra_data": True,
             "seed": self.seed,
-            "plan": asdict(self.plan),
-            "schedule_in_words": f"{self.words}, {hardware(trained.device)}",
+            self.planned: asdict(self.plan),
+            "schedule_in_words": f"{self.words}, {hardware}",
+            "hardware": hardware,
             "precision": trained.precision,
             "weights_stored_as": "float16",
             "torch": torch.__version__,
             "seconds": round(progress.seconds, 1),
             "final": dict(progress.history[-1]),
-            "recipe": dict(recipe),
+            "recipe": self.recipe,
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            **trained.told,
         }
-        write_model(folder, weights, progress.history, card)
+        write(folder / WEIGHTS, weights)
+        write(folder / HISTORY, _table(progress.history).encode())
+        # Its presence means a finished model.
+        write(folder / CARD, _card_text(card).encode())
         return card
+
+
+def defaults_of(described: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that have a default, with it, by name."""
+    return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
+
+
+def hardware(device: str) -> str:
+    """Return what computes, in words."""
+    if device == "cuda":
+        return str(torch.cuda.get_device_name())
+    threads = torch.get_num_threads()
+    return f"{_processor()}, {threads} thread{'s' if threads > 1 else ''}"
+
+
+def _card_text(card: Mapping[str, Any]) -> str:
+    """JSON with one line for each entry: long lists of shapes stay on one line."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _table(history: Sequence[Mapping[str, float]]) -> str:
+    columns = list(dict.fromkeys(name for row in history for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in history)
+    return text.getvalue()

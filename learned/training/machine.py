@@ -1,15 +1,24 @@
-"""Machine of a training, and which of the options that a user gives belong to it."""
+"""Machine of a training: device, precision, memory, and which of the options that a user gives belong to it."""
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, TypeVar
 
+import torch
+
 from benchmark.api.contracts import Interval
+from benchmark.errors import ConfigurationError
 from benchmark.parameters.values import checked
 from benchmark.threads import available_cores
-from learned.training.arithmetic import device_named
+
+Precision = Literal["auto", "float32", "bfloat16"]
+
+_TRIM_THRESHOLD, _MMAP_MAX = -1, -4
+"""Parameters of ``mallopt``; see its manual page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +30,7 @@ class Machine:
     device
         ``"auto"`` takes a GPU where there is one.
     threads
-        Threads on the CPU; None takes all cores of this process that do nothing else.
+        Threads on the CPU; None takes all cores of this process that make no bodies.
     """
 
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -30,7 +39,25 @@ class Machine:
     @property
     def cores(self) -> int:
         """Threads to compute with on the CPU."""
-        return self.threads or available_cores()
+        return self.threads or max(1, available_cores() - self.workers)
+
+    @property
+    def workers(self) -> int:
+        """Processes that make batches."""
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineWithWorkers(Machine):
+    """A machine on which processes of their own make bodies.
+
+    Parameters
+    ----------
+    workers
+        How many; 0 makes the bodies between the steps.
+    """
+
+    workers: Annotated[int, Interval(0, 64)] = 1
 
 
 M = TypeVar("M", bound=Machine)
@@ -56,3 +83,41 @@ def machine_among(kind: type[M], options: Mapping[str, Any]) -> tuple[M, dict[st
     machine = kind(**checked(kind, own, "the training"))
     device_named(machine.device)
     return machine, {name: value for name, value in options.items() if name not in names}
+
+
+def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
+    """Device of this name; ``"auto"`` takes a GPU where there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such device here.
+    """
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ConfigurationError("no GPU is here, or this torch cannot use it", "pass --device cpu or auto")
+    return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Return whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    return torch.backends.mkldnn.is_available() and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+
+
+def keep_freed_memory() -> None:
+    """Let the C library of Linux keep the memory of freed tensors for the next ones.
+
+    Otherwise it returns large ones to the system, and every step asks for them again, page by page: up to a quarter of
+    its time.
+    """
+    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
+        library.mallopt(_MMAP_MAX, 0)
+        library.mallopt(_TRIM_THRESHOLD, -1)
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether an error of torch says that an allocation failed."""
+    if isinstance(error, (torch.OutOfMemoryError, MemoryError)):
+        return True
+    return isinstance(error, RuntimeError) and any(told in str(error) for told in ("allocate memory", "out of memory"))

@@ -18,6 +18,7 @@ from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
 from learned.paired import configuration, fitting, training  # noqa: E402
+from learned.training import loop  # noqa: E402
 from tests.learned.toy import OPTIONS, TINY, toy_data  # noqa: E402
 
 #: Of three batches in each epoch, the second of the ninth.
@@ -43,7 +44,7 @@ def deadly(function: Callable[..., Any], call: int) -> Callable[..., Any]:
 def main(folder: Path, where: str) -> None:
     """Train."""
     configuration.CONFIGURATIONS[TINY.name] = TINY
-    training.CHECKPOINT_SECONDS = 0.0
+    loop.CHECKPOINT_SECONDS = 0.0
     if where == "batch":
         training.losses = deadly(training.losses, BATCH)
     if where == "checkpoint":

@@ -14,7 +14,7 @@ from torch import nn
 
 from benchmark.errors import TrainingError
 from learned.training import checkpoint
-from learned.training.checkpoint import CHECKPOINT, Progress, keep, resume, training_code, write
+from learned.training.checkpoint import CHECKPOINT, Checkpoint, Progress, training_code, write
 from tests.learned.toy import files
 
 LOOP = "learned.paired.training"
@@ -44,9 +44,9 @@ def step(network: nn.Module, optimiser: torch.optim.Optimizer, steps: int) -> No
 @pytest.mark.parametrize("steps", [0, 3])
 def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
     network, optimiser = stepped(steps)
-    keep(tmp_path, network, optimiser, PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
     other, other_optimiser = stepped(0, seed=1)
-    assert resume(tmp_path, other, other_optimiser, RECIPE, LOOP) == PROGRESS
+    assert Checkpoint(tmp_path, other, other_optimiser, LOOP).resume(RECIPE) == PROGRESS
     for further in (0, 2):
         step(network, optimiser, further)
         step(other, other_optimiser, further)
@@ -55,11 +55,11 @@ def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
 
 
 def test_nothing_to_go_on_from(tmp_path: Path) -> None:
-    assert resume(tmp_path, *stepped(0), RECIPE, LOOP) is None
+    assert Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE) is None
 
 
 def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
-    keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
     content = (tmp_path / CHECKPOINT).read_bytes()
     # Eight bytes tell the length of a JSON header; all that follows are numbers.
     length = int.from_bytes(content[:8], "little")
@@ -82,10 +82,10 @@ def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
 )
 def test_another_recipe_is_refused_by_name(tmp_path: Path, change: dict[str, Any], named: str) -> None:
     network, optimiser = stepped(1)
-    keep(tmp_path, network, optimiser, PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
     before = [parameter.clone() for parameter in network.parameters()]
     with pytest.raises(TrainingError, match=f"{named}; train with the same options, or delete the folder"):
-        resume(tmp_path, network, optimiser, RECIPE | change, LOOP)
+        Checkpoint(tmp_path, network, optimiser, LOOP).resume(RECIPE | change)
     assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
 
 
@@ -93,12 +93,12 @@ def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     network, optimiser = stepped(1)
-    keep(tmp_path, network, optimiser, PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
     before = [parameter.clone() for parameter in network.parameters()]
     other = training_code(LOOP) | {"learned.paired.network": "another", "learned.paired.schedule": "another"}
     monkeypatch.setattr(checkpoint, "training_code", lambda loop: other)
     with pytest.raises(TrainingError) as caught:
-        resume(tmp_path, network, optimiser, RECIPE, LOOP)
+        Checkpoint(tmp_path, network, optimiser, LOOP).resume(RECIPE)
     assert caught.value.problem.endswith(
         "was made by other code: learned.paired.network, learned.paired.schedule changed"
     )
@@ -110,32 +110,32 @@ def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
 def test_a_checkpoint_of_another_torch_is_refused_but_not_one_of_another_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, fits: bool
 ) -> None:
-    keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
     made, now = torch.__version__, version.replace("%s", torch.__version__.partition("+")[0])
     monkeypatch.setattr(checkpoint, "VERSION", now)
     if fits:
-        assert resume(tmp_path, *stepped(0), RECIPE, LOOP) == PROGRESS
+        assert Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE) == PROGRESS
     else:
         told = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
         with pytest.raises(TrainingError, match=told):
-            resume(tmp_path, *stepped(0), RECIPE, LOOP)
+            Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
 
 
 def test_a_checkpoint_that_does_not_tell_its_code_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint, "training_code", lambda loop: {})
-        keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
+        Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
     with pytest.raises(
         TrainingError, match="by other code: .*learned.paired.training, .*learned.training.checkpoint, .*changed"
     ):
-        resume(tmp_path, *stepped(0), RECIPE, LOOP)
+        Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
 
 
 @pytest.mark.parametrize("damage", ["empty", "truncated header", "truncated", "noise", "other safetensors"])
 def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
     from safetensors.torch import save
 
-    keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
     path = tmp_path / CHECKPOINT
     content = path.read_bytes()
     path.write_bytes(
@@ -148,11 +148,11 @@ def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
         }[damage]
     )
     with pytest.raises(TrainingError, match=f"{CHECKPOINT} is damaged.*; delete it and train again"):
-        resume(tmp_path, *stepped(0), RECIPE, LOOP)
+        Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    keep(tmp_path, *stepped(1), PROGRESS, RECIPE, LOOP)
+    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
     before = (tmp_path / CHECKPOINT).read_bytes()
 
     def full(_: int) -> None:
@@ -160,7 +160,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr("benchmark.system.files.os.fsync", full)
     with pytest.raises(TrainingError, match="No space left on device; free some space and start again"):
-        keep(tmp_path, *stepped(2), PROGRESS, RECIPE, LOOP)
+        Checkpoint(tmp_path, *stepped(2), LOOP).keep(PROGRESS, RECIPE)
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == {CHECKPOINT}
 

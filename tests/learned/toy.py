@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from benchmark.api.learning import TrainingData, TrainingPair
 from benchmark.geometry.depth import SIZE
 from learned.paired.configuration import LITERAL
+from learned.training.loop import TrainingRun
 
 TINY = replace(LITERAL, name="tiny", width=8)
 """The paper's network, half as wide, which trains within seconds."""
@@ -86,6 +88,11 @@ def toy_data() -> TrainingData:
 
 def quiet(_: str) -> None:
     """Listen to no progress."""
+
+
+def run_in(folder: Path, seed: int = 0, say: Callable[[str], None] = quiet) -> TrainingRun:
+    """Return a run whose checkpoints go into a folder."""
+    return TrainingRun(folder=folder, recipe={"seed": seed}, seed=seed, device=torch.device("cpu"), say=say)
 
 
 def files(folder: Path) -> set[str]:

@@ -22,7 +22,8 @@ from learned.paired.network import build
 from learned.paired.pairs import Pairs
 from learned.paired.schedule import Schedule, losses
 from learned.paired.training import train
-from learned.training.arithmetic import Precision
+from learned.training.loop import TrainingRun
+from learned.training.machine import Precision
 from tests.learned.toy import person
 from tools.speed._timing import least_seconds, processor_seconds, row
 
@@ -54,8 +55,8 @@ def plan(resolution: int, precision: Precision, steps: int) -> Schedule:
 def ours(batch: Pairs, schedule: Schedule) -> float:
     """Run the training loop; returns the loss of the last step."""
     with tempfile.TemporaryDirectory() as folder:
-        cpu = torch.device("cpu")
-        result = train(LITERAL, schedule, batch, None, Path(folder), {}, seed=0, device=cpu, say=lambda _: None)
+        here = TrainingRun(folder=Path(folder), recipe={}, seed=0, device=torch.device("cpu"), say=lambda _: None)
+        result = train(LITERAL, schedule, batch, None, here)
     return float(result.progress.history[-1]["loss"])
 
 

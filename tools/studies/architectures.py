@@ -34,7 +34,7 @@ from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa:
 from learned.streamed.model import form_of, predicted  # noqa: E402
 from learned.streamed.network import StreamedNetwork  # noqa: E402
 from learned.streamed.training import train_streamed  # noqa: E402
-from learned.training.steps import Plan  # noqa: E402
+from learned.training.loop import Plan, TrainingRun  # noqa: E402
 from learned.weights import n_parameters  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
 from tools.studies.learning_curve import ranked  # noqa: E402
@@ -47,6 +47,7 @@ TRIAL_STEPS = 12
 #: The step size rises over this part of a training at most; a short one would else be over before it has risen.
 RISING = 10
 
+CPU = torch.device("cpu")
 FOLDER = Path("build/architectures")
 FIGURES = Path("results/architectures.json")
 
@@ -103,10 +104,8 @@ def compare(
         steps = _planned(folder, configuration, fresh, seconds)
         plan = Plan(steps=steps, warm_up=min(Plan.warm_up, steps // RISING))
         recipe = {"configuration": configuration.described(), "steps": steps, "fresh": repr(fresh)}
-        trained = train_streamed(
-            configuration, plan, fresh, None, folder, recipe,
-            seed=0, device=torch.device("cpu"), workers=workers, say=say,
-        )  # fmt: skip
+        run = TrainingRun(folder=folder, recipe=recipe, seed=0, device=CPU, workers=workers, say=say)
+        trained = train_streamed(configuration, plan, fresh, None, run)
         network = trained.network.eval()
         spent = sum(row["processor seconds"] for row in trained.progress.history)
         row: Row = {
@@ -191,10 +190,8 @@ def _planned(folder: Path, configuration: Streamed, fresh: MakesFresh, seconds: 
 def step_seconds(configuration: Streamed, fresh: MakesFresh) -> float:
     """Processor seconds of one step, from a short training whose weights are thrown away."""
     with tempfile.TemporaryDirectory() as folder:
-        trained = train_streamed(
-            configuration, Plan(steps=TRIAL_STEPS), _Repeated(fresh), None, Path(folder), {},
-            seed=0, device=torch.device("cpu"), workers=0, say=lambda _: None,
-        )  # fmt: skip
+        run = TrainingRun(folder=Path(folder), recipe={}, seed=0, device=CPU, say=lambda _: None)
+        trained = train_streamed(configuration, Plan(steps=TRIAL_STEPS), _Repeated(fresh), None, run)
     return sum(row["processor seconds"] for row in trained.progress.history) / TRIAL_STEPS
 
 

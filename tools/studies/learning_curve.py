@@ -36,6 +36,7 @@ from learned.paired.pairs import Pairs, gather  # noqa: E402
 from learned.paired.schedule import Schedule  # noqa: E402
 from learned.paired.training import train  # noqa: E402
 from learned.surface import surface_behind  # noqa: E402
+from learned.training.loop import TrainingRun  # noqa: E402
 from learned.training.measures import measures  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
@@ -78,7 +79,8 @@ def curve(schedule: Schedule, marks: Iterable[int]) -> list[Row]:
         if any((row["resolution"], row["epochs"]) == (schedule.resolution, mark) for row in found):
             continue
         plan = replace(schedule, epochs=mark)
-        result = train(LITERAL, plan, pairs, None, folder, recipe, seed=0, device=torch.device("cpu"), say=say)
+        run = TrainingRun(folder=folder, recipe=recipe, seed=0, device=torch.device("cpu"), say=say)
+        result = train(LITERAL, plan, pairs, None, run)
         if result.progress.epoch != mark:
             raise click.ClickException(f"{folder} stands at epoch {result.progress.epoch}: delete it to measure {mark}")
         measured = measure(result.network.eval(), pairs, held_back, subjects)

@@ -26,8 +26,8 @@ from learned.streamed.images import MakesImages  # noqa: E402
 from learned.streamed.losses import weighted  # noqa: E402
 from learned.streamed.network import build_streamed  # noqa: E402
 from learned.streamed.training import batch_losses  # noqa: E402
-from learned.training.arithmetic import has_bfloat16, keep_freed_memory  # noqa: E402
-from learned.training.steps import Plan  # noqa: E402
+from learned.training.loop import Plan  # noqa: E402
+from learned.training.machine import has_bfloat16, keep_freed_memory  # noqa: E402
 
 CPU = torch.device("cpu")
 TWO_SIDED, PEOPLE = STREAMED["two-sided"], STREAMED["people"]
@@ -57,7 +57,7 @@ def main(rounds: int, bodies: int) -> None:
     keep_freed_memory()
     makers = {name: MakesImages(make, chosen, bodies) for name, (chosen, make) in COMPARED.items()}
     steps = {name: step_of(chosen) for name, (chosen, _) in COMPARED.items()}
-    made, taught, images = {}, {}, {}
+    made, trained, images = {}, {}, {}
     for number in range(rounds + 1):
         for name, make in makers.items():
             began = time.process_time()
@@ -66,13 +66,13 @@ def main(rounds: int, bodies: int) -> None:
             steps[name](batch)
             if number:  # The first round compiles, loads and warms up.
                 made[name] = min(made.get(name, 1e9), between - began)
-                taught[name] = min(taught.get(name, 1e9), time.process_time() - between)
+                trained[name] = min(trained.get(name, 1e9), time.process_time() - between)
                 images[name] = len(batch.images)
     head = ("images", "ms for bodies", "ms for the network", "bodies an hour", "images an hour")
     print(f"| | {' | '.join(head)} |\n|---|" + "---:|" * len(head))
     for name in COMPARED:
-        hourly = 3600 / (made[name] + taught[name])
-        cells = (images[name], 1000 * made[name], 1000 * taught[name], bodies * hourly, images[name] * hourly)
+        hourly = 3600 / (made[name] + trained[name])
+        cells = (images[name], 1000 * made[name], 1000 * trained[name], bodies * hourly, images[name] * hourly)
         print(f"| {name} | {' | '.join(f'{cell:.0f}' for cell in cells)} |")
 
 

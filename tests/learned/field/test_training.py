@@ -21,7 +21,7 @@ from benchmark.methods.conformance.checks import OF_THE_ANSWER
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
-from learned.training import steps
+from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT
 from tests.geometry.surfaces import flat_grid, limbed_body
 from tests.learned.field.toy import OPTIONS, TOY, Paddles, bent_spheroid, paddles
@@ -32,8 +32,8 @@ from tests.learned.toy import files, misfit, quiet, toy_data
 def settle(patch: pytest.MonkeyPatch) -> None:
     """Give the toy field a name, and write a checkpoint every fourth step."""
     patch.setitem(configuration.FIELDS, TOY.name, TOY)
-    patch.setattr(steps, "ROW", 4)
-    patch.setattr(steps, "CHECKPOINT_SECONDS", -1.0)
+    patch.setattr(loop, "ROW", 4)
+    patch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
     patch.setattr(training, "LOOKED_AT", 2)
 
 

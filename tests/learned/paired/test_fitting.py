@@ -21,8 +21,8 @@ from learned.paired.fitting import fit
 from learned.paired.model import load_model, predict
 from learned.paired.network import build
 from learned.paired.pairs import gather
+from learned.training.fitting import HISTORY
 from learned.training.measures import measures
-from learned.training.saving import HISTORY
 from learned.weights import n_parameters
 from tests.learned.toy import BENDS, BUILDS, OPTIONS, TINY, files, quiet, toy_data
 

@@ -15,7 +15,7 @@ from torch import nn
 from learned.paired.pairs import gather
 from learned.paired.schedule import Schedule
 from learned.paired.training import train
-from tests.learned.toy import TINY, files, quiet, toy_data
+from tests.learned.toy import TINY, files, quiet, run_in, toy_data
 from tools.studies import learning_curve
 
 PLAN = Schedule(resolution=32, early_epochs=2, batch=2, precision="float32")
@@ -41,8 +41,7 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[int, dict[str,
 def trained_for(epochs: int, folder: Path) -> dict[str, torch.Tensor]:
     folder.mkdir()
     pairs, plan = gather(toy_data().pairs(), PLAN.resolution), replace(PLAN, epochs=epochs)
-    cpu = torch.device("cpu")
-    return train(TINY, plan, pairs, None, folder, {}, seed=0, device=cpu, say=quiet).network.state_dict()
+    return train(TINY, plan, pairs, None, run_in(folder)).network.state_dict()
 
 
 def test_a_mark_is_the_end_of_a_training_of_so_many_epochs(seen: Any, tmp_path: Path) -> None:

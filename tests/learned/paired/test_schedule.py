@@ -9,7 +9,7 @@ import torch
 
 from benchmark.errors import ConfigurationError
 from learned.paired.configuration import CONFIGURATIONS, configuration, from_card
-from learned.paired.schedule import Schedule, losses, schedule, step_size
+from learned.paired.schedule import Schedule, losses, schedule
 
 
 def test_defaults_are_the_papers() -> None:
@@ -70,10 +70,10 @@ def test_an_empty_mask_has_no_depth_loss() -> None:
 
 
 def test_the_step_size_is_the_papers_or_falls_along_a_cosine() -> None:
-    assert {step_size(Schedule(), epoch) for epoch in (0, 250, 499)} == {1e-3}
+    assert {Schedule().step_size(epoch) for epoch in (0, 250, 499)} == {1e-3}
     falling = Schedule(cosine=True)
-    assert [step_size(falling, epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
-    assert 0 < step_size(falling, 499) < 1e-8
+    assert [falling.step_size(epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
+    assert 0 < falling.step_size(499) < 1e-8
 
 
 @pytest.mark.parametrize(

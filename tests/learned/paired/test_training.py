@@ -22,12 +22,14 @@ from learned.paired.fitting import fit
 from learned.paired.network import ProgressiveNetwork
 from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule
-from learned.paired.training import Result, train
-from learned.training.arithmetic import device_named
+from learned.paired.training import train
+from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT
+from learned.training.fitting import HISTORY
+from learned.training.loop import Trained
+from learned.training.machine import device_named
 from learned.training.measures import measures
-from learned.training.saving import HISTORY
-from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
+from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, run_in, toy_data, toy_pairs
 
 CPU = torch.device("cpu")
 PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, jitter=20, precision="float32")
@@ -48,11 +50,11 @@ def run(
     seed: int = 0,
     network: Configuration = TINY,
     say: Callable[[str], None] = quiet,
-) -> Result:
-    return train(network, plan, pairs, None, folder, {"seed": seed}, seed=seed, device=CPU, say=say)
+) -> Trained[Any]:
+    return train(network, plan, pairs, None, run_in(folder, seed, say))
 
 
-def equal(first: Result, second: Result) -> bool:
+def equal(first: Trained[Any], second: Trained[Any]) -> bool:
     ours, others = first.network.state_dict(), second.network.state_dict()
     return all(torch.equal(ours[name], others[name]) for name in ours)
 
@@ -128,7 +130,7 @@ def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
 ) -> None:
     (tmp_path / "undisturbed").mkdir()
     expected = run(pairs, tmp_path / "undisturbed")
-    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", 0.0)
     calls = 0
 
     def broken(*arguments: Any) -> tuple[Tensor, Tensor]:
@@ -193,7 +195,7 @@ def test_a_training_that_was_halved_goes_on_with_the_half_batch(
     pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan = Schedule(**(vars(PLAN) | {"batch": 6}))
-    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", 0.0)
     with monkeypatch.context() as patch:
         out_of_memory_above(patch, 3, OUT_OF_MEMORY[0])
         with pytest.raises(KeyboardInterrupt):

@@ -12,7 +12,7 @@ import pytest
 from benchmark.errors import UnsupportedShape
 from learned.streamed import configuration, training
 from learned.streamed.fitting import fit
-from learned.training import steps
+from learned.training import loop
 from tests.geometry.surfaces import sphere
 from tests.learned.streamed.test_architectures import Many
 from tests.learned.streamed.test_training import OPEN
@@ -41,7 +41,7 @@ def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Folder of a training that kept its weights three times."""
     monkeypatch.setitem(configuration.STREAMED, TOY.name, TOY)
     monkeypatch.setattr(training, "LOOKED_AT", 2)
-    monkeypatch.setattr(steps, "FIRST_SNAPSHOT", 20)
+    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     monkeypatch.setattr(people, "POSES", POSES)
     monkeypatch.setattr(people, "CMBOF", Perfect)
     monkeypatch.setattr(people, "form_of", lambda _: (sphere(1), {}))

@@ -28,9 +28,9 @@ from learned.streamed.fitting import fit
 from learned.streamed.images import MakesImages
 from learned.streamed.methods import StreamedLearner
 from learned.streamed.network import build_streamed
-from learned.training import steps
+from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS
-from learned.training.steps import Steps
+from learned.training.loop import TrainingLoop
 from learned.training.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
 from tests.learned.toy import files, quiet, toy_data
@@ -50,8 +50,8 @@ OPTIONS: dict[str, Any] = {
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give the toy network a name, and write a checkpoint every fourth step."""
     monkeypatch.setitem(configuration.STREAMED, TOY.name, TOY)
-    monkeypatch.setattr(steps, "ROW", 4)
-    monkeypatch.setattr(steps, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr(loop, "ROW", 4)
+    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
     monkeypatch.setattr(training, "LOOKED_AT", 2)
 
 
@@ -61,7 +61,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("models") / "streamed-toy-seed0"
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(configuration.STREAMED, TOY.name, TOY)
-        patch.setattr(steps, "ROW", 4)
+        patch.setattr(loop, "ROW", 4)
         patch.setattr(training, "LOOKED_AT", 2)
         fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
     yield folder
@@ -115,13 +115,13 @@ def test_batches_come_in_order_and_show_no_body_twice() -> None:
 def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path, finished: Path) -> None:
     program = (
         "import sys; from pathlib import Path\n"
-        "from learned.training import steps\n"
+        "from learned.training import loop\n"
         "from learned.streamed import configuration, training\n"
         "from learned.streamed.fitting import fit\n"
         "from tests.learned.streamed.toy import TOY, toy_stream\n"
         "from tests.learned.streamed.test_training import OPTIONS\n"
         "if __name__ == '__main__':\n"
-        "    configuration.STREAMED[TOY.name], steps.ROW, steps.CHECKPOINT_SECONDS = TOY, 4, -1.0\n"
+        "    configuration.STREAMED[TOY.name], loop.ROW, loop.CHECKPOINT_SECONDS = TOY, 4, -1.0\n"
         "    training.LOOKED_AT = 2\n"
         "    def say(line):\n"
         "        print(line, flush=True)\n"
@@ -236,15 +236,15 @@ def test_a_step_size_that_should_have_begun_to_fall_is_refused(tmp_path: Path) -
 
 def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
     newest: list[torch.Tensor] = []
-    step = Steps._step
+    step = TrainingLoop._step
 
-    def noted(self: Steps, *arguments: Any) -> torch.Tensor:
+    def noted(self: TrainingLoop, *arguments: Any) -> torch.Tensor:
         found = step(self, *arguments)
         newest.append(self.network.head.bias.detach().clone())  # type: ignore[union-attr, operator]
         return found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Steps, "_step", noted)
+        patch.setattr(TrainingLoop, "_step", noted)
         fit("toy", 0, toy_stream(), tmp_path, OPEN, quiet)
     mean = build_streamed(TOY, 0).head.bias.detach()  # type: ignore[union-attr, operator]
     for number, each in enumerate(newest):
@@ -255,7 +255,7 @@ def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
 
 
 def test_the_weights_are_kept_at_every_doubling_of_the_bodies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steps, "FIRST_SNAPSHOT", 20)
+    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     fit("toy", 0, toy_stream(), tmp_path, OPEN, quiet)
     kept = sorted((tmp_path / SNAPSHOTS).iterdir())
     assert [path.stem for path in kept] == ["0000000020", "0000000040", "0000000080", "0000000160"]
@@ -267,7 +267,7 @@ def test_the_weights_are_kept_at_every_doubling_of_the_bodies(tmp_path: Path, mo
 def test_a_training_goes_on_from_kept_weights_where_its_checkpoint_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(steps, "FIRST_SNAPSHOT", 20)
+    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     before, after = tmp_path / "before", tmp_path / "after"
     fit("toy", 0, toy_stream(), before, OPEN, quiet)
     shutil.copytree(before / SNAPSHOTS, after / SNAPSHOTS)
@@ -284,7 +284,7 @@ def test_a_training_goes_on_from_kept_weights_where_its_checkpoint_is_lost(
 
 
 def test_kept_weights_of_another_training_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steps, "FIRST_SNAPSHOT", 20)
+    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     fit("toy", 0, toy_stream(), tmp_path / "before", OPEN, quiet)
     shutil.copytree(tmp_path / "before" / SNAPSHOTS, tmp_path / "after" / SNAPSHOTS)
     with pytest.raises(TrainingError, match="of another training"):
@@ -292,17 +292,17 @@ def test_kept_weights_of_another_training_are_refused(tmp_path: Path, monkeypatc
 
 
 def test_step_sizes_of_a_plan() -> None:
-    plan = steps.Plan(steps=100, warm_up=3, learning_rate=1.0, schedule="constant", falling=9)
+    plan = loop.Plan(steps=100, warm_up=3, learning_rate=1.0, schedule="constant", falling=9)
     sizes = [plan.step_size(step) for step in range(100)]
     assert sizes[:4] == [0.25, 0.5, 0.75, 1.0]
     assert set(sizes[3:91]) == {1.0}
     np.testing.assert_allclose(sizes[91:], np.arange(9, 0, -1) / 10)
     for wrong in ({"schedule": "cosine", "falling": 1}, {"schedule": "constant", "falling": 101}):
         with pytest.raises(ConfigurationError, match="cannot fall"):
-            steps.Plan(steps=100, **wrong)
+            loop.Plan(steps=100, **wrong)
 
 
-def test_a_stream_without_wide_bodies_cannot_teach_a_network_that_wants_them(
+def test_a_stream_without_wide_bodies_cannot_train_a_network_that_wants_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(configuration.STREAMED, "toy", replace(TOY, stream="wide"))

@@ -27,8 +27,8 @@ from learned.template.search import Round
 from learned.template.training import TemplatePlan
 from learned.training.checkpoint import Progress
 from learned.training.fitting import Fitting
+from learned.training.loop import Trained
 from learned.training.machine import Machine
-from learned.training.steps import Trained
 from tests.geometry.surfaces import limbed_body, relabelled
 from tests.learned.template.toy import TOY, rod, rods
 from tests.learned.toy import quiet
@@ -48,14 +48,14 @@ def folder(tmp_path: Path) -> Path:
     network = build_auto_decoder(TOY, 1, 0).fields
     with torch.no_grad():
         network.deformation.last.weight.normal_(generator=torch.Generator().manual_seed(0), std=0.05)
-    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "cpu", "float32", {})
+    trained = Trained(network, Progress(1, 2, 0.0, ({"step": 1.0},)), "float32", {})
     fitting = Fitting(
         kind="template",
         name="toy",
         described=TOY.described(),
         plan=TemplatePlan(),
         words="",
-        data=rods(),
+        training_data=rods(),
         seed=0,
         train=lambda *_: trained,
         load=lambda _: None,  # so that each test is the first to read the files

@@ -1,4 +1,4 @@
-"""A template fits what it is taught, however its training is stopped, and unbends what it has not seen."""
+"""A template fits what it is shown, however its training is stopped, and unbends what it has not seen."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from learned.template.model import deformed
 from learned.template.network import TemplateNetwork, build_auto_decoder
 from learned.template.samples import DrawsPoints, Shapes, collected
 from learned.template.training import TemplatePlan, train_template
-from learned.training import steps
+from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT
 from tests.learned.template.toy import OPTIONS, TOY, Rods, rod, rods
-from tests.learned.toy import files, misfit, quiet, toy_data
+from tests.learned.toy import files, misfit, quiet, run_in, toy_data
 
 UNBENDING = replace(TOY, bodies=8, width=32, template_layers=3, rays=64, deformation_frequency=3.0)
 
@@ -38,8 +38,8 @@ def tiny(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(samples, "KEPT", 128)
     patch.setattr(samples, "TOGETHER", 2)
     patch.setattr(fitting, "TOGETHER", 1)
-    patch.setattr(steps, "ROW", 4)
-    patch.setattr(steps, "CHECKPOINT_SECONDS", -1.0)
+    patch.setattr(loop, "ROW", 4)
+    patch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
     patch.setattr(training, "LOOK_STEPS", 2)
 
 
@@ -155,8 +155,7 @@ def test_one_shape_alone_is_its_own_template(tmp_path: Path) -> None:
     shapes = Shapes.around([rod(1.0)], 1024)
     chosen = replace(TOY, bodies=1, width=32, rays=32)
     plan = TemplatePlan(steps=250, bodies=2, learning_rate=5e-3, warm_up=10, code_rate=1.0)
-    cpu = torch.device("cpu")
-    network = train_template(chosen, plan, shapes, None, tmp_path, {}, seed=0, device=cpu, say=quiet).network
+    network = train_template(chosen, plan, shapes, None, run_in(tmp_path)).network
     share = torch.linspace(0, 1, 1024) ** 2
     points = shapes.feet + (share * shapes.lengths)[..., None] * shapes.directions
     with torch.no_grad():
@@ -175,8 +174,7 @@ def test_codes_learn_at_a_rate_of_their_own(tmp_path: Path) -> None:
         plan = TemplatePlan(steps=1, bodies=2, learning_rate=1e-4, warm_up=0, code_rate=rate)
         folder = tmp_path / f"{rate:g}"
         folder.mkdir()
-        train_template(replace(TOY, bodies=1), plan, shapes, None, folder, {}, seed=0, device=torch.device("cpu"),
-                       say=quiet)  # fmt: skip
+        train_template(replace(TOY, bodies=1), plan, shapes, None, run_in(folder))
         with safe_open(str(folder / CHECKPOINT), "pt") as file:
             found[rate] = {name: file.get_tensor(name) for name in file.keys() if name.startswith("weights.")}  # noqa: SIM118
     first = build_auto_decoder(replace(TOY, bodies=1), 2, 0).state_dict()
@@ -207,6 +205,5 @@ def unbent(tmp_path_factory: pytest.TempPathFactory) -> TemplateNetwork:
         patch.setattr(samples, "KEPT", 1024)
         shapes = collected(Rods().surfaces, 8, None, "", quiet)
     plan = TemplatePlan(steps=800, bodies=8, learning_rate=5e-3, warm_up=20, code_rate=1.0)
-    folder, cpu = tmp_path_factory.mktemp("rods"), torch.device("cpu")
-    network = train_template(UNBENDING, plan, shapes, None, folder, {}, seed=0, device=cpu, say=quiet).network
+    network = train_template(UNBENDING, plan, shapes, None, run_in(tmp_path_factory.mktemp("rods"))).network
     return network.double().requires_grad_(False)

@@ -1,26 +1,28 @@
-"""A training over a stream: each step sees what no other step sees, resumable, with the same result."""
+"""The training loop of all networks: steps of Adam, resumable, the same result however often it was stopped."""
 
 from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.training import checkpoint
-from learned.training.arithmetic import Precision, has_bfloat16, keep_freed_memory
 from learned.training.average import Average
-from learned.training.checkpoint import SNAPSHOTS, Progress
+from learned.training.checkpoint import SNAPSHOTS, Checkpoint, Progress
+from learned.training.machine import Precision, has_bfloat16, keep_freed_memory
 from learned.training.stream import Batch, batches
 
 CHECKPOINT_SECONDS = 60.0
@@ -77,6 +79,9 @@ class Plan:
     gradient_clip: Annotated[float, Interval(0)] = 1.0
     precision: Precision = "auto"
 
+    counted: ClassVar[str] = "step"
+    """What progress is counted in."""
+
     def __post_init__(self) -> None:
         """Raise ``ConfigurationError`` if the step size is to fall in two ways, or for longer than the training."""
         if self.falling > (self.steps if self.schedule == "constant" else 0):
@@ -84,6 +89,21 @@ class Plan:
                 f"the step size cannot fall for {self.falling} of {self.steps} steps of schedule '{self.schedule}'",
                 "pass -o schedule=constant, and fewer falling steps than steps",
             )
+
+    @property
+    def unit(self) -> int:
+        """Steps of what progress is counted in."""
+        return 1
+
+    @property
+    def row(self) -> int:
+        """Steps of a row of the history."""
+        return ROW
+
+    @property
+    def look(self) -> int:
+        """Steps between two looks at validation bodies."""
+        return LOOK_STEPS if self.schedule == "constant" else max(1, self.steps // LOOKS)
 
     def step_size(self, step: int) -> float:
         """Step size of Adam in a step, counted from 0."""
@@ -94,6 +114,35 @@ class Plan:
 
 
 N = TypeVar("N", bound=nn.Module)
+B = TypeVar("B", bound=Batch)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingRun:
+    """One run of a training: where it computes, and where its checkpoints go.
+
+    Parameters
+    ----------
+    folder
+        Where checkpoints go.
+    recipe
+        Everything that determines the result.
+    seed
+        Seed of the weights, and of all else that is drawn.
+    device
+        Where to compute.
+    workers
+        Processes that make batches; 0 to make them between the steps.
+    say
+        Told about progress.
+    """
+
+    folder: Path
+    recipe: Mapping[str, Any]
+    seed: int
+    device: torch.device
+    workers: int = 0
+    say: Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -106,101 +155,94 @@ class Trained(Generic[N]):
         The network.
     progress
         Where the training ended.
-    device, precision
-        What computed it, and how.
+    precision
+        Arithmetic of the network.
     seen
         What it was trained on, in numbers by name, for the card.
+    told
+        Further entries of the card.
     """
 
     network: N
     progress: Progress
-    device: str
     precision: str
     seen: Mapping[str, int]
+    told: Mapping[str, Any] = field(default_factory=dict)
 
 
-B = TypeVar("B", bound=Batch)
-B_in = TypeVar("B_in", bound=Batch, contravariant=True)
+class Objective(ABC, Generic[B]):
+    """Objective of a network for a batch, and measures of bodies that it is not trained on."""
 
+    terms: ClassVar[tuple[str, ...]]
+    """Names of the terms of the loss, as columns of the history."""
+    watched: ClassVar[str]
+    """The measure of :meth:`measured` that is told with the progress."""
+    held_out: ClassVar[str] = "validation"
+    """Name of the bodies that it is not trained on, before each of their measures."""
 
-class Teacher(Protocol[B_in]):
-    """Objective of a network for a batch."""
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Names of the terms of the loss, as columns of the history."""
-        ...
-
-    @property
-    def watched(self) -> str:
-        """The measure of :meth:`measured` that is told with the progress."""
-        ...
-
-    def losses(self, batch: B_in, half: bool) -> Tensor:
+    @abstractmethod
+    def losses(self, batch: B, half: bool) -> Tensor:
         """Terms of the loss, shape (terms,), with their gradients; ``half`` allows bfloat16 in the network."""
-        ...
 
-    def total(self, losses: Tensor) -> Tensor:
+    @abstractmethod
+    def total(self, losses: Tensor, batch: B) -> Tensor:
         """The loss that is minimised, a scalar."""
-        ...
 
+    @abstractmethod
     def measured(self, half: bool) -> Mapping[str, float]:
         """Measures of validation bodies, by name; empty where there are none."""
-        ...
+
+    def row(self, step: int, losses: NDArray[np.float64], costs: Mapping[str, float]) -> dict[str, float]:
+        """Row of the history that ends with a step: means of the terms, shape (steps, terms), and what they cost."""
+        return {"step": float(step), **dict(zip(self.terms, losses.mean(axis=0).tolist(), strict=True)), **costs}
+
+    def place(self, step: int) -> str:
+        """Name of a step, counted from 1, for messages."""
+        return f"step {step}"
 
 
 @dataclass
-class Steps(Generic[B]):
-    """A training: what is taught, how, and where it is kept.
+class TrainingLoop(Generic[B]):
+    """A training: what is minimised, how, and where it is kept.
 
-    A step's bodies are a matter of its number, so a training that was stopped and resumed on the same machine ends with
-    the same weights as one that was not, however many processes made the bodies.
+    A batch is a matter of its number, so a training that was stopped and resumed on the same machine ends with the same
+    weights as one that was not, however many processes made the batches.
 
     Parameters
     ----------
     network
         What is trained; it is changed.
-    teacher
-        What it is taught.
+    objective
+        What it is trained for; the code of its module, with all that it imports, determines the result.
     make
         Makes the batch of a number; can be sent to another process.
     plan
         How it is trained.
-    folder
-        Where checkpoints go.
-    recipe
-        Everything that determines the result.
-    loop
-        Module whose code, with all that it imports, determines the result.
-    say
-        Told about progress.
+    run
+        Where.
     rates
         Step sizes of some modules of the network, by name, as multiples of that of the plan.
     """
 
     network: nn.Module
-    teacher: Teacher[B]
+    objective: Objective[B]
     make: Callable[[int], B]
     plan: Plan
-    folder: Path
-    recipe: Mapping[str, Any]
-    loop: str
-    say: Callable[[str], None]
+    run: TrainingRun
     rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin the average at the first weights."""
         self._average = Average(self.network) if self.plan.average else None
+        self._optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
 
-    def run(self, device: torch.device, workers: int) -> tuple[Progress, str]:
+    @property
+    def _checkpoint(self) -> Checkpoint:
+        code = type(self.objective).__module__
+        return Checkpoint(self.run.folder, self.network, self._optimiser, code, self._average)
+
+    def train(self) -> tuple[Progress, str]:
         """Train, going on from the checkpoint in the folder if there is one.
-
-        Parameters
-        ----------
-        device
-            Where the network is.
-        workers
-            Processes that make batches.
 
         Returns
         -------
@@ -215,53 +257,51 @@ class Steps(Generic[B]):
             If a batch cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then
             stands at the last step that was done, unless a loss of it was not a number.
         """
-        optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
-        recipe = self._recipe(checkpoint.steps_done(self.folder))
-        found = checkpoint.resume(self.folder, self.network, optimiser, recipe, self.loop, self._average)
-        found = found or self._from_snapshot()
+        plan = self.plan
+        done, _ = checkpoint.stands_at(self.run.folder)
+        found = self._checkpoint.resume(self._recipe(done)) or self._from_snapshot()
         if found:
-            self.say(f"going on after step {found.epoch} of {self.plan.steps}")
+            self.run.say(f"going on after {plan.counted} {found.epoch} of {plan.steps // plan.unit}")
         torch.set_flush_denormal(True)
         keep_freed_memory()
-        precision = self.plan.precision
-        half = precision == "bfloat16" or (precision == "auto" and has_bfloat16(device))
-        progress = self._run(found or Progress(0, self.plan.bodies, 0.0, ()), optimiser, half, workers)
+        half = plan.precision == "bfloat16" or (plan.precision == "auto" and has_bfloat16(self.run.device))
+        progress = self._run(found or Progress(0, plan.bodies, 0.0, ()), half)
         if self._average is not None:
             self._average.swap()
         return progress, "bfloat16" if half else "float32"
 
-    def _run(self, progress: Progress, optimiser: torch.optim.Adam, half: bool, workers: int) -> Progress:
+    def _run(self, progress: Progress, half: bool) -> Progress:
         plan = self.plan
-        stream = batches(self.make, range(progress.epoch, plan.steps), workers, self.say)
+        stream = batches(self.make, range(progress.epoch * plan.unit, plan.steps), self.run.workers, self.run.say)
         began, kept, processor = time.perf_counter() - progress.seconds, time.perf_counter(), 0.0
         terms: list[Tensor] = []
         again: Counter[str] = Counter()
-        look = LOOK_STEPS if plan.schedule == "constant" else max(1, plan.steps // LOOKS)
         try:
             for batch in stream:
                 before = time.process_time()
-                terms.append(self._step(batch, optimiser, half))
+                terms.append(self._step(batch, half))
                 processor += time.process_time() - before
                 again.update(batch.drawn_again)
                 step = batch.number + 1
                 if plan.schedule == "constant" and doubled(step, plan.bodies):
                     self._snapshot(step)
-                if step % ROW and step != plan.steps:
+                if step % plan.row and step != plan.steps:
                     continue
-                row = self._row(step, terms, again, processor)
-                if step % look < ROW or step == plan.steps:
-                    row |= {f"validation {name}": value for name, value in self._looked(half).items()}
+                row = self._row(step, terms, {"processor seconds": processor, "drawn again": float(again.total())})
+                if step % plan.look < plan.row or step == plan.steps:
+                    row |= self._looked(half)
                 history = (*progress.history, row)
-                progress = Progress(step, plan.bodies, time.perf_counter() - began, history)
+                progress = Progress(step // plan.unit, plan.bodies, time.perf_counter() - began, history)
                 terms, again, processor = [], Counter(), 0.0
                 if time.perf_counter() - kept > CHECKPOINT_SECONDS or step == plan.steps:
-                    self._keep(progress, optimiser)
+                    self._keep(progress)
                     kept = time.perf_counter()
-                    self.say(self._told(progress))
+                    self.run.say(self._told(progress))
         except TrainingError:
-            done = progress.epoch + len(terms)
-            if done and all(bool(torch.isfinite(each).all()) for each in terms):
-                self._keep(Progress(done, plan.bodies, time.perf_counter() - began, progress.history), optimiser)
+            done, partial = divmod(len(terms), plan.unit)
+            done += progress.epoch
+            if done and not partial and all(bool(torch.isfinite(each).all()) for each in terms):
+                self._keep(Progress(done, plan.bodies, time.perf_counter() - began, progress.history))
             raise
         finally:
             stream.close()
@@ -274,31 +314,32 @@ class Steps(Generic[B]):
             by_rate.setdefault(self.rates.get(name.partition(".")[0], 1.0), []).append(parameter)
         return [{"params": parameters, "rate": rate} for rate, parameters in by_rate.items()]
 
-    def _keep(self, progress: Progress, optimiser: torch.optim.Adam) -> None:
-        recipe = self._recipe(progress.epoch)
-        checkpoint.keep(self.folder, self.network, optimiser, progress, recipe, self.loop, self._average)
+    def _keep(self, progress: Progress) -> None:
+        self._checkpoint.keep(progress, self._recipe(progress.epoch))
 
     def _recipe(self, done: int) -> Mapping[str, Any]:
         """Return what determines the weights after so many steps; with a constant step size, not how many come."""
-        if self.plan.schedule == "cosine" or done > self.plan.steps - self.plan.falling or "plan" not in self.recipe:
-            return self.recipe
-        return _without_length(self.recipe)
+        plan, recipe = self.plan, self.run.recipe
+        if plan.schedule == "cosine" or done > plan.steps - plan.falling or "plan" not in recipe:
+            return recipe
+        return _without_length(recipe)
 
     def _snapshot(self, step: int) -> None:
         """Keep the weights, rounded to half precision, beside the checkpoint."""
+        bodies = step * self.plan.bodies
         with self._averaged():
-            checkpoint.keep_snapshot(self.folder, self.network.state_dict(), step * self.plan.bodies, self.recipe)
+            checkpoint.keep_snapshot(self.run.folder, self.network.state_dict(), bodies, self.run.recipe)
 
     def _from_snapshot(self) -> Progress | None:
         """Begin with the newest weights that were kept, if the checkpoint is lost, and Adam's state with it."""
-        found = checkpoint.newest_snapshot(self.folder)
+        found = checkpoint.newest_snapshot(self.run.folder)
         if found is None:
             return None
         bodies, before, tensors = found
         step = bodies // self.plan.bodies
-        if _without_length(before) != _without_length(self.recipe):
+        if _without_length(before) != _without_length(self.run.recipe):
             raise TrainingError(
-                f"the weights that are kept in {self.folder / SNAPSHOTS} are of another training",
+                f"the weights that are kept in {self.run.folder / SNAPSHOTS} are of another training",
                 "train with the same options, or delete the folder to begin anew",
             )
         self.network.load_state_dict(tensors)
@@ -309,45 +350,45 @@ class Steps(Generic[B]):
     def _averaged(self) -> AbstractContextManager[None]:
         return nullcontext() if self._average is None else self._average.used()
 
-    def _step(self, batch: B, optimiser: torch.optim.Adam, half: bool) -> Tensor:
-        for group in optimiser.param_groups:
+    def _step(self, batch: B, half: bool) -> Tensor:
+        for group in self._optimiser.param_groups:
             group["lr"] = group["rate"] * self.plan.step_size(batch.number)
         self.network.train()
-        found = self.teacher.losses(batch, half)
-        optimiser.zero_grad()
-        self.teacher.total(found).backward()
+        found = self.objective.losses(batch, half)
+        self._optimiser.zero_grad()
+        self.objective.total(found, batch).backward()
         if self.plan.gradient_clip:
             nn.utils.clip_grad_norm_(self.network.parameters(), self.plan.gradient_clip)
-        optimiser.step()
+        self._optimiser.step()
         if self._average is not None:
             self._average.add(self.plan.average, batch.number)
         # Reading a number would make the host wait for the device, so the losses stay there for a row.
         return found.detach()
 
-    def _row(self, step: int, terms: Sequence[Tensor], again: Mapping[str, int], processor: float) -> dict[str, float]:
+    def _row(self, step: int, terms: Sequence[Tensor], costs: Mapping[str, float]) -> dict[str, float]:
         values = torch.stack(list(terms)).cpu().numpy().astype(np.float64)
         wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(wrong):
             raise TrainingError(
-                f"the loss is not a number in step {step - len(terms) + int(wrong[0]) + 1}",
+                f"the loss is not a number in {self.objective.place(step - len(terms) + int(wrong[0]) + 1)}",
                 "lower the step size with -o learning_rate=3e-4",
             )
-        told = dict(zip(self.teacher.terms, values.mean(axis=0).tolist(), strict=True))
-        return {"step": float(step), **told, "processor seconds": processor, "drawn again": float(sum(again.values()))}
+        return self.objective.row(step, values, costs)
 
     def _looked(self, half: bool) -> dict[str, float]:
         self.network.eval()
         with torch.no_grad(), self._averaged():
-            found = self.teacher.measured(half)
-        return {name: value for name, value in found.items() if math.isfinite(value)}
+            found = self.objective.measured(half)
+        return {f"{self.objective.held_out} {name}": value for name, value in found.items() if math.isfinite(value)}
 
     def _told(self, progress: Progress) -> str:
-        row, watched = progress.history[-1], f"validation {self.teacher.watched}"
+        row, watched = progress.history[-1], f"{self.objective.held_out} {self.objective.watched}"
         looked = next((each[watched] for each in reversed(progress.history) if watched in each), None)
-        terms = "  ".join(f"{name} {row[name]:.5f}" for name in self.teacher.terms[:2])
+        terms = "  ".join(f"{name} {row[name]:.5f}" for name in self.objective.terms[:2])
         seen = f", {watched} {looked:.3f}" if looked is not None else ""
-        left = progress.seconds / progress.epoch * (self.plan.steps - progress.epoch)
-        done = f"step {progress.epoch}/{self.plan.steps}"
+        count = self.plan.steps // self.plan.unit
+        left = progress.seconds / progress.epoch * (count - progress.epoch)
+        done = f"{self.plan.counted} {progress.epoch}/{count}"
         return f"{done}  {terms}{seen}  {progress.seconds:.0f} s, about {left:.0f} s left"
 
 
