@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+from markupsafe import Markup
+
 from benchmark.system.text import clean
 
 #: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
@@ -51,17 +53,18 @@ def latex_text(text: object) -> str:
     return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
 
 
-def html_text(text: object) -> str:
-    """Text in HTML, also between quotes."""
-    return escape(clean(text), quote=True)
+def html_text(text: object) -> Markup:
+    """Text in HTML, also between quotes; what is markup already stays."""
+    return text if isinstance(text, Markup) else Markup(escape(clean(text), quote=True))
 
 
-def html_line(text: object) -> str:
+def html_line(text: object) -> Markup:
     """A sentence in HTML; commands between single backticks are code."""
     parts = html_text(text).split("`")
     if len(parts) % 2 == 0:
-        return "`".join(parts)
-    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
+        return Markup("`").join(parts)
+    code = Markup("<code>{}</code>")
+    return Markup("").join(code.format(part) if number % 2 else part for number, part in enumerate(parts))
 
 
 def csv_cell(value: object) -> object:

@@ -73,7 +73,7 @@ def measured(table: TableContent, artefacts: ArtefactReader, *, most_kinds: int 
     ----------
     table
         The table.
-    kept
+    artefacts
         Where distances are.
     most_kinds
         Classes, or poses, beyond which nothing is shown class by class: nobody could read it.

@@ -10,7 +10,6 @@ import numpy as np
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
-from benchmark.report.html.scripts import data_script
 from benchmark.storage.records import answered_shapes
 from retrieval.measures import PRINTED
 
@@ -42,7 +41,7 @@ def write_queries(
         Of the methods, in the order in which they are shown.
     pictures
         Place of the picture of a shape, by name.
-    kept
+    artefacts
         Where poses are.
     folder
         Where files go.
@@ -67,8 +66,7 @@ def write_queries(
         chosen = np.unique(np.linspace(0, len(names) - 1, min(room, len(names))).astype(int)).tolist()
         for part in range(0, len(chosen), PART):
             queries = [names[k] for k in chosen[part : part + PART]]
-            name = f"queries-{stem}-{number}-{part // PART}"
-            folder.write(f"parts/data/{name}.js", data_script(name, _part(here, names, queries)))
+            folder.script(f"queries-{stem}-{number}-{part // PART}", _part(here, names, queries))
         galleries.append(
             {
                 "gallery": gallery,
