@@ -157,7 +157,7 @@ def _forms(
         seconds = time.perf_counter() - begun
         write_form(Path(target), made.form.mesh)
         if picture:
-            from benchmark.report.pictures.frame import frame_picture, save_picture
+            from benchmark.report.pictures.depth_images import frame_picture, save_picture
 
             save_picture(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), Path(picture))
         facts = [

@@ -85,11 +85,25 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
     return text.getvalue()
 
 
-def markdown_row(cells: Iterable[str]) -> str:
-    """A row of a Markdown table, of cells that are Markdown already."""
-    return f"| {' | '.join(cells)} |"
+def markdown_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], n_left: int = 1, *, aligned: bool = False
+) -> list[str]:
+    """Lines of a Markdown table, of cells that are Markdown already.
 
-
-def markdown_rule(n_columns: int, n_left: int = 1) -> str:
-    """The line below the heading: the first columns to the left, numbers to the right."""
-    return markdown_row(["---"] * n_left + ["---:"] * (n_columns - n_left))
+    Parameters
+    ----------
+    head, rows
+        Headings and rows.
+    n_left
+        Columns to the left; all others are numbers, to the right.
+    aligned
+        Whether the cells of a column have one width, for a terminal.
+    """
+    lines = [head, *rows]
+    widths = [max(len(line[k]) for line in lines) if aligned else 0 for k in range(len(head))]
+    rule = ["-" * (width or 3) if k < n_left else "-" * ((width or 4) - 1) + ":" for k, width in enumerate(widths)]
+    signs = ["<" if k < n_left else ">" for k in range(len(head))]
+    return [
+        f"| {' | '.join(f'{cell:{sign}{width}}' for cell, sign, width in zip(line, signs, widths, strict=True))} |"
+        for line in [head, rule, *lines[1:]]
+    ]

@@ -65,8 +65,8 @@ def run(
     from benchmark.jobs.run_plan import run_plan
     from benchmark.report.content import contents
     from benchmark.report.formats import markdown
-    from benchmark.report.robustness.curves import robustness
-    from benchmark.report.robustness.formats import markdown as robustness_markdown
+    from benchmark.report.robustness import markdown as robustness_markdown
+    from benchmark.report.robustness import robustness
 
     unnamed = not selection.is_narrow
     ok = run_plan(plan, store, selection, executor, jobs, timeout, scheduler, as_far_as_possible=unnamed)

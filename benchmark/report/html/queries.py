@@ -27,9 +27,8 @@ def write_queries(
     pictures: Mapping[str, int],
     artefacts: ArtefactReader,
     folder: Folder,
-    most_bytes: int = MOST_BYTES,
 ) -> dict[str, Any]:
-    """Write the scripts of the browser of one table.
+    """Write the scripts of the browser of one table: of large galleries so many queries, evenly spread, as may be.
 
     Parameters
     ----------
@@ -45,8 +44,6 @@ def write_queries(
         Where poses are.
     folder
         Where files go.
-    most_bytes
-        Of large galleries only so many queries are written, evenly spread, that they fit.
 
     Returns
     -------
@@ -55,7 +52,7 @@ def write_queries(
     """
     galleries: list[dict[str, Any]] = []
     places = list(dict.fromkeys((each.record["gallery"], each.input) for each in ranked))
-    room = max(PART, int(most_bytes / max(len(places), 1) / max(len(titles), 1) / _EACH))
+    room = max(PART, int(MOST_BYTES / max(len(places), 1) / max(len(titles), 1) / _EACH))
     for number, (gallery, input_) in enumerate(places):
         here = [each for each in ranked if (each.record["gallery"], each.input) == (gallery, input_)]
         labels: dict[str, str] = {}
