@@ -73,8 +73,7 @@ def _summary(found: Found, seconds: float) -> str:
 
 
 def _draw(search: GallerySearch, found: Found, query: Path, k: int, path: Path) -> None:
-    from benchmark.report.pictures.frame import save_picture
-    from benchmark.report.pictures.retrieved import retrieved_picture
+    from benchmark.report.pictures.depth_images import retrieved_picture, save_picture
 
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", found.form or found.query.mesh)]
     for rank, hit in enumerate(found.hits[:k], 1):

@@ -11,9 +11,8 @@ import numpy as np
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, with_repeats
-from benchmark.report.statistics.intervals import intervals, widened
 from benchmark.report.statistics.queries import UNIT, queries_of
-from benchmark.report.statistics.significance import permutation_test
+from benchmark.report.statistics.significance import intervals, permutation_test, widened
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED

@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+from markupsafe import Markup
+
 from benchmark.system.text import clean
 
 #: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
@@ -51,17 +53,18 @@ def latex_text(text: object) -> str:
     return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
 
 
-def html_text(text: object) -> str:
-    """Text in HTML, also between quotes."""
-    return escape(clean(text), quote=True)
+def html_text(text: object) -> Markup:
+    """Text in HTML, also between quotes; what is markup already stays."""
+    return text if isinstance(text, Markup) else Markup(escape(clean(text), quote=True))
 
 
-def html_line(text: object) -> str:
+def html_line(text: object) -> Markup:
     """A sentence in HTML; commands between single backticks are code."""
     parts = html_text(text).split("`")
     if len(parts) % 2 == 0:
-        return "`".join(parts)
-    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
+        return Markup("`").join(parts)
+    code = Markup("<code>{}</code>")
+    return Markup("").join(code.format(part) if number % 2 else part for number, part in enumerate(parts))
 
 
 def csv_cell(value: object) -> object:
@@ -82,11 +85,25 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
     return text.getvalue()
 
 
-def markdown_row(cells: Iterable[str]) -> str:
-    """A row of a Markdown table, of cells that are Markdown already."""
-    return f"| {' | '.join(cells)} |"
+def markdown_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], n_left: int = 1, *, aligned: bool = False
+) -> list[str]:
+    """Lines of a Markdown table, of cells that are Markdown already.
 
-
-def markdown_rule(n_columns: int, n_left: int = 1) -> str:
-    """The line below the heading: the first columns to the left, numbers to the right."""
-    return markdown_row(["---"] * n_left + ["---:"] * (n_columns - n_left))
+    Parameters
+    ----------
+    head, rows
+        Headings and rows.
+    n_left
+        Columns to the left; all others are numbers, to the right.
+    aligned
+        Whether the cells of a column have one width, for a terminal.
+    """
+    lines = [head, *rows]
+    widths = [max(len(line[k]) for line in lines) if aligned else 0 for k in range(len(head))]
+    rule = ["-" * (width or 3) if k < n_left else "-" * ((width or 4) - 1) + ":" for k, width in enumerate(widths)]
+    signs = ["<" if k < n_left else ">" for k in range(len(head))]
+    return [
+        f"| {' | '.join(f'{cell:{sign}{width}}' for cell, sign, width in zip(line, signs, widths, strict=True))} |"
+        for line in [head, rule, *lines[1:]]
+    ]

@@ -11,8 +11,7 @@ from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import Notes, latex_files
 from benchmark.report.reproduction.document import has_reproduction, reproduction_markdown
-from benchmark.report.statistics.document import has_intervals, intervals_markdown
-from benchmark.report.statistics.splits import has_splits, splits_markdown
+from benchmark.report.statistics.document import has_intervals, has_splits, intervals_markdown, splits_markdown
 from benchmark.system.files import sweep, write_text
 
 #: Characters by which a file of ours is known again: they tell its kind and name, and no figure.

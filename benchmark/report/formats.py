@@ -10,7 +10,7 @@ from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import csv_text, markdown_line, markdown_row, markdown_text
+from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
 from benchmark.report.grid import Style, grid_of, number
 from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import FigureSignificance
@@ -28,8 +28,9 @@ def markdown(table: TableContent) -> str:
         [markdown_text(line.label) if line.row else f"*{line.label}*", *map(_STYLE.write, line.figures)]
         for line in grid.lines
     ]
-    lines = [f"**{markdown_text(f'{_title(table)}. {table.caption}: {table.data_title} ({table.size}).')}**", ""]
-    lines += _aligned(header, body)
+    caption = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
+    lines = [f"**{markdown_text(caption)}**", ""]
+    lines += markdown_table(header, body, aligned=True)
     told = notes(table)
     return "\n".join([*lines, *([""] if told else []), *(f"- {markdown_line(note)}" for note in told)]) + "\n"
 
@@ -45,20 +46,7 @@ def overview(tables: Sequence[TableContent]) -> str:
             found = [row.cells[input_].scores if input_ in row.cells else None for input_ in inputs]
             figures = [number(scores[metric] if scores else None) for scores in found for metric in PRINTED]
             body.append([*where, markdown_text(row.label), *figures])
-    return "\n".join(_aligned(header, body, n_left=3)) + "\n"
-
-
-def _aligned(header: Sequence[str], body: Sequence[Sequence[str]], n_left: int = 1) -> list[str]:
-    """Lines of a Markdown table with columns of one width, the first ones to the left and numbers to the right."""
-    widths = [max(len(line[k]) for line in [header, *body]) for k in range(len(header))]
-    rule = ["-" * width if k < n_left else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
-    return [
-        markdown_row(
-            cell.ljust(width) if k < n_left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in [header, rule, *body]
-    ]
+    return "\n".join(markdown_table(header, body, n_left=3, aligned=True)) + "\n"
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
@@ -164,7 +152,3 @@ def _preparations(cell: Cell) -> dict[str, Any]:
         "preparation_mean": {metric: round(mean[metric], 6) for metric in PRINTED},
         "preparation_sd": {metric: round(deviation[metric], 6) for metric in PRINTED},
     }
-
-
-def _title(table: TableContent) -> str:
-    return f"Table {table.identifier}"

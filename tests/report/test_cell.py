@@ -9,7 +9,8 @@ from benchmark.protocols.tables import TABLES
 from benchmark.report.cell import cell_of
 from benchmark.report.content import contents, row_of
 from benchmark.report.formats import as_csv, markdown, rows_as_json
-from benchmark.report.html.table import score_table
+from benchmark.report.grid import grid_of
+from benchmark.report.html.pages import ENVIRONMENT
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
@@ -114,7 +115,8 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
     assert r"\textbf{0.57}\,$\pm$0.15 & \textbf{0.50}\,$\pm$0.00" in latex(table)
-    assert re.search("<td class='first' title='95 %: [0-9.]+ to [0-9.]+'><b>0.57</b> ± 0.15</td>", score_table(table))
+    page = ENVIRONMENT.get_template("parts.html").module.score_table(grid_of(table))
+    assert re.search("<td class='first' title='95 %: [0-9.]+ to [0-9.]+'><b>0.57</b> ± 0.15</td>", page)
     (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
     assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.566667, "Our", 3)
     # The folds have .7, .6 and .4: deviations 4/30, 1/30 and -5/30.

@@ -18,11 +18,11 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents, file_stem
 from benchmark.report.escaping import csv_cell, html_line, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
+from benchmark.report.grid import grid_of
+from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import measured
-from benchmark.report.html.pages import forms_page, index_page, queries_page, table_page
+from benchmark.report.html.pages import ENVIRONMENT, TablePages, forms_page, index_page, queries_page, table_page
 from benchmark.report.html.scripts import data_script
-from benchmark.report.html.site import overview, pages_of
-from benchmark.report.html.table import score_table
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from benchmark.storage.store import Store
@@ -40,6 +40,9 @@ HOSTILE = "\n".join(
 )
 
 NOTHING_KEPT = ArtefactReader(Store(Path("nowhere")), {})
+
+for template in ENVIRONMENT.list_templates():
+    ENVIRONMENT.get_template(template)  # compiled once for all examples
 
 MARKDOWN = MarkdownIt("commonmark", {"html": True}).enable("table").enable("strikethrough")
 
@@ -211,12 +214,12 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     assert len({len(row) for row in rows}) == 1
     assert [row["title"] for row in json.loads(files["tables.json"])] == [text, text]
     found = measured(table, NOTHING_KEPT)
-    pages = pages_of(table, found)
+    pages = TablePages(table, found, Gallery(text, [(text, [text])], {text: {text: text}}, 1, ""))
     for name, told in {
         "table": table_page(pages, [pages]),
-        "index": index_page([pages], overview([pages], text), {}),
-        "forms": forms_page(pages, [pages], {"stem": text, "inputs": {text: text}}),
-        "queries": queries_page(pages, [pages], text),
+        "index": index_page([pages], text),
+        "forms": forms_page(pages, [pages]),
+        "queries": queries_page(pages, [pages]),
     }.items():
         told.encode("utf-8")
         reader = Reader()
@@ -228,7 +231,7 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
         )
         assert "img" not in [tag for tag, _ in reader.tags], name
     reader = Reader()
-    reader.feed(score_table(table))
+    reader.feed(ENVIRONMENT.get_template("parts.html").module.score_table(grid_of(table)))
     tags = [tag for tag, _ in reader.tags]
     assert (tags.count("table"), tags.count("script"), tags.count("td"), tags.count("tr")) == (1, 0, 3 * 4 + 1, 5)
     script = data_script(text, found.data)

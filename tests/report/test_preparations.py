@@ -13,8 +13,7 @@ from benchmark.report.comparison import compare_folders, compare_methods
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.results import Result, Results
-from benchmark.report.statistics.intervals import widened
-from benchmark.report.statistics.significance import permutation_test
+from benchmark.report.statistics.significance import permutation_test, widened
 from benchmark.results import open_results
 from benchmark.storage.store import Store
 from tests.records import record

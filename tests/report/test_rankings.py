@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.report.statistics.pareto import pareto_front
 from benchmark.report.statistics.rankings import (
     RECALLS,
     attraction,
@@ -14,6 +13,7 @@ from benchmark.report.statistics.rankings import (
     mean_distances,
     ranking,
 )
+from benchmark.report.statistics.table_significance import pareto_front
 from retrieval.metrics import evaluate
 
 LABELS = ["a", "a", "a", "b", "b", "c"]

@@ -12,9 +12,8 @@ from scipy import stats
 from benchmark.report.content import contents
 from benchmark.report.files import render
 from benchmark.report.results import Result
-from benchmark.report.statistics.intervals import intervals
 from benchmark.report.statistics.queries import queries_of
-from benchmark.report.statistics.significance import holm, permutation_test
+from benchmark.report.statistics.significance import holm, intervals, permutation_test
 from tests.records import MEASURES, record
 
 #: Millionths, in which queries are counted.

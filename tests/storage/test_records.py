@@ -15,9 +15,8 @@ from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.files import render
 from benchmark.report.html.measured import measured
-from benchmark.report.html.pages import index_page, table_page
+from benchmark.report.html.pages import TablePages, index_page, table_page
 from benchmark.report.html.scripts import data_script
-from benchmark.report.html.site import overview, pages_of
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
 from benchmark.storage.record_schema import fault_of
@@ -212,10 +211,10 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
     found = measured(table, ArtefactReader(Store(Path("nowhere")), {}))
-    pages = pages_of(table, found)
+    pages = TablePages(table, found)
     data_script("table", found.data)
     table_page(pages, [pages])
-    index_page([pages], overview([pages], "report"), {})
+    index_page([pages], "report")
     compare_folders([changed], [GOOD])
     as_text(portable(changed))
     _explain_record(changed)

@@ -33,8 +33,8 @@ def run(**given: Any) -> None:
     from benchmark.cli.terminal import draw
     from benchmark.report.content import contents
     from benchmark.report.formats import markdown
-    from benchmark.report.robustness.curves import robustness
-    from benchmark.report.robustness.formats import markdown as robustness_markdown
+    from benchmark.report.robustness import markdown as robustness_markdown
+    from benchmark.report.robustness import robustness
 
     ok = run_plan(plan, store, options)
     results = options.results_of(store).all(options.seed, scorer=options.scorer_spec().name)

@@ -67,8 +67,7 @@ def tables(
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
     from benchmark.report.formats import overview
-    from benchmark.report.robustness.curves import robustness
-    from benchmark.report.robustness.formats import rendered
+    from benchmark.report.robustness import rendered, robustness
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")

@@ -13,6 +13,7 @@ from typing import Any
 from PIL import Image
 
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.report.html.scripts import data_script
 from benchmark.system.files import sweep, write_atomically
 
 #: Names what a report consists of, so that the next one removes what it does not write again, and nothing else.
@@ -67,6 +68,10 @@ class Folder:
         with self._named(name):
             write_atomically(self.root / name, lambda file: file.write(data))
         self.sizes[name] = len(data)
+
+    def script(self, name: str, value: Any) -> None:
+        """Write a value as the script that a page loads by this name."""
+        self.write(f"parts/data/{name}.js", data_script(name, value))
 
     def picture(self, name: str, image: Image.Image) -> None:
         """Write a picture in the format that its name ends in, without date or version."""

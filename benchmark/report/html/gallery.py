@@ -17,7 +17,6 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
-from benchmark.report.html.scripts import data_script
 from benchmark.report.html.surfaces import Thinned, thinned
 from benchmark.report.pictures.contact_sheet import select
 from benchmark.report.pictures.painting import painted
@@ -50,15 +49,15 @@ class Gallery:
         the reason why there is none.
     n_forms
         Forms that are there.
-    has_hero
-        Whether there is a picture of the first subject and one form of each of its poses.
+    hero
+        Path of a picture of the first subject and one form of each of its poses; "" for none.
     """
 
     stem: str
     subjects: list[tuple[str, list[str]]]
     inputs: dict[Input, dict[str, Any]]
     n_forms: int
-    has_hero: bool
+    hero: str
 
     def as_json(self) -> dict[str, Any]:
         """As the page reads it."""
@@ -101,7 +100,7 @@ def make_gallery(
         Name of the files.
     records
         Records with scores of that data set, methods in the order in which they are shown.
-    kept
+    artefacts
         Where forms are.
     folder
         Where files go.
@@ -140,10 +139,11 @@ def make_gallery(
         inputs[input_] = {"methods": [{"name": name, "title": title} for name, title in rows.items()], "cells": cells}
     if not n_forms:
         return None
+    hero = f"parts/pictures/hero-{stem}.webp" if heroes else ""
     if heroes:
-        folder.picture(f"parts/pictures/hero-{stem}.webp", heroes[0])
+        folder.picture(hero, heroes[0])
     names = [(of_subject[0].subject, [entry.identifier for entry in of_subject]) for of_subject in chosen]
-    return Gallery(stem, names, inputs, n_forms, bool(heroes))
+    return Gallery(stem, names, inputs, n_forms, hero)
 
 
 def _chosen(records: Sequence[Record], artefacts: ArtefactReader, most_shapes: int, poses: int) -> list[list[Entry]]:
@@ -268,5 +268,4 @@ def _write(name: str, column: _Column, methods: Sequence[str], widths: Mapping[s
                 surfaces[method] = {"at": thin.positions(column.points[method] / widths[method])} | own
                 strip.paste(_picture(column, method, widths[method]), (0, TILE * row))
     folder.picture(f"parts/pictures/forms-{name}.webp", strip)
-    data = {"shape": column.entry.identifier, **topology, "surfaces": surfaces}
-    folder.write(f"parts/data/forms-{name}.js", data_script(f"forms-{name}", data))
+    folder.script(f"forms-{name}", {"shape": column.entry.identifier, **topology, "surfaces": surfaces})

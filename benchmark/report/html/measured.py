@@ -13,7 +13,6 @@ from benchmark.errors import BenchmarkError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
-from benchmark.report.statistics.pareto import pareto_front
 from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.rankings import (
     RECALLS,
@@ -25,7 +24,7 @@ from benchmark.report.statistics.rankings import (
     mean_distances,
     ranking,
 )
-from benchmark.report.statistics.table_significance import CONTROL
+from benchmark.report.statistics.table_significance import CONTROL, pareto_front
 from benchmark.storage.records import Record, answered_labels, answered_shapes
 from retrieval.measures import PRINTED
 
@@ -73,7 +72,7 @@ def measured(table: TableContent, artefacts: ArtefactReader, *, most_kinds: int 
     ----------
     table
         The table.
-    kept
+    artefacts
         Where distances are.
     most_kinds
         Classes, or poses, beyond which nothing is shown class by class: nobody could read it.

@@ -10,7 +10,6 @@ import numpy as np
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
-from benchmark.report.html.scripts import data_script
 from benchmark.storage.records import answered_shapes
 from retrieval.measures import PRINTED
 
@@ -28,9 +27,8 @@ def write_queries(
     pictures: Mapping[str, int],
     artefacts: ArtefactReader,
     folder: Folder,
-    most_bytes: int = MOST_BYTES,
 ) -> dict[str, Any]:
-    """Write the scripts of the browser of one table.
+    """Write the scripts of the browser of one table: of large galleries so many queries, evenly spread, as may be.
 
     Parameters
     ----------
@@ -42,12 +40,10 @@ def write_queries(
         Of the methods, in the order in which they are shown.
     pictures
         Place of the picture of a shape, by name.
-    kept
+    artefacts
         Where poses are.
     folder
         Where files go.
-    most_bytes
-        Of large galleries only so many queries are written, evenly spread, that they fit.
 
     Returns
     -------
@@ -56,7 +52,7 @@ def write_queries(
     """
     galleries: list[dict[str, Any]] = []
     places = list(dict.fromkeys((each.record["gallery"], each.input) for each in ranked))
-    room = max(PART, int(most_bytes / max(len(places), 1) / max(len(titles), 1) / _EACH))
+    room = max(PART, int(MOST_BYTES / max(len(places), 1) / max(len(titles), 1) / _EACH))
     for number, (gallery, input_) in enumerate(places):
         here = [each for each in ranked if (each.record["gallery"], each.input) == (gallery, input_)]
         labels: dict[str, str] = {}
@@ -67,8 +63,7 @@ def write_queries(
         chosen = np.unique(np.linspace(0, len(names) - 1, min(room, len(names))).astype(int)).tolist()
         for part in range(0, len(chosen), PART):
             queries = [names[k] for k in chosen[part : part + PART]]
-            name = f"queries-{stem}-{number}-{part // PART}"
-            folder.write(f"parts/data/{name}.js", data_script(name, _part(here, names, queries)))
+            folder.script(f"queries-{stem}-{number}-{part // PART}", _part(here, names, queries))
         galleries.append(
             {
                 "gallery": gallery,

@@ -8,8 +8,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
-from benchmark.report.statistics.pareto import pareto_front
-from benchmark.report.statistics.table_significance import CONTROL
+from benchmark.report.statistics.table_significance import CONTROL, pareto_front
 from benchmark.system.text import clean
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.report.pictures.forms import save
-from benchmark.report.robustness.curves import Robustness
+from benchmark.report.robustness import Robustness
 
 _COLUMNS = 4
 _MARKERS = "os^vD<>p*hXP"

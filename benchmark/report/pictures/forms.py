@@ -36,6 +36,9 @@ POSES = 3
 #: Width of a figure in inches: the text of a two-column paper.
 WIDTH = 7.16
 
+#: Pixels per side of a picture.
+_PIXELS = 280
+
 #: Height of the titles in inches.
 _TITLES = 0.28
 
@@ -70,7 +73,6 @@ def forms_figure(
     subject: str = "",
     shapes: Sequence[str] = (),
     limit: float | None = None,
-    size: int = 280,
 ) -> Figure:
     """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
 
@@ -89,8 +91,6 @@ def forms_figure(
         Which shapes to show, in place of some poses of a subject.
     limit
         Seconds that making the missing forms of one method may take; None for no limit.
-    size
-        Pixels per picture.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def forms_figure(
         If there is no such subject or shape.
     """
     rows = _of_methods(jobs, store, _chosen(jobs[0].gallery, subject, shapes), limit)
-    return _drawn([[each.meshes[k] for each in rows] for k in range(len(rows[0].meshes))], rows, size)
+    return _drawn([[each.meshes[k] for each in rows] for k in range(len(rows[0].meshes))], rows)
 
 
 def effect_figure(
@@ -107,13 +107,12 @@ def effect_figure(
     subjects: Sequence[str] = (),
     shapes: Sequence[str] = (),
     limit: float | None = None,
-    size: int = 280,
 ) -> Figure:
     """Draw some subjects in a few poses on the left, and on the right what the first method makes of them.
 
     Parameters
     ----------
-    jobs, store, limit, size
+    jobs, store, limit
         As of :func:`forms_figure`.
     subjects
         Which subjects to show, one in each row; those of the shapes, or the first two, by default.
@@ -131,7 +130,7 @@ def effect_figure(
         rows.append(_of_methods(jobs[:1], store, _chosen(gallery, subject, own), limit))
     n_poses = max(len(row[0].meshes) for row in rows)
     side = 1.5
-    figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=size / 2)
+    figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=_PIXELS / 2)
     widths = [1] * n_poses + [0.7] + [1] * n_poses
     axes = figure.subplots(
         len(rows), len(widths), squeeze=False,
@@ -142,7 +141,7 @@ def effect_figure(
             place.set_axis_off()
         for start, forms in ((0, row[0]), (n_poses + 1, row[1])):
             for k, mesh in enumerate(forms.meshes):
-                _fill(line[start + k], mesh, forms.half, size)
+                _fill(line[start + k], mesh, forms.half)
         line[n_poses].annotate(
             "", (0.85, 0.5), (0.15, 0.5), xycoords="axes fraction", textcoords="axes fraction",
             arrowprops={"arrowstyle": "-|>", "lw": 2.2, "color": "0.45", "mutation_scale": 18},
@@ -182,12 +181,12 @@ def save(figure: Figure, path: Path) -> None:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 
 
-def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms], size: int) -> Figure:
+def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms]) -> Figure:
     from matplotlib.figure import Figure
 
     side = WIDTH / len(columns)
     height = side * len(rows) + _TITLES
-    figure = Figure(figsize=(WIDTH, height), dpi=max(300, size / side))
+    figure = Figure(figsize=(WIDTH, height), dpi=max(300, _PIXELS / side))
     axes = figure.subplots(
         len(rows), len(columns), squeeze=False,
         gridspec_kw={"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 1 - _TITLES / height},
@@ -195,7 +194,7 @@ def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms], size:
     for line, row in zip(axes, rows, strict=True):
         for place, forms, mesh in zip(line, columns, row, strict=True):
             place.set_axis_off()
-            _fill(place, mesh, forms.half, size)
+            _fill(place, mesh, forms.half)
     for place, forms in zip(axes[0], columns, strict=True):
         title = textwrap.fill(clean(forms.title), 14, max_lines=2, placeholder=" ...")
         place.text(
@@ -204,10 +203,10 @@ def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms], size:
     return figure
 
 
-def _fill(place: Any, mesh: Mesh | str, half: float, size: int) -> None:
+def _fill(place: Any, mesh: Mesh | str, half: float) -> None:
     """Put a picture into its place, or the reason why there is none."""
     if isinstance(mesh, Mesh):
-        picture = painted(mesh.vertices, mesh.faces, outwardness(mesh), size, half)
+        picture = painted(mesh.vertices, mesh.faces, outwardness(mesh), _PIXELS, half)
         place.imshow(np.asarray(picture), interpolation="antialiased")
         return
     place.set_aspect("equal")

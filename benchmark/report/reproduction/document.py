@@ -9,7 +9,7 @@ from dataclasses import replace
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import MEASURES, NUMERALS, is_learned
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import markdown_line, markdown_row, markdown_rule, markdown_text
+from benchmark.report.escaping import markdown_line, markdown_table, markdown_text
 from benchmark.report.grid import BLANK, number
 from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.figures import (
@@ -64,7 +64,7 @@ def reproduction_markdown(tables: Sequence[TableContent]) -> str:
 
 def counts(figures: Sequence[ReproducedFigure]) -> str:
     """Return how many figures of each table got which outcome, by input, as a Markdown table."""
-    lines = [markdown_row(["Table", "input", "figures", *OUTCOMES]), markdown_rule(3 + len(OUTCOMES), 2)]
+    rows = []
     for input_ in INPUTS:
         of_input = [each for each in figures if each.input == input_]
         for numeral in (*NUMERALS, "all"):
@@ -72,13 +72,13 @@ def counts(figures: Sequence[ReproducedFigure]) -> str:
             found = Counter(each.outcome for each in chosen)
             if chosen:
                 numbers = [str(found[name]) for name in OUTCOMES]
-                lines.append(markdown_row([numeral, input_, str(len(chosen)), *numbers]))
-    return "\n".join(lines)
+                rows.append([numeral, input_, str(len(chosen)), *numbers])
+    return "\n".join(markdown_table(["Table", "input", "figures", *OUTCOMES], rows, 2))
 
 
 def claims(judged: Sequence[AssessedClaim]) -> str:
     """Each claim with its decision, as a Markdown table."""
-    lines = [markdown_row(["Claim of the paper", "table", "decision", "leads", "certain"]), markdown_rule(5, 3)]
+    rows = []
     for each in judged:
         leads = f"{each.leads} of {each.n_comparisons}" if each.n_comparisons else BLANK
         certain = str(each.certain) if each.n_comparisons else BLANK
@@ -87,14 +87,14 @@ def claims(judged: Sequence[AssessedClaim]) -> str:
             named = ", ".join(each.missing[:3]) + (" ..." if len(each.missing) > 3 else "")
             decision = f"{decision}: no scores of {named}"
         words = [each.claim.words, f"{each.claim.table}, {each.claim.input}", decision]
-        lines.append(markdown_row([*map(markdown_line, words), leads, certain]))
-    return "\n".join(lines)
+        rows.append([*map(markdown_line, words), leads, certain])
+    return "\n".join(markdown_table(["Claim of the paper", "table", "decision", "leads", "certain"], rows, 3))
 
 
 def inputs(figures: Sequence[ReproducedFigure]) -> str:
     """Return how far our classical rows by input, and the chance level, are from the paper's, as a Markdown table."""
     head = ["Table", "input", "figures", "all measures", "without NN", f"within {TOLERANCE:.2f}"]
-    lines = [markdown_row(head), markdown_rule(len(head), 2)]
+    rows = []
     classical = [each for each in figures if each.ours is not None and not is_learned(each.method)]
     for numeral in NUMERALS:
         of_table = [each for each in classical if each.table == numeral]
@@ -107,18 +107,17 @@ def inputs(figures: Sequence[ReproducedFigure]) -> str:
             whole, rest = mean_distance(chosen), mean_distance(chosen, without_nn=True)
             if whole is not None and rest is not None:
                 near = sum(each.ours is not None and is_near(each.paper, each.ours) for each in chosen)
-                lines.append(markdown_row([numeral, name, str(len(chosen)), f"{whole:.3f}", f"{rest:.3f}", str(near)]))
-    return "\n".join(lines)
+                rows.append([numeral, name, str(len(chosen)), f"{whole:.3f}", f"{rest:.3f}", str(near)])
+    return "\n".join(markdown_table(head, rows, 2))
 
 
 def each_figure(figures: Sequence[ReproducedFigure]) -> str:
     """The paper's figure, ours and the mark of the outcome, a row for each method and input."""
-    lines = [markdown_row(["Method", "input", *MEASURES]), markdown_rule(2 + len(MEASURES), 2)]
-    rows = dict.fromkeys((each.method, each.title, each.input) for each in figures)
-    for method, title, input_ in rows:
+    rows = []
+    for method, title, input_ in dict.fromkeys((each.method, each.title, each.input) for each in figures):
         chosen = [each for each in figures if (each.method, each.input) == (method, input_)]
-        lines.append(markdown_row([markdown_text(title), input_, *map(_both, chosen)]))
-    return "\n".join(lines)
+        rows.append([markdown_text(title), input_, *map(_both, chosen)])
+    return "\n".join(markdown_table(["Method", "input", *MEASURES], rows, 2))
 
 
 def _both(figure: ReproducedFigure) -> str:

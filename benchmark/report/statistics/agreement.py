@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from benchmark.api.contracts import Input
 from benchmark.report.content import TableContent, contents
-from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
+from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.results import Result
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
@@ -84,16 +84,15 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
         f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
         "random orders with a tau as far from 0.",
         "",
-        markdown_row(["table", "data", "input", "methods", *PRINTED]),
-        markdown_rule(4 + len(PRINTED), 3),
     ]
-    for row in rows:
-        figures = [_figure(row.measures[measure]) for measure in PRINTED]
-        lines.append(
-            markdown_row(
-                [markdown_text(row.table), markdown_text(row.data), row.input, str(len(row.methods)), *figures]
-            )
-        )
+    body = [
+        [
+            *map(markdown_text, (row.table, row.data, row.input, len(row.methods))),
+            *(_figure(row.measures[measure]) for measure in PRINTED),
+        ]
+        for row in rows
+    ]
+    lines += markdown_table(["table", "data", "input", "methods", *PRINTED], body, 3)
     return "\n".join(lines) + "\n"
 
 

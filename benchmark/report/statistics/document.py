@@ -1,11 +1,12 @@
-"""Intervals and tests of a table as a table of its own."""
+"""Tables beside a table: intervals and tests of its figures, and their quantiles over all choices of test subjects."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import markdown_row, markdown_rule, markdown_text
-from benchmark.report.statistics.intervals import DRAWS
-from benchmark.report.statistics.significance import RESAMPLES
+from benchmark.report.escaping import markdown_table, markdown_text
+from benchmark.report.statistics.significance import DRAWS, RESAMPLES
 from benchmark.report.statistics.table_significance import FigureSignificance
 from retrieval.measures import PRINTED
 
@@ -22,9 +23,8 @@ def intervals_markdown(table: TableContent) -> str:
         f"**How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)} "
         f"({table.size}).**",
         "",
-        markdown_row(head),
-        markdown_rule(len(head), 2),
     ]
+    body = []
     for input_ in table.inputs:
         for row in table.rows:
             judged = [table.significance.get((row.method, input_, name)) for name in PRINTED]
@@ -37,8 +37,8 @@ def intervals_markdown(table: TableContent) -> str:
                 if one
             ]
             tests = [_probability(one) for one in judged if one]
-            of_row = [markdown_text(row.label), input_, *figures, _codebooks(row, input_), *tests]
-            lines.append(markdown_row(of_row))
+            body.append([markdown_text(row.label), input_, *figures, _codebooks(row, input_), *tests])
+    lines += markdown_table(head, body, 2)
     lines += [
         "",
         f"- In brackets: 95 % of {DRAWS} means over classes drawn anew with replacement; with few classes rather too "
@@ -64,3 +64,36 @@ def _codebooks(row: Row, input_: str) -> str:
         record["codebook_deviation"]["NN"] for record in cell.records if record.get("codebook_deviation") is not None
     ]
     return f"{sum(found) / len(found):.3f}" if found else "--"
+
+
+def has_splits(table: TableContent) -> bool:
+    """Return whether some row tells of all splits."""
+    return any(_quantiles(row, input_) for row in table.rows for input_ in table.inputs)
+
+
+def splits_markdown(table: TableContent) -> str:
+    """Median and quantiles .05 and .95 of each measure over all splits as Markdown, a line for each row and input."""
+    found = [
+        (row.label, input_, quantiles)
+        for input_ in table.inputs
+        for row in table.rows
+        if (quantiles := _quantiles(row, input_))
+    ]
+    counts = next(cell.record["splits"] for row in table.rows for cell in row.cells.values() if "splits" in cell.record)
+    names = [name for name in PRINTED if all(name in quantiles for *_, quantiles in found)]
+    lines = [
+        f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
+        f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**",
+        "",
+    ]
+    rows = [
+        [markdown_text(label), input_, *("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in names)]
+        for label, input_, quantiles in found
+    ]
+    lines += markdown_table(["Method", "input", *names], rows, 2)
+    return "\n".join(lines) + "\n"
+
+
+def _quantiles(row: Row, input_: str) -> dict[str, Sequence[float]]:
+    cell = next((cell for name, cell in row.cells.items() if name == input_), None)
+    return cell.record.get("splits", {}).get("quantiles", {}) if cell else {}

@@ -1,4 +1,4 @@
-"""Significance of the rows of a table: how sure each figure is, and which rows differ from the best."""
+"""Contest of the rows of a table: how sure each figure is, which differ from the best, which lead at their cost."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
-from benchmark.report.statistics.intervals import intervals, widened
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
-from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
+from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
 from retrieval.measures import PRINTED
 
 
@@ -132,3 +131,23 @@ def _columns(queries: Sequence[Queries], names: Sequence[tuple[str, str]], measu
     for column, each in enumerate(queries):
         columns[[place[name] for name in each.names], column] = each.values[measure]
     return columns
+
+
+def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Names on the front of cost and score: none of the others is both cheaper and better.
+
+    Parameters
+    ----------
+    points
+        Cost, of which less is better, and score, of which more is better, by name.
+
+    Returns
+    -------
+    list of str
+        The cheapest first; of names that are equal in both, all.
+    """
+    front: list[str] = []
+    for name, (cost, score) in sorted(points.items(), key=lambda item: (item[1][0], -item[1][1], item[0])):
+        if not front or score > points[front[-1]][1] or (cost, score) == points[front[-1]]:
+            front.append(name)
+    return front

@@ -187,7 +187,7 @@ def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
 # Large and damaged ----------------------------------------------------------------------------------------------------
 
 
-def test_many_queries_are_split_and_too_many_are_thinned(artefacts, tmp_path):
+def test_many_queries_are_split_and_too_many_are_thinned(artefacts, tmp_path, monkeypatch):
     names = [f"s{k}" for k in range(350)]
     labels = [f"c{k % 7}" for k in range(350)]
     points = np.random.default_rng(0).random((350, 3))
@@ -201,9 +201,8 @@ def test_many_queries_are_split_and_too_many_are_thinned(artefacts, tmp_path):
     _, last = received((tmp_path / "parts" / "data" / "queries-t-0-3.js").read_text())
     assert len(last["gps"]["nearest"]) == 50
     assert last["gps"]["nearest"][-1] == ranking(matrix, labels).nearest[349].tolist()
-    fewer = write_queries(
-        "few", ranked, {"gps": "GPS"}, {}, artefacts, Folder(tmp_path / "few"), most_bytes=120 * browser._EACH
-    )
+    monkeypatch.setattr(browser, "MOST_BYTES", 120 * browser._EACH)
+    fewer = write_queries("few", ranked, {"gps": "GPS"}, {}, artefacts, Folder(tmp_path / "few"))
     chosen = fewer["galleries"][0]["queries"]
     assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
 

@@ -1,7 +1,8 @@
-"""One frame of a depth camera from its depths to the canonical form of its object, in four pictures."""
+"""Pictures of a depth image: on its way to the canonical form of its object, and beside the shapes found for it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,13 @@ from benchmark.system.files import write_atomically
 HEIGHT = 300
 """Pixels of the height of each picture."""
 
+SIZE = 180
+"""Pixels per side of each form that was found."""
+
 TITLES = ("depth", "object", "canonical depth", "canonical form")
 
 _GAP, _LINE, _FONT_SIZE = 12, 24, 14
+_NEAR, _TEXT_LINE, _SMALL = 8, 18, 12
 _OBJECT = np.array([0.95, 0.55, 0.2])
 
 
@@ -51,6 +56,26 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
         sheet.paste(panel, (left, _LINE))
         pen.text((left, _LINE // 2), title, fill="black", font=font, anchor="lm")
         left += panel.width + _GAP
+    return sheet
+
+
+def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
+    """Draw forms side by side, each below its lines of text.
+
+    Parameters
+    ----------
+    panels
+        Text, of lines, and form: right, up, towards the viewer; the query comes first. Nothing is drawn for None.
+    """
+    n_lines = max(text.count("\n") + 1 for text, _ in panels)
+    head = n_lines * _TEXT_LINE + _NEAR
+    sheet = Image.new("RGB", (len(panels) * (SIZE + _NEAR) + _NEAR, head + SIZE + _NEAR), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(_SMALL)
+    for number, (text, form) in enumerate(panels):
+        left = _NEAR + number * (SIZE + _NEAR)
+        pen.multiline_text((left, _NEAR // 2), text, fill="black", font=font, spacing=3)
+        if form is not None:
+            sheet.paste(_image(shaded(form, UPRIGHT, SIZE)), (left, head))
     return sheet
 
 

@@ -1,1 +1,0 @@
-"""Robustness of methods: curves from records, and how they are written."""
