@@ -8,6 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from benchmark.methods.registry import methods
 from benchmark.report.cell import cell_of
 from benchmark.report.comparison import compare_folders, compare_methods
 from benchmark.report.content import contents
@@ -115,7 +116,7 @@ def folder(tmp_path):
 
 
 def test_repeats_go_with_the_row_that_they_repeat_and_stand_nowhere_else(folder):
-    (only,) = Results(Store.open(folder), {}).all()
+    (only,) = Results(Store.open(folder), methods()).all()
     assert (only.record["gallery"], sorted(only.repeats)) == ("rods", [1, 2])  # the third is of other code
     frame = open_results(folder).records()
     assert len(frame) == 1
