@@ -81,6 +81,12 @@ class Cell:
         return self.record.get("scores")
 
     @property
+    def seconds(self) -> float | None:
+        """Seconds a shape, all phases together; None where none was timed."""
+        phases = self.record.get("cost", {}).get("seconds_per_shape", {})
+        return sum(phases.values()) if phases else None
+
+    @property
     def models(self) -> list[Mapping[str, Any]]:
         """Trained models behind the scores, each once; empty for a method that does not learn."""
         return list({model["digest"]: model for model in self.record.get("models", ())}.values())

@@ -88,7 +88,7 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
 
     def of(method: str) -> dict[str, Result]:
         return {
-            f"{where.gallery} {where.input}{_seeded(where)}": result
+            f"{where.gallery} {where.input}{f' seed {where.seed}' if where.seed else ''}": result
             for where, result in newest.items()
             if where.method == method and scorer_name(result.record) in (scorer, "")
         }
@@ -115,10 +115,6 @@ def compare_digests(first: Iterable[Record], second: Iterable[Record]) -> list[s
             )
     said.append(f"{same} of {len(both)} pairs are the same in every bit, {len(said)} differ, {unknown} do not tell")
     return said
-
-
-def _seeded(where: Place) -> str:
-    return f" seed {where.seed}" if where.seed else ""
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:

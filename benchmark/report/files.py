@@ -10,8 +10,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import Notes, latex_files
-from benchmark.report.reproduction.document import has_reproduction, reproduction_markdown
-from benchmark.report.statistics.document import has_intervals, has_splits, intervals_markdown, splits_markdown
+from benchmark.report.reproduction.document import reproduction_markdown
+from benchmark.report.reproduction.figures import paper_tables
+from benchmark.report.statistics.document import has_splits, intervals_markdown, splits_markdown
 from benchmark.system.files import sweep, write_text
 
 #: Characters by which a file of ours is known again: they tell its kind and name, and no figure.
@@ -37,8 +38,8 @@ def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes 
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
-            files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if has_intervals(t)}
-            files |= {"reproduction.md": reproduction_markdown(tables)} if has_reproduction(tables) else {}
+            files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if t.significance}
+            files |= {"reproduction.md": reproduction_markdown(tables)} if paper_tables(tables) else {}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
         else:
@@ -56,7 +57,8 @@ def write(files: Mapping[str, str], folder: Path, *, force: bool = False) -> Non
     BenchmarkError
         If they cannot be written.
     """
-    strange = [n for n, text in files.items() if (folder / n).exists() and not _begins_like(folder / n, text)]
+    found = {name: _content(folder / name) or "" for name in files if (folder / name).exists()}
+    strange = [name for name, text in found.items() if not text.startswith(files[name][:_HEAD])]
     if strange and not force:
         raise ConfigurationError(
             f"{folder / strange[0]} was not written by 'tables'",
@@ -71,10 +73,6 @@ def write(files: Mapping[str, str], folder: Path, *, force: bool = False) -> Non
         raise BenchmarkError(
             f"cannot write to {folder}: {error.strerror}", "free some space or choose another folder with -o"
         ) from error
-
-
-def _begins_like(path: Path, text: str) -> bool:
-    return (_content(path) or "").startswith(text[:_HEAD])
 
 
 def stale(files: Mapping[str, str], folder: Path) -> list[str]:

@@ -117,7 +117,7 @@ def _fronts(table: TableContent) -> dict[str, dict[str, dict[str, list[str]]]]:
             points = {
                 row.method: (seconds, (row.cells[input_].scores or {})[measure])
                 for row in rows
-                if (seconds := _cost(row.cells[input_])["seconds"]) is not None
+                if (seconds := row.cells[input_].seconds) is not None
             }
             contest = {row.method: points[row.method] for row in rows if row.family != CONTROL and row.method in points}
             found.setdefault(input_, {})[measure] = {"methods": pareto_front(contest), "all": pareto_front(points)}
@@ -169,7 +169,9 @@ def _row(
             "scores": {name: cell.scores[name] for name in PRINTED},
             "intervals": {name: [j.low, j.high] for name, j in judged.items() if j is not None},
             "n": cell.record.get("n_shapes"),
-            **_cost(cell),
+            "phases": dict(cell.record.get("cost", {}).get("seconds_per_shape", {})),
+            "seconds": cell.seconds,
+            "peak": cell.record.get("peak_mib"),
             "classes": _by_class(cell, classes),
         }
         ranked = [_ranked(record, input_, row.method, artefacts) for record in _one_each(cell)]
@@ -181,15 +183,6 @@ def _row(
 def _one_each(cell: Cell) -> list[Record]:
     """One record for each gallery: of several trainings the first."""
     return list({record["gallery"]: dict(record) for record in reversed(cell.records)}.values())[::-1]
-
-
-def _cost(cell: Cell) -> dict[str, Any]:
-    phases: Mapping[str, float] = cell.record.get("cost", {}).get("seconds_per_shape", {})
-    return {
-        "phases": dict(phases),
-        "seconds": sum(phases.values()) if phases else None,
-        "peak": cell.record.get("peak_mib"),
-    }
 
 
 def _by_class(cell: Cell, classes: Sequence[str]) -> dict[str, list[float | None]]:

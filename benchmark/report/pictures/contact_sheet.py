@@ -19,7 +19,7 @@ from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.recipes import sensor_of
-from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
+from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
 from benchmark.system.files import write_atomically
 
 #: Poses of each subject, unless told otherwise.
@@ -171,8 +171,7 @@ class _Sight:
         fine = size * SUPERSAMPLING
         image = render_depth(self.mesh, self.camera, self.half_width, fine)
         depth = depth_picture(image if self.sensor is None else self.sensor.perturbed(image), fine)
-        depth = depth.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3).mean(axis=(1, 3))
-        return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), depth]
+        return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), averaged(depth, size)]
 
 
 @dataclass(frozen=True)

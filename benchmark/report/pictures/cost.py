@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.statistics.table_significance import CONTROL, pareto_front
@@ -51,19 +52,17 @@ def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
     return figure
 
 
-def _points(table: TableContent, input_: str, measure: str) -> dict[str, tuple[float, float]]:
+def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple[float, float]]:
     """Seconds and score of each row that has both, by method."""
     found = {}
     for row in table.rows:
-        cell = next((cell for name, cell in row.cells.items() if name == input_), None)
-        if cell is not None and cell.scores:
-            seconds = sum(cell.record.get("cost", {}).get("seconds_per_shape", {}).values())
-            if seconds > 0:
-                found[row.method] = (seconds, cell.scores[measure])
+        cell = row.cells.get(input_)
+        if cell is not None and cell.scores and cell.seconds:
+            found[row.method] = (cell.seconds, cell.scores[measure])
     return found
 
 
-def _panel(place: Axes, table: TableContent, input_: str, measure: str) -> None:
+def _panel(place: Axes, table: TableContent, input_: Input, measure: str) -> None:
     points = _points(table, input_, measure)
     rows = {row.method: row for row in table.rows}
     judged = {key[0]: each for key, each in table.significance.items() if key[1:] == (input_, measure)}

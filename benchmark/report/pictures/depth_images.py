@@ -15,7 +15,7 @@ from benchmark.depth.reading import Depths
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.report.pictures.drawing import SUPERSAMPLING, depth_picture, shaded
+from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
 from benchmark.system.files import write_atomically
 
 HEIGHT = 300
@@ -47,8 +47,12 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
     marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
     fine = HEIGHT * SUPERSAMPLING
     canonical = depth_picture(render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), fine), fine)
-    canonical = canonical.reshape(HEIGHT, SUPERSAMPLING, HEIGHT, SUPERSAMPLING, 3).mean(axis=(1, 3))
-    panels = [_scaled(grey), _scaled(marked), _image(canonical), _image(shaded(form, UPRIGHT, HEIGHT))]
+    panels = [
+        _scaled(grey),
+        _scaled(marked),
+        _image(averaged(canonical, HEIGHT)),
+        _image(shaded(form, UPRIGHT, HEIGHT)),
+    ]
     width = sum(panel.width for panel in panels) + _GAP * (len(panels) + 1)
     sheet = Image.new("RGB", (width, HEIGHT + _LINE + _GAP), "white")
     pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(_FONT_SIZE), _GAP

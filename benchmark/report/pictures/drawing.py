@@ -45,7 +45,7 @@ def shaded(mesh: Mesh, camera: Camera = FRONT, size: int = 200) -> Image:
     pixels = np.column_stack([(1 + points[:, 0]) * fine / 2, (1 - points[:, 1]) * fine / 2, -points[:, 2]])
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
     seen = np.isfinite(depth)
-    return _average(_lit(depth, seen, 2 / fine), size)
+    return averaged(_lit(depth, seen, 2 / fine), size)
 
 
 def depth_picture(depth: NDArray[np.float32], size: int = 200) -> Image:
@@ -83,6 +83,7 @@ def _lit(depth: Image, seen: NDArray[np.bool_], pixel: float) -> Image:
     return np.asarray(np.where(seen[..., None], coloured, 1.0))
 
 
-def _average(image: Image, size: int) -> Image:
+def averaged(image: Image, size: int) -> Image:
+    """Average a picture that was drawn finer, by :data:`SUPERSAMPLING`, onto its pixels."""
     blocks = image.reshape(size, SUPERSAMPLING, size, SUPERSAMPLING, 3)
     return np.asarray(blocks.mean(axis=(1, 3)))

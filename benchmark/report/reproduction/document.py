@@ -36,11 +36,6 @@ MARKS: Mapping[Outcome, str] = {
 }
 
 
-def has_reproduction(tables: Sequence[TableContent]) -> bool:
-    """Return whether there is a table of the paper to judge."""
-    return bool(paper_tables(tables))
-
-
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:
     """Return what holds up of the paper's figures and claims, as Markdown."""
     contents, figures = paper_tables(tables), reproduced_figures(tables)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from benchmark.api.contracts import Input
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
 from benchmark.report.statistics.table_significance import FigureSignificance
 from retrieval.measures import PRINTED
-
-
-def has_intervals(table: TableContent) -> bool:
-    """Return whether some figure of ours can be judged."""
-    return bool(table.significance)
 
 
 def intervals_markdown(table: TableContent) -> str:
@@ -58,11 +54,9 @@ def _probability(judged: FigureSignificance) -> str:
     return "--" if judged.probability is None else f"{judged.probability:.4f}"
 
 
-def _codebooks(row: Row, input_: str) -> str:
-    cell = next(cell for name, cell in row.cells.items() if name == input_)
-    found = [
-        record["codebook_deviation"]["NN"] for record in cell.records if record.get("codebook_deviation") is not None
-    ]
+def _codebooks(row: Row, input_: Input) -> str:
+    records = row.cells[input_].records
+    found = [each["codebook_deviation"]["NN"] for each in records if each.get("codebook_deviation") is not None]
     return f"{sum(found) / len(found):.3f}" if found else "--"
 
 
@@ -94,6 +88,5 @@ def splits_markdown(table: TableContent) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _quantiles(row: Row, input_: str) -> dict[str, Sequence[float]]:
-    cell = next((cell for name, cell in row.cells.items() if name == input_), None)
-    return cell.record.get("splits", {}).get("quantiles", {}) if cell else {}
+def _quantiles(row: Row, input_: Input) -> dict[str, Sequence[float]]:
+    return row.cells[input_].record.get("splits", {}).get("quantiles", {}) if input_ in row.cells else {}

@@ -25,15 +25,12 @@ class Ranking:
     ----------
     nearest
         The nearest shapes of each query, itself left out, shape (N, min(NEAREST, N - 1)); of equals the first.
-    distances
-        Their distances, of the same shape, in units of the mean distance of the gallery.
     precision
         Interpolated precision of each query at :data:`RECALLS`, shape (N, 20): the highest precision at this recall or
         any higher one; NaN for the only shape of its class.
     """
 
     nearest: NDArray[np.intp]
-    distances: NDArray[np.float64]
     precision: NDArray[np.float64]
 
 
@@ -76,8 +73,7 @@ def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEARES
         order = np.argsort(rows, axis=1, kind="stable")[:, :-1]
         nearest[queries] = order[:, :kept]
         precision[queries] = _precision(classes[order] == classes[queries, None])
-    unit = matrix.sum() / max(count * (count - 1), 1) or 1.0
-    return Ranking(nearest, np.take_along_axis(matrix, nearest, axis=1) / unit, precision)
+    return Ranking(nearest, precision)
 
 
 def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
