@@ -19,10 +19,10 @@ from benchmark.report.content import contents, file_stem
 from benchmark.report.escaping import csv_cell, html_line, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
 from benchmark.report.grid import grid_of
+from benchmark.report.html.folder import data_script
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import ENVIRONMENT, TablePages, forms_page, index_page, queries_page, table_page
-from benchmark.report.html.scripts import data_script
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from benchmark.storage.store import Store

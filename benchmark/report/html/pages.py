@@ -13,9 +13,9 @@ from markupsafe import Markup
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
 from benchmark.report.grid import BLANK, Style, grid_of, number
+from benchmark.report.html.folder import script_json
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import Measured
-from benchmark.report.html.scripts import script_json
 from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.storage.environment import in_words

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.report.html.scripts import packed, quantised
 from benchmark.report.pictures.painting import outwardness
 
 #: Vertices of a surface in the report.
@@ -84,3 +84,14 @@ def thinned(mesh: Mesh, n_vertices: int = VERTICES) -> Thinned:
     chosen = np.asarray(cKDTree(mesh.vertices).query(small.vertex_matrix())[1], dtype=np.intp)
     faces = np.asarray(small.face_matrix(), dtype=np.int32)
     return Thinned(chosen, faces, values)
+
+
+def packed(array: NDArray[Any]) -> str:
+    """An array of unsigned whole numbers as base64, little-endian, in the order of its memory."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<")).tobytes()).decode("ascii")
+
+
+def quantised(points: NDArray[np.float64], reach: float) -> NDArray[np.uint16]:
+    """Coordinates between ``-reach`` and ``reach``, shape (n, 3), in 65536 steps; what lies beyond is moved in."""
+    steps = np.rint((np.clip(points / reach, -1, 1) + 1) / 2 * 65535)
+    return np.asarray(steps, dtype=np.uint16)

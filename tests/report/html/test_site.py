@@ -13,12 +13,11 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html import gallery, site
 from benchmark.report.html import queries as browser
-from benchmark.report.html.folder import CONTENTS, Folder
+from benchmark.report.html.folder import CONTENTS, Folder, data_script, script_json
 from benchmark.report.html.measured import Ranked, measured, poses_of
 from benchmark.report.html.queries import write_queries
-from benchmark.report.html.scripts import data_script, packed, quantised, script_json
 from benchmark.report.html.site import write_report
-from benchmark.report.html.surfaces import REACH, thinned
+from benchmark.report.html.surfaces import REACH, packed, quantised, thinned
 from benchmark.report.results import Result
 from benchmark.report.statistics.rankings import ranking
 from benchmark.storage.store import Store
