@@ -2,6 +2,6 @@
 
 What trains, in the order to read it: ``configuration`` (which networks there are), ``network``, ``schedule`` (losses
 and plan), ``pairs``, ``gathering``, ``training`` (the objective, for the loop of ``learned.training``), ``fitting``
-(from data to a folder with a model) and ``pictures``. What makes forms: ``methods`` (the rows of the tables),
-``prediction``, ``model`` and ``card``; none of these imports what only trains, but for ``train`` of the methods.
+(from data to a folder with a model) and ``pictures``. What makes forms: ``methods`` (the rows of the tables), ``model``
+and ``card``; none of these imports what only trains, but for ``train`` of the methods.
 """

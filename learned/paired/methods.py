@@ -86,7 +86,7 @@ class Learned(DepthImageLearner):
 
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
         """See :meth:`learned.learner.DepthImageLearner.predict`."""
-        from learned.paired.prediction import canonical_surface
+        from learned.paired.model import canonical_surface
 
         return canonical_surface(self.model_folder, depth, self.smoothing, self.jump)
 

@@ -1,4 +1,4 @@
-"""A trained model, from its files to predictions."""
+"""A trained model: from its files to predictions, and from a depth image to the surface of the canonical pose."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ import torch
 from torch import Tensor, nn
 
 from benchmark.api.learning import card_digest, read_card
+from benchmark.geometry.depth import DepthImage
+from benchmark.geometry.mesh import Mesh
+from learned.images import checked_image, enlarge, shrink, smooth
 from learned.paired.card import network_of
 from learned.paired.network import build
+from learned.surface import surface_behind
 from learned.weights import with_weights
 
 
@@ -38,3 +42,52 @@ def predict(network: nn.Module, image: Tensor) -> Tensor:
     """Depth and mask, shape (2, r, r), from one depth image, shape (1, r, r)."""
     prediction: Tensor = network(image[None].contiguous(memory_format=torch.channels_last))[0]
     return prediction
+
+
+def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> DepthImage:
+    """Predict the depth image of the canonical pose.
+
+    Parameters
+    ----------
+    folder
+        The model.
+    depth
+        Depth image, shape (500, 500).
+    smoothing
+        Standard deviation, in pixels of the network, of the Gaussian that smooths the depth inside the mask.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (500, 500), float32, 0 where the predicted mask is at most a half.
+
+    Raises
+    ------
+    InvalidMesh, UnsupportedShape
+        If the image does not fit, or shows nothing.
+    ConfigurationError
+        If the model does not fit its card.
+    """
+    network, card = load_model(folder)
+    image = shrink(checked_image(depth), int(card["schedule"]["resolution"]))[:1]
+    return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
+
+
+def canonical_surface(
+    folder: Path, depth: DepthImage, smoothing: float = 0.0, jump: float | None = None
+) -> tuple[Mesh, dict[str, float | str]]:
+    """Surface behind the predicted image, of unit area, and facts about it; see :func:`canonical_depth`.
+
+    Parameters
+    ----------
+    folder, depth, smoothing
+        As there.
+    jump
+        Largest depth difference along an edge, as in :func:`surface_behind`.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the network predicts an empty mask.
+    """
+    return surface_behind(canonical_depth(folder, depth, smoothing), jump)

@@ -86,7 +86,8 @@ def search(network: TemplateNetwork, rays: Rays, code_weight: float, rounds: tup
     for each in rounds:
         best = torch.argsort(found.errors, stable=True)[: each.candidates]
         points, distances = (values.to(kind).expand(len(best), *values.shape) for values in points_on(rays, each.rays))
-        found = descended(network, points, distances, found.codes[best], found.turns[best], code_weight, each.steps)
+        start = Found(found.codes[best], found.turns[best], found.errors[best])
+        found = descended(network, (points, distances), start, code_weight, each.steps)
     best = torch.argsort(found.errors, stable=True)[:1]
     return Found(found.codes[best], found.turns[best], found.errors[best])
 
@@ -117,10 +118,8 @@ def points_on(rays: Rays, count: int) -> tuple[Tensor, Tensor]:
 
 def descended(
     network: TemplateNetwork,
-    points: Tensor,
-    distances: Tensor,
-    codes: Tensor,
-    turns: Tensor,
+    around: tuple[Tensor, Tensor],
+    start: Found,
     code_weight: float,
     steps: int,
     *,
@@ -132,10 +131,10 @@ def descended(
     ----------
     network
         The fields; they are not changed.
-    points, distances
+    around
         Positions around each shape, shape (n, p, 3), and the signed distances there, shape (n, p).
-    codes, turns
-        Where to begin, shapes (n, code_size) and (n, 3, 3).
+    start
+        Where to begin.
     code_weight
         Weight of the mean square of a code.
     steps
@@ -143,8 +142,9 @@ def descended(
     turning
         Whether the rotations change.
     """
+    points, distances = around
     wanted = distances.clamp(-FARTHEST, FARTHEST)
-    codes = codes.detach().clone().requires_grad_()
+    codes, turns = start.codes.detach().clone().requires_grad_(), start.turns
     angles = codes.new_zeros(len(codes), 3, requires_grad=True)
     groups = [{"params": [codes], "lr": CODE_STEP}, {"params": [angles], "lr": TURN_STEP}]
     optimiser = torch.optim.Adam(groups[: 1 + turning])

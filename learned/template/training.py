@@ -14,7 +14,7 @@ from learned.template.configuration import Template
 from learned.template.losses import NAMES, losses, weighted
 from learned.template.network import AutoDecoder, TemplateNetwork, build_auto_decoder
 from learned.template.samples import DrawsPoints, PointBatch, Shapes
-from learned.template.search import descended
+from learned.template.search import Found, descended
 from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun
 from learned.training.machine import Precision
 
@@ -103,7 +103,7 @@ class _Objective(Objective[PointBatch]):
         points, distances = chosen.points.to(self.device), chosen.distances.to(self.device)
         codes = points.new_zeros(len(points), self.configuration.code_size)
         standing = torch.eye(3, device=self.device).expand(len(points), 3, 3)
-        found = descended(
-            self.network.fields, points, distances, codes, standing, self.configuration.code, LOOK_STEPS, turning=False
-        )
+        start = Found(codes, standing, codes.new_zeros(len(codes)))
+        around = points, distances
+        found = descended(self.network.fields, around, start, self.configuration.code, LOOK_STEPS, turning=False)
         return {self.watched: float(found.errors.mean())}

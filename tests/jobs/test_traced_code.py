@@ -21,7 +21,7 @@ from tests.toy import RADII, rod, write_off
 
 ROOT = Path(__file__).parents[2]
 
-PAIRED = "learned.paired.methods learned.paired.prediction learned.paired.network learned.images"
+PAIRED = "learned.paired.methods learned.paired.model learned.paired.network learned.images"
 
 #: Learners with a shipped model for the first generated humans: what is asked for, its input, modules that must run.
 LEARNERS = {

@@ -17,7 +17,7 @@ SHARED = {"images", "learner", "surface", "weights"}
 SHARED_IN_TRAINING = {
     f"training.{name}" for name in ("average", "checkpoint", "fitting", "loop", "machine", "measures", "stream")
 }
-PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network", "prediction")}
+PAIRED = {f"paired.{name}" for name in ("card", "configuration", "methods", "model", "network")}
 PAIRED_IN_TRAINING = {
     f"paired.{name}" for name in ("fitting", "gathering", "pairs", "pictures", "schedule", "training")
 }

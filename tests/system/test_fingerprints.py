@@ -131,9 +131,7 @@ def test_imports_of_a_function_that_a_stage_never_calls_are_left_out(package):
 
 def test_what_only_training_needs_is_no_part_of_the_forms_of_a_learner():
     forms = fingerprints.fingerprint("learned.paired.methods", without=("train", "check_options")).code
-    assert {"learned.paired.methods", "learned.paired.prediction", "learned.paired.network", "learned.images"} <= set(
-        forms
-    )
+    assert {"learned.paired.methods", "learned.paired.model", "learned.paired.network", "learned.images"} <= set(forms)
     assert not {
         "learned.paired.pictures",
         "learned.paired.fitting",

@@ -25,7 +25,7 @@ from benchmark.methods.registry import methods, variant
 from benchmark.parameters.values import parameter_values
 from learned.paired.configuration import CONFIGURATIONS
 from learned.paired.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
-from learned.paired.prediction import canonical_depth
+from learned.paired.model import canonical_depth
 from learned.surface import surface_behind
 from tests.learned.paired.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
