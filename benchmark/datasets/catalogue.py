@@ -17,7 +17,7 @@ from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
 from benchmark.datasets.parts import Part
-from benchmark.datasets.perturbations.dataset import Perturbed, parsed, perturbed_name
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, Perturbed, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.system.plugins import unknown
 
@@ -191,8 +191,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
     if found := parsed(name):
-        base, perturbation, strength = found
-        return Perturbed(open_dataset(base, data_root), perturbation, strength)
+        return _perturbed(open_dataset(found[0], data_root), *found[1:])
     if is_own(name):
         return open_own(name)
     if not is_known(name) and is_path(name):
@@ -216,6 +215,14 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
             f"put it there and pass --data-root; it comes from {source.url}",
         )
     return source.load(data_root or Path())
+
+
+def _perturbed(clean: Dataset, perturbation: str, strength: int) -> Dataset:
+    if PERTURBATIONS[perturbation].of_frames:
+        from benchmark.datasets.perturbations.frames import perturbed_frames
+
+        return perturbed_frames(clean, perturbation, strength)
+    return Perturbed(clean, perturbation, strength)
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import re
 from collections.abc import Callable
@@ -17,7 +16,6 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 from benchmark.system.fingerprints import fingerprint
@@ -53,10 +51,6 @@ class Perturbation:
     on_mesh: Callable[[Mesh, float, np.random.Generator], Mesh] | None = None
     inputs: tuple[Input, ...] = ("mesh",)
     of_frames: str = ""
-
-    def fits(self, dataset: Dataset) -> bool:
-        """Return whether it can be made of a set: of frames, or of meshes."""
-        return hasattr(dataset, self.of_frames) if self.of_frames else not hasattr(dataset, "faults")
 
 
 PERTURBATIONS: dict[str, Perturbation] = {
@@ -178,21 +172,6 @@ class Perturbed:
     perturbation: str
     strength: int
 
-    def __post_init__(self) -> None:
-        """Raise ``ConfigurationError`` for a perturbation of frames of a set that has none."""
-        known = PERTURBATIONS[self.perturbation]
-        if known.of_frames and not known.fits(self.clean):
-            raise ConfigurationError(
-                f"{self.clean.name} has no frames of a depth camera, which '{self.perturbation}' perturbs",
-                "use it with camera or camera-few, or choose a perturbation of surfaces, such as noise",
-            )
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """Inputs that the clean set offers, of those that the perturbation is made for."""
-        offered = getattr(self.clean, "inputs", ("mesh", "view"))
-        return tuple(each for each in PERTURBATIONS[self.perturbation].inputs if each in offered)
-
     @property
     def name(self) -> str:
         """Name on the command line."""
@@ -236,12 +215,8 @@ class Perturbed:
         UnsupportedShape
             If the perturbation leaves nothing that can be prepared; the shape then counts as unsupported.
         """
-        known = PERTURBATIONS[self.perturbation]
-        if known.of_frames:
-            frames = dataclasses.replace(self.clean, **{known.of_frames: self.amount})  # type: ignore[type-var]
-            return frames.load(self._clean_entries[entry.identifier])
         mesh = self.clean.load(self._clean_entries[entry.identifier])
-        on_mesh = known.on_mesh
+        on_mesh = PERTURBATIONS[self.perturbation].on_mesh
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:

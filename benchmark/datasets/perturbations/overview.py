@@ -52,7 +52,7 @@ class Overview:
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
             for perturbation, known in PERTURBATIONS.items()
-            if perturbation != "scale" and known.fits(self.clean)
+            if perturbation != "scale" and bool(known.of_frames) == hasattr(self.clean, "faults")
             for strength in STRENGTHS
         )
 
