@@ -128,7 +128,7 @@ class PluginSpec(Generic[Info, Made]):
             raise
         except (Exception, SystemExit) as error:
             raise ConfigurationError(
-                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"hint {place}"
+                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"repair {place}"
             ) from error
         if not isinstance(getattr(found, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
