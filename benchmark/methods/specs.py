@@ -202,11 +202,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
         """Return the method with one more parameter."""
         return self.with_parameters({name: value})
 
-    def without_parameter(self, name: str) -> MethodSpec:
-        """Return the method with the default of one parameter."""
-        others = {key: value for key, value in self.parameters.items() if key != name}
-        return dataclasses.replace(self, parameters=others)
-
 
 @dataclass(frozen=True)
 class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
