@@ -299,7 +299,7 @@ class RunOptions:
         """Plan the run, or the shard of it; without tables and data sets, those of plugin files are meant."""
         from benchmark.datasets.catalogue import sources
         from benchmark.datasets.own import data_sets_of
-        from benchmark.jobs.plan import make_plan, require_jobs
+        from benchmark.jobs.plan import JobSettings, make_plan, require_jobs
         from benchmark.methods.registry import methods, select
         from benchmark.protocols.galleries import galleries
         from benchmark.protocols.tables import INPUTS
@@ -313,7 +313,9 @@ class RunOptions:
             for asked in self.inputs:
                 gallery.check_input(asked)
         inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        planned = make_plan(chosen, inputs, specs, store, self.seed, frozenset(self.retry), self.scorer_spec())
+        planned = make_plan(
+            chosen, inputs, specs, store, JobSettings(self.seed, frozenset(self.retry), self.scorer_spec())
+        )
         name_skipped(store)
         require_jobs(planned)
         if self.shard is None:

@@ -134,14 +134,31 @@ def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
     return chance_levels(subjects)
 
 
+@dataclass(frozen=True)
+class JobSettings:
+    """Settings that all jobs of a plan share.
+
+    Parameters
+    ----------
+    seed
+        Base seed.
+    retry
+        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
+    scorer
+        What compares the forms.
+    """
+
+    seed: int = 0
+    retry: frozenset[str] = frozenset()
+    scorer: ScorerSpec = field(default_factory=ScorerSpec)
+
+
 def make_plan(
     galleries: Iterable[Gallery],
     inputs: Iterable[Input],
     methods: Iterable[MethodSpec],
     store: Store,
-    seed: int = 0,
-    retry: frozenset[str] = frozenset(),
-    scorer: ScorerSpec | None = None,
+    settings: JobSettings | None = None,
 ) -> list[Job]:
     """List the jobs of a selection with their states.
 
@@ -151,14 +168,10 @@ def make_plan(
         The selection.
     store
         Where finished jobs are looked up.
-    seed
-        Base seed.
-    retry
-        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
-    scorer
-        What compares the forms; None for the default one.
+    settings
+        Of all jobs; None for the usual ones.
     """
-    plan = _Planning(store, seed, retry, scorer or ScorerSpec(), by_place(store.records))
+    plan = _Planning(store, settings or JobSettings(), by_place(store.records))
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     with parse_cache():
@@ -176,9 +189,7 @@ class _Planning:
     """Context that all jobs of a plan share."""
 
     store: Store
-    seed: int
-    retry: frozenset[str]
-    scorer: ScorerSpec
+    settings: JobSettings
     before: Mapping[Place, list[Record]]
 
     @cached_property
@@ -187,15 +198,15 @@ class _Planning:
 
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
         """Return the job of a row, and whether a run would make it."""
-        store, retry = self.store, self.retry
+        store, retry, seed = self.store, self.settings.retry, self.settings.seed
         models: dict[str, Model] = {}
         # A descriptor compares its descriptors itself: one job, whatever compares the forms.
-        scorer = ScorerSpec() if not spec.missing_packages() and spec.describes else self.scorer
+        scorer = ScorerSpec() if not spec.missing_packages() and spec.describes else self.settings.scorer
 
         def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
             return Job(
                 **description(gallery, input_, spec, scorer, models), key=keys.digest(recipe) if recipe else "",
-                recipe=recipe or {}, seed=self.seed, results=store.root.parent.absolute(), state=state, reason=reason,
+                recipe=recipe or {}, seed=seed, results=store.root.parent.absolute(), state=state, reason=reason,
                 ranks_again=ranks_again,
             )  # fmt: skip
 
@@ -209,7 +220,7 @@ class _Planning:
             return job("unavailable", str(error))
         except NoFolds as error:
             return job("unsupported", str(error))
-        recipe = job_recipe(gallery, input_, spec, data, models, self.seed, scorer)
+        recipe = job_recipe(gallery, spec, data, models, seed, scorer)
         key = keys.digest(recipe)
         record = store.records.read(key)
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
@@ -219,7 +230,7 @@ class _Planning:
             return job("stale", f"{status} before, asked to retry", recipe)
         if store.published.read(key) is not None:
             return job("published", "finished elsewhere; a run makes it anew here", recipe)
-        place = Place(gallery.name, input_, spec.name, self.seed, scorer.name)
+        place = Place(gallery.name, input_, spec.name, seed, scorer.name)
         if older := self.before.get(place):
             ranks_again = _has_distances(older[-1], recipe, store)
             return job("stale", what_changed(older[-1], recipe), recipe, ranks_again=ranks_again)
@@ -239,7 +250,6 @@ def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bo
 
 def job_recipe(
     gallery: Gallery,
-    input_: Input,
     spec: MethodSpec,
     data: Mapping[str, Any],
     models: Mapping[str, Model],
@@ -250,10 +260,10 @@ def job_recipe(
 
     Parameters
     ----------
-    gallery, input_, spec, seed, scorer
+    gallery, spec, seed, scorer
         The job; without a scorer, by the default one.
     data
-        :func:`data_recipe` of gallery and input.
+        :func:`data_recipe` of the gallery and an input.
     models
         Trained model of each shape; empty for a method that does not learn.
     """
@@ -261,11 +271,10 @@ def job_recipe(
     recipe = {
         **data,
         "method": spec.base_name,
-        "input": input_,
         "parameters": spec.resolved_parameters(),
         "seed": seed,
         "scorer": recipes.scorer_recipe(scorer),
-        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), input_, spec, scorer),
+        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), data["input"], spec, scorer),
     }
     if gallery.table.split_size:
         recipe["split_size"] = gallery.table.split_size
@@ -275,14 +284,15 @@ def job_recipe(
 
 
 def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Digest of the shapes and their labels, and of the camera's frame for the view input."""
+    """Input, digest of the shapes and their labels, and of the camera's frame for the view input."""
     dataset = gallery.dataset
 
     def data(entry: Any) -> str:
         return str(recipes.source_recipe(dataset, entry)["data"])
 
     recipe: dict[str, Any] = {
-        "gallery": keys.digest([(entry.identifier, entry.subject, data(entry)) for entry in gallery.entries])
+        "input": input_,
+        "gallery": keys.digest([(entry.identifier, entry.subject, data(entry)) for entry in gallery.entries]),
     }
     if input_ == "view":
         frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]

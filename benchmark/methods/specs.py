@@ -128,7 +128,7 @@ class PluginSpec(Generic[Info, Made]):
             raise
         except (Exception, SystemExit) as error:
             raise ConfigurationError(
-                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"hint {place}"
+                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"repair {place}"
             ) from error
         if not isinstance(getattr(found, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
@@ -201,11 +201,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     def with_parameter(self, name: str, value: Any) -> MethodSpec:
         """Return the method with one more parameter."""
         return self.with_parameters({name: value})
-
-    def without_parameter(self, name: str) -> MethodSpec:
-        """Return the method with the default of one parameter."""
-        others = {key: value for key, value in self.parameters.items() if key != name}
-        return dataclasses.replace(self, parameters=others)
 
 
 @dataclass(frozen=True)

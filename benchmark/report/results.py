@@ -22,6 +22,7 @@ from benchmark.protocols.tables import TABLES
 from benchmark.storage import keys
 from benchmark.storage.records import Record, by_place, scorer_name
 from benchmark.storage.store import Store
+from benchmark.system.fingerprints import parse_cache
 from benchmark.system.plugins import is_imported
 
 __all__ = ["Result", "Results", "with_repeats"]
@@ -89,11 +90,12 @@ class Results:
             What :meth:`records` gave, for a caller that asks several times; None reads them anew.
         """
         chosen = []
-        for place, rivals in by_place(self.records() if records is None else records).items():
-            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
-                result = self._best(rivals)
-                if not (fresh and result.outdated):
-                    chosen.append(result)
+        with parse_cache():
+            for place, rivals in by_place(self.records() if records is None else records).items():
+                if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
+                    result = self._best(rivals)
+                    if not (fresh and result.outdated):
+                        chosen.append(result)
         return with_repeats(chosen)
 
     def records(self) -> list[Record]:

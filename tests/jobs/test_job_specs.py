@@ -12,7 +12,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, from_json, to_json
-from benchmark.jobs.plan import make_plan
+from benchmark.jobs.plan import JobSettings, make_plan
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
@@ -25,9 +25,8 @@ NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=cla
 
 @pytest.fixture
 def jobs(tmp_path):
-    plan = make_plan(
-        galleries((), ["animals"], None, quick=True), ["view"], select(NAMES, methods()), Store.open(tmp_path), 3
-    )
+    chosen = galleries((), ["animals"], None, quick=True)
+    plan = make_plan(chosen, ["view"], select(NAMES, methods()), Store.open(tmp_path), JobSettings(seed=3))
     return [job for job in plan if job.to_run]
 
 

@@ -32,7 +32,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs import recipes
 from benchmark.jobs.execution import gallery, runner
 from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
-from benchmark.jobs.plan import make_plan
+from benchmark.jobs.plan import JobSettings, make_plan
 from benchmark.jobs.rekey.sampling import decimated, make_small
 from benchmark.jobs.stages import distances, measures
 from benchmark.methods.registry import MethodSpec, methods, select
@@ -283,7 +283,7 @@ def _run(
     has_pairs = len(entries) == 2 * len({entry.subject for entry in entries})  # a split of lone shapes ranks nothing
     table = Table("traced", "Traced", dataset.name, all_unseen=False, split_size=2 if has_pairs else 0)
     gallery = Gallery(table, dataset.name, dataset, entries, data_root=root)
-    (job,) = make_plan([gallery], [input_], [spec], store, scorer=scorer)
+    (job,) = make_plan([gallery], [input_], [spec], store, JobSettings(scorer=scorer))
     if job.state != "missing":
         raise SystemExit(f"{job.name}: {job.state}, {job.reason}")
     runner.work(ShapeBatch((job,), job.identifiers), lambda *_: None)

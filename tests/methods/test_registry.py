@@ -178,8 +178,6 @@ def test_every_way_to_write_a_variant_is_one_method():
     again = registry.variant(spec.name, known)
     assert [registry.variant(f"least-squares-mds[{way}]", known) for way in ways] == [again] * len(ways)
     assert pickle.loads(pickle.dumps(again)) == again  # noqa: S301
-    assert again.without_parameter("start").with_parameter("start", "classic") == again
-    assert again.without_parameter("start").without_parameter("max_iterations") == known["least-squares-mds"]
 
 
 def test_a_number_is_written_by_what_it_is():

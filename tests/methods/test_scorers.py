@@ -128,5 +128,6 @@ def test_a_scorer_of_a_plugin_file_ranks_forms_and_leaves_descriptors_alone(plug
 def test_a_package_that_ends_its_import_is_named(tmp_path, monkeypatch, raised):
     (tmp_path / "ending_scorer.py").write_text(f"raise {raised}")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ConfigurationError, match="scorer 'mine' cannot be imported: .*no licence; hint ending_scorer"):
+    said = "scorer 'mine' cannot be imported: .*no licence; repair ending_scorer"
+    with pytest.raises(ConfigurationError, match=said):
         ScorerSpec("mine", "ending_scorer:Mine").load()

@@ -280,7 +280,7 @@ class _Tools:
             models = find_models(spec, gallery, self.models)
         except MissingModel:
             models, named = self._standing_in(spec, entries), {"models": dict(row.models)}
-        recipe = job_recipe(gallery, input_, spec, self._data[place], models, row.seed, scorer) | named
+        recipe = job_recipe(gallery, spec, self._data[place], models, row.seed, scorer) | named
         return Job(
             **description(gallery, input_, spec, scorer, models), key=digest(recipe), recipe=recipe, seed=row.seed,
             results=self.store.root.parent,
