@@ -6,27 +6,32 @@ import warnings
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+import numpy as np
+
 from baselines._kernels.checks import require_connected, require_pairs, require_vertices
 from baselines._kernels.handedness import side_notes
 from baselines._kernels.orientation import vertex_areas
 from baselines.classic_mds import oriented
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, Interval, MethodInfo, Shape
 
+MARGIN = 1e-6
+"""Share by which the radius is larger than the distance that it is made of."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ScikitLearnIsomap(CheckedParameters):
     """Isomap of the geodesic distances by ``sklearn.manifold.Isomap``.
 
-    Each vertex is joined with those that are nearest on the surface, distances are shortest paths over these joints,
-    and the form is their classic scaling. Where that leaves pieces, the nearest vertices of two are joined as well.
-    With all vertices as neighbours the form is that of the geodesic distances.
+    Vertices are joined up to the distance on the surface at which each has so many neighbours, distances are shortest
+    paths over these joints, and the form is their classic scaling. Where that leaves pieces, the nearest vertices of
+    two are joined as well. With all vertices as neighbours the form is that of the geodesic distances.
     Tenenbaum, de Silva and Langford (2000), "A global geometric framework for nonlinear dimensionality reduction";
     Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
 
     Parameters
     ----------
     neighbours
-        Vertices that each vertex is joined with. The default is twice the mean number of neighbours in a mesh.
+        Vertices that each vertex is joined with at least. The default is twice the mean number of neighbours in a mesh.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -56,12 +61,15 @@ class ScikitLearnIsomap(CheckedParameters):
         require_vertices(shape, self.neighbours + 1)
         require_connected(shape)
         require_pairs(shape)
+        distances = shape.geodesics(self.solver)
+        # One radius, with a margin: of neighbours that are equally far, rounding errors would choose some.
+        radius = (1 + MARGIN) * float(np.partition(distances, self.neighbours, axis=1)[:, self.neighbours].max())
         isomap = Isomap(
-            n_neighbors=self.neighbours, n_components=3, metric="precomputed", eigen_solver="dense", path_method="D"
+            n_neighbors=None, radius=radius, n_components=3, metric="precomputed", eigen_solver="dense", path_method="D"
         )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it joins what its neighbours leave apart, and says so at length
-            points = isomap.fit_transform(shape.geodesics(self.solver))
+            warnings.simplefilter("ignore")  # it joins what the radius leaves apart, and says so at length
+            points = isomap.fit_transform(distances)
         values = isomap.kernel_pca_.eigenvalues_
         points = oriented(shape.mesh, points, (values / values[0]).tolist())
         return shape.form(points, **side_notes(points, vertex_areas(shape.mesh)))
