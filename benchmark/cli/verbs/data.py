@@ -78,7 +78,7 @@ def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
 @click.option(
     "--layout",
     type=click.Choice(["shrec14", "tosca", "frames"]),
-    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of 'camera'.",
+    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of 'camera' and 'camera-few'.",
 )
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
 @plugin_option
@@ -87,7 +87,9 @@ def export(
     name: str, output: Path, layout: str | None, force: bool, plugins: tuple[Path, ...], data_root: Path | None
 ) -> None:
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
-    layout = layout or ("frames" if name == "camera" else None)
+    from benchmark.datasets.catalogue import FRAME_SETS
+
+    layout = layout or ("frames" if name in FRAME_SETS else None)
     if layout is None:
         raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
     count = _on_data(_exported, name, plugins, data_root, name, str(output), layout, force)
