@@ -78,7 +78,7 @@ def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
 @click.option(
     "--layout",
     type=click.Choice(["shrec14", "tosca", "frames"]),
-    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of 'camera' and 'camera-few'.",
+    help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera sets.",
 )
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
 @plugin_option
