@@ -31,7 +31,8 @@ class ScikitLearnIsomap(CheckedParameters):
     Parameters
     ----------
     neighbours
-        Vertices that each vertex is joined with at least. The default is twice the mean number of neighbours in a mesh.
+        Vertices that each vertex is joined with at least, or all of fewer. The default is twice the mean number of
+        neighbours in a mesh.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -53,17 +54,18 @@ class ScikitLearnIsomap(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has no more vertices than ``neighbours``, no face, or several pieces, or too many vertices for
-            the distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
+            distances of all pairs.
         """
         from sklearn.manifold import Isomap
 
-        require_vertices(shape, self.neighbours + 1)
+        require_vertices(shape)
         require_connected(shape)
         require_pairs(shape)
         distances = shape.geodesics(self.solver)
         # One radius, with a margin: of neighbours that are equally far, rounding errors would choose some.
-        radius = (1 + MARGIN) * float(np.partition(distances, self.neighbours, axis=1)[:, self.neighbours].max())
+        count = min(self.neighbours, len(distances) - 1)
+        radius = (1 + MARGIN) * float(np.partition(distances, count, axis=1)[:, count].max())
         isomap = Isomap(
             n_neighbors=None, radius=radius, n_components=3, metric="precomputed", eigen_solver="dense", path_method="D"
         )

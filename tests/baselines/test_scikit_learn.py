@@ -8,7 +8,6 @@ from baselines.least_squares_mds import LeastSquaresMDS
 from baselines.scikit_learn_classical_mds import ScikitLearnClassicalMDS
 from baselines.scikit_learn_isomap import ScikitLearnIsomap
 from baselines.scikit_learn_smacof import ScikitLearnSMACOF
-from benchmark.api.contracts import UnsupportedShape
 from tests.baselines.deformable import shape_of, sheet
 from tests.baselines.embedding import PointShape, assert_contract, brute_force_stress, limbed, sphere, spread
 
@@ -60,6 +59,7 @@ def test_contract(method):
     assert_contract(method(), limbed(200), atol=1e-4)
 
 
-def test_isomap_needs_more_vertices_than_neighbours():
-    with pytest.raises(UnsupportedShape, match="at least 301 vertices"):
-        ScikitLearnIsomap(neighbours=300).canonicalise(limbed(300))
+def test_of_few_vertices_isomap_joins_all():
+    shape = limbed(10)
+    form = ScikitLearnIsomap().canonicalise(shape)
+    np.testing.assert_allclose(form.vertices, ClassicMDS().canonicalise(shape).vertices, atol=1e-6)
