@@ -17,7 +17,7 @@ from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
 from benchmark.datasets.parts import Part
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, Perturbed, parsed, perturbed_name
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.system.plugins import unknown
 
@@ -191,7 +191,9 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
     if found := parsed(name):
-        return _perturbed(open_dataset(found[0], data_root), *found[1:])
+        from benchmark.datasets.perturbations.frames import perturbed
+
+        return perturbed(open_dataset(found[0], data_root), *found[1:])
     if is_own(name):
         return open_own(name)
     if not is_known(name) and is_path(name):
@@ -217,12 +219,9 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     return source.load(data_root or Path())
 
 
-def _perturbed(clean: Dataset, perturbation: str, strength: int) -> Dataset:
-    if PERTURBATIONS[perturbation].of_frames:
-        from benchmark.datasets.perturbations.frames import perturbed_frames
-
-        return perturbed_frames(clean, perturbation, strength)
-    return Perturbed(clean, perturbation, strength)
+def fitting_perturbations(name: str) -> list[str]:
+    """Return the perturbations that fit a data set: of depth frames those of frames, else all others."""
+    return [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:

@@ -11,8 +11,8 @@ from benchmark.api.learning import Learner, find_model
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.catalogue import (
     CATALOGUE,
-    FRAME_SETS,
     check_ranked,
+    fitting_perturbations,
     is_known,
     is_path,
     is_present,
@@ -303,7 +303,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
 
 def _conditions(name: str) -> list[str]:
     """A clean set, and the same set under each perturbation at each strength, by name or path."""
-    fitting = [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
+    fitting = fitting_perturbations(name)
     return [name, *(perturbed_name(name, each, strength) for each in fitting for strength in STRENGTHS)]
 
 

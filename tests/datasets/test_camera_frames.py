@@ -10,6 +10,7 @@ from benchmark.datasets.camera_frames import DISTANCES, HEIGHTS, WALLS, CameraFr
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.export import export_frames
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
+from benchmark.datasets.perturbations.overview import overview
 from benchmark.depth.frame import observe
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
@@ -95,6 +96,10 @@ def test_frames_have_perturbations_of_their_own():
     assert len(recipes) == len(known)
     seen = open_dataset("camera-few[occlusion=5]", None).load(entry)
     assert 0.3 < seen.area / clean.load(entry).area < 0.7
+    shown = overview(clean, entry.identifier)
+    assert {each.subject for each in shown.entries} == known
+    (boxed,) = (each for each in shown.entries if each.identifier == "occlusion=5")
+    np.testing.assert_array_equal(shown.load(boxed).vertices, seen.vertices)
     with pytest.raises(ConfigurationError, match="animals-few has no frames of a depth camera"):
         open_dataset("animals-few[occlusion=1]", None)
 

@@ -1,4 +1,4 @@
-"""Depth frames with a perturbation of some strength: ``camera-few[occlusion=3]``."""
+"""Data sets with a perturbation, which of depth frames is one of the camera: ``camera-few[occlusion=3]``."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ class PerturbedFrames(Perturbed):
         return replace(self.clean, **given).load(entry)
 
 
-def perturbed_frames(clean: Dataset, perturbation: str, strength: int) -> PerturbedFrames:
-    """Put a set of frames under a perturbation.
+def perturbed(clean: Dataset, perturbation: str, strength: int) -> Perturbed:
+    """Put a data set under a perturbation.
 
     Raises
     ------
     ConfigurationError
-        If the set has no frames.
+        If the perturbation is one of frames, and the set has none.
     """
+    if not PERTURBATIONS[perturbation].of_frames:
+        return Perturbed(clean, perturbation, strength)
     if isinstance(clean, CameraFrames):
         return PerturbedFrames(clean, perturbation, strength)
     raise ConfigurationError(

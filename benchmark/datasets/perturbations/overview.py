@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, Perturbed
+from benchmark.datasets.catalogue import fitting_perturbations
+from benchmark.datasets.perturbations.dataset import STRENGTHS, Perturbed
+from benchmark.datasets.perturbations.frames import perturbed
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
@@ -51,8 +53,8 @@ class Overview:
         """One for each perturbation and strength."""
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
-            for perturbation, known in PERTURBATIONS.items()
-            if perturbation != "scale" and bool(known.of_frames) == hasattr(self.clean, "faults")
+            for perturbation in fitting_perturbations(self.clean.name)
+            if perturbation != "scale"
             for strength in STRENGTHS
         )
 
@@ -74,7 +76,7 @@ class Overview:
 
     def _set_of(self, entry: Entry) -> Perturbed:
         perturbation, _, strength = entry.identifier.partition("=")
-        return Perturbed(self.clean, perturbation, int(strength))
+        return perturbed(self.clean, perturbation, int(strength))
 
 
 def overview(dataset: Dataset, identifier: str = "") -> Overview:
