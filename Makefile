@@ -4,6 +4,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip install --quiet
 READY  := $(VENV)/.ready
+# What makes the documentation site, on top of these.
+DOCUMENTED := $(VENV)/.documented
 # What runs need; the tools of developers come on top.
 RUNNABLE := $(VENV)/.runnable
 # Kernels are compiled again where a file of them is newer.
@@ -33,6 +35,11 @@ $(RUNNABLE): pyproject.toml constraints.txt
 $(READY): $(RUNNABLE)
 	@echo 'installing the tools of developers'
 	$(PIP) --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+$(DOCUMENTED): $(READY)
+	@echo 'installing what makes the documentation site'
+	$(PIP) --constraint constraints.txt --editable '.[docs]'
 	touch $@
 
 # Each kernel is compiled by one process, before several want it at once.
@@ -74,8 +81,7 @@ lint: setup
 	$(BIN)/mypy
 
 # The documentation site in build/site, without a network: docs/, the docstrings of what authors use, the published tables.
-docs: setup
-	$(PIP) --constraint constraints.txt --editable '.[docs]'
+docs: $(DOCUMENTED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 speed: setup
