@@ -28,7 +28,7 @@ def test_a_message_that_cannot_be_read_is_said_to_be_so(error):
 
 
 @pytest.mark.parametrize("given", [(5, None), (b"x", ["y"]), ("thin", "feed it")])
-def test_problem_and_mend_are_text_whatever_a_method_passes(given):
+def test_problem_and_hint_are_text_whatever_a_method_passes(given):
     error = BenchmarkError(*given)
     assert str(error) == "; ".join(str(part) for part in given if part is not None)
     assert (type(error.problem), type(error.hint)) == (str, str)

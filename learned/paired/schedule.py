@@ -17,7 +17,7 @@ from learned.training.machine import Precision
 DepthLoss = Literal["all", "masked"]
 
 LOOKS = 25
-"""How often the unseen pairs are looked at during a training."""
+"""Times that the unseen pairs are looked at during a training."""
 
 
 @dataclass(frozen=True, kw_only=True)

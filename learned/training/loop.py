@@ -32,7 +32,7 @@ ROW = 50
 """Steps of a row of the history; checkpoints are written between rows."""
 
 LOOKS = 20
-"""How often validation bodies are looked at during a training whose end is known."""
+"""Times that validation bodies are looked at during a training whose end is known."""
 
 LOOK_STEPS = 2000
 """Steps between two looks of one whose end is not."""
@@ -80,7 +80,7 @@ class Plan:
     precision: Precision = "auto"
 
     counted: ClassVar[str] = "step"
-    """What progress is counted in."""
+    """Unit in which progress is counted."""
 
     def __post_init__(self) -> None:
         """Raise ``ConfigurationError`` if the step size is to fall in two ways, or for longer than the training."""

@@ -291,7 +291,7 @@ def test_importing_and_listing_loads_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("package", ["anny", "torch"])
-def test_a_missing_package_says_how_to_mend_it(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_says_what_to_install(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DatasetError, match=f"package '{package}'.*pip install {package}"):
         humans._body.__wrapped__()

@@ -154,7 +154,7 @@ def test_triangles_that_overlap_in_edges_count_as_lost():
         prepare(book)
 
 
-def test_dirty_mesh_is_mended_and_the_report_says_how():
+def test_dirty_mesh_is_repaired_and_the_report_says_how():
     ball = sphere(3)
     soup = ball.vertices[ball.faces].reshape(-1, 3)
     n = len(soup)

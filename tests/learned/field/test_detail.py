@@ -33,7 +33,7 @@ def test_noise_of_predictions_goes_and_detail_stays():
     assert misfit(found, target) < 0.3 * misfit(noisy, target)
 
 
-def test_wrong_rotations_are_mended_by_rounds():
+def test_wrong_rotations_are_repaired_by_rounds():
     target = BODY.vertices @ TURN.T
     none = np.broadcast_to(np.eye(3), (BODY.n_vertices, 3, 3))
     misfits = [misfit(with_detail(REST, target, none, 0.3, rounds), target) for rounds in (0, 3, 20)]
