@@ -12,7 +12,7 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import FolderDataset, file_digest, is_there
 from benchmark.datasets.settings import read_settings
-from benchmark.depth.frame import FrameFiles, Up, checked_up
+from benchmark.depth.frame import FrameFiles, ObservedObject, Up, checked_up
 from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError, UnreadableMesh
@@ -60,7 +60,11 @@ class DepthFolder(FolderDataset):
 
     def load(self, entry: Entry) -> Mesh:
         """Return the surface behind the object; raises ``DepthError`` if the frame cannot be read or shows none."""
-        return self.files(entry).observe().surface
+        return self.observed(entry).surface
+
+    def observed(self, entry: Entry) -> ObservedObject:
+        """Return the object of a frame; raises ``DepthError`` if the frame cannot be read or shows none."""
+        return self.files(entry).observe()
 
     def recipe(self, entry: Entry) -> str:
         """Digests of image, mask and intrinsics, and what is said of them."""

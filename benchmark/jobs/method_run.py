@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from benchmark.api.contracts import Descriptor, Mesh, Method
 from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
+from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.foreign.specs import Foreign
 from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
@@ -111,7 +112,10 @@ class MethodRun:
         shape = form.form_mesh(answer.arrays, Mesh(arrays["vertices"], arrays["faces"]))
         recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
         found = self.store.get_or_compute(
-            recipe, lambda: attempted(lambda: features.extract(scorer, shape)), work="features", scratch=True
+            recipe,
+            lambda: attempted(lambda: features.extract(scorer, shape)),
+            work="features",
+            scratch=not isinstance(self.preparation.dataset, DepthFolder),  # 'retrieve' asks for those of frames
         )
         require_arrays(found)
         return ShapeResult(prepared, answer, found, said)
@@ -134,7 +138,8 @@ class MethodRun:
         """Return what was found of a shape with the signature of its form; raises ``ShapeError`` if it has none."""
         if found.features is not None:
             return found
-        signature = self.store.find(features_recipe(self.recipe(entry), self.scorer_spec), scratch=True)
+        recipe = features_recipe(self.recipe(entry), self.scorer_spec)
+        signature = self.store.find(recipe, scratch=True) or self.store.find(recipe)
         if signature is None:
             return self.treat(entry)
         require_arrays(signature)

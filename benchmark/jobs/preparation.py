@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
@@ -104,7 +105,16 @@ class Preparation:
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
             return complete(self.mesh(entry))
-        return seen(self.mesh(entry), self.dataset.camera(entry), self.half_width, sensor_of(self.dataset, entry))
+        source, noted = self._source(entry)
+        view = seen(source, self.dataset.camera(entry), self.half_width, sensor_of(self.dataset, entry))
+        return {**view, **noted}
+
+    def _source(self, entry: Entry) -> tuple[Mesh, Arrays]:
+        """The mesh of the data set, and what is noted of the depth image that it was found in."""
+        if not isinstance(self.dataset, DepthFolder):
+            return self.mesh(entry), {}
+        found = self.dataset.observed(entry)
+        return found.surface, {f"note:{name}": np.asarray(note) for name, note in found.notes.items()}
 
     @cached_property
     def _frame(self) -> Recipe:

@@ -13,6 +13,7 @@ from benchmark.cli.main import cli
 from benchmark.depth.errors import DepthError
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.geometry.io import read_mesh
+from benchmark.storage.store import Store
 from tests.datasets.test_depth_folder import write_frames
 from tests.depth.scenes import frame, in_millimetres
 
@@ -136,13 +137,17 @@ def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, 
     first = run(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
     assert "two/1" not in first, "the query is no result"
-    assert "0 signatures read, 3 made from their forms and kept" in first
-    second = run(*asked, "-k", 2)
-    assert "3 signatures read, " in second
-    assert second.splitlines()[:3] == first.splitlines()[:3]
+    assert "3 signatures read, " in first, "those of frames stay after a run"
+    other = (*asked, "--scorer", "cm-bof[image_size=128]", "-k", 2)
+    made, read = run(*other), run(*other)
+    assert "0 signatures read, 3 made from their forms and kept" in made
+    assert "3 signatures read, " in read
+    assert made.splitlines()[:3] == read.splitlines()[:3]
     distances = [float(line.split()[-1]) for line in first.splitlines()[1:4]]
     assert distances == sorted(distances)
     with Image.open(picture) as drawn:
         assert drawn.width > drawn.height
+    (noted,) = (each["notes"] for each in Store(results / "runs").records if each["method"] == "identity")
+    assert noted["mask"] == {"given": 4} and noted["up"] == {"floor": 4} and noted["object_pixels"]["mean"] > 1000
     described = run(*(word if word != "identity" else "surface-area" for word in asked))
     assert re.search(r"class (one|two), by a margin of", described)
