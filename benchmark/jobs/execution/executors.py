@@ -13,13 +13,13 @@ from benchmark.errors import BenchmarkError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.job_queue import JobQueue, record_of
 from benchmark.jobs.execution.runner import failure, keep, work
-from benchmark.jobs.execution.worker import UNWRITTEN, Status
+from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, LocalWorkerPool, PoolWorker, WorkerPool
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, Task, shape_batches
 from benchmark.jobs.plan import UNSAVED
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.workers import BY_HAND, ending
+from benchmark.system.workers import BY_HAND, UNWRITTEN, ending
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _MAX_RETRIES = 2
@@ -91,7 +91,8 @@ class SerialExecutor:
 class ProcessExecutor:
     """A few processes at a time, each for a batch of the shapes or one ranking.
 
-    A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process.
+    A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process. A job
+    in which a process crashed that did others, too, is first tried once more alone.
 
     Parameters
     ----------
@@ -281,6 +282,8 @@ class Run:
         elif -code in BY_HAND:
             said = "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
             self._killed(running, status, _MAX_RETRIES, said)
+        elif len(running.task.jobs) > 1 and status.job in self.queue.pending:  # what broke it may be another one
+            self.queue.set_apart(running.task, status.steps, status.job)
         else:
             job = self.queue.pending.get(status.job)
             more = "'check' shows more" if job and job.is_foreign else "run it with --executor serial to see more"
