@@ -34,7 +34,7 @@ _MAX_FAILED_STARTS = 6
 #: Seconds before the system is asked again for a process that it refused.
 _PATIENCE = 1.0
 
-#: Told the names of the running jobs, and how many shapes are done in all.
+#: Told what runs, jobs with the shapes that they are at, and how many shapes are done in all.
 Watch = Callable[[Sequence[str], int], None]
 
 
@@ -77,14 +77,19 @@ class SerialExecutor:
         done = 0
         to_do = [job for job in jobs if job.key not in Store.open(job.results).records]
         for batch in shape_batches(to_do, 1):
-            work(batch, lambda job, steps, shape="", done=done: watch([names[job]], done + steps))
+            work(batch, lambda job, steps, shape="", done=done: watch([_said(names[job], shape)], done + steps))
             done += len(batch.identifiers)
         for job in jobs:
             store = Store.open(job.results)
             if job.key not in store.records:
-                work(ScoringTask((job,)), lambda job, steps, shape="": watch([names[job]], done))
+                work(ScoringTask((job,)), lambda job, steps, shape="": watch([_said(names[job], shape)], done))
             yield job, record_of(job, store)
             self.claims.release(job.key)
+
+
+def _said(job: str, shape: str) -> str:
+    """Name of a job, and of the shape or the part of a ranking that it is at."""
+    return f"{job}, {shape}" if shape else job
 
 
 @dataclass(frozen=True)
@@ -314,7 +319,7 @@ class Run:
         for running in self.workers.running:
             status, is_ranking = running.worker.status, isinstance(running.task, ScoringTask)
             if job := self.queue.pending.get(status.job):
-                names.append(job.name + (f", {status.shape}" if status.shape and is_ranking else ""))
+                names.append(_said(job.name, status.shape))
             shapes += 0 if is_ranking else status.steps
         if not self.workers.running and self.workers.pool.waits_for:
             names = [self.workers.pool.waits_for]
