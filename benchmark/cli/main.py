@@ -102,9 +102,11 @@ def _exit_code(error: BaseException | None) -> int:
 
 def main() -> None:
     """Run the command line; problems that the user can correct are one line and exit code 2."""
+    from benchmark.system.kernel_cache import choose_kernel_cache
     from benchmark.threads import pin_threads
 
     pin_threads()
+    choose_kernel_cache()
     _open_streams()
     if (asked := completion.answer(cli)) is not None:
         sys.exit(asked)
@@ -131,7 +133,8 @@ def main() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
         sys.exit(NOT_LISTENED)
     except OSError as error:
-        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; make room or choose another place")
+        hint = "change its rights" if isinstance(error, PermissionError) else "make room"
+        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; {hint} or choose another place")
     except Exception as error:
         culprit = _plugin_in(error)
         if not culprit:
