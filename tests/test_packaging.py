@@ -102,5 +102,5 @@ def test_notebooks_run(path, tmp_path, monkeypatch):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), path.name, "exec"), names)  # noqa: S102
     assert set(names["records"]["status"]) == {"ok"}
-    assert names["records"].loc[names["keys"]["classic-mds"]]["NN"].item() > 0.9
+    assert names["records"].loc[names["keys"]["constrained-mds"]]["NN"].item() > 0.9
     assert len(names["forms"]) == 8
