@@ -1,3 +1,3 @@
 """The harness: what to run, running it, showing it."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

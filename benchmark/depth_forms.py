@@ -21,6 +21,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
 from benchmark.methods.output_checks import form_of
 from benchmark.methods.registry import methods, variant
+from benchmark.protocols.models import with_model
 
 __all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
@@ -108,7 +109,7 @@ def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
     spec = variant(name, methods(plugins))
     if missing := spec.missing_packages():
         raise ConfigurationError(f"method '{name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}")
-    maker = spec.create()
+    maker = with_model(spec)
     if not isinstance(maker, Method):
         raise ConfigurationError(f"method '{name}' describes shapes without a canonical form", "choose another method")
     if "view" not in spec.info.inputs:

@@ -131,9 +131,10 @@ def plain_form(source: Path, request: FormRequest, vertices: int | str | None = 
     from benchmark.jobs.preparation import shape_of
     from benchmark.jobs.stages.complete import complete
     from benchmark.jobs.stages.view import half_width_of, seen
+    from benchmark.protocols.models import with_model
 
     spec = variant(request.method, methods(request.plugins))
-    maker = spec.create()
+    maker = with_model(spec)
     if not isinstance(maker, Method):
         raise ConfigurationError(
             f"method '{request.method}' describes shapes without a canonical form", "choose another method"

@@ -113,13 +113,15 @@ def _data_of(table: Table, data_root: Path | None) -> str:
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
     from benchmark.api.learning import CARD, Learner, card_digest, read_card
+    from benchmark.protocols.model_places import MODELS_VARIABLE, model_places
     from benchmark.storage.store import Store
 
     folders = {Store(results / "runs").models: "trained here"}
     for spec in registry.methods().values():
         method = spec.create() if spec.learns else None
         if isinstance(method, Learner):
-            folders.setdefault(method.shipped_models, "shipped")
+            for folder in model_places(method):
+                folders.setdefault(folder, "shipped" if folder == method.shipped_models else MODELS_VARIABLE)
     rows = []
     for folder, origin in folders.items():
         for path in sorted(folder.glob(f"*/*/{CARD}")):

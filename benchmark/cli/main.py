@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
 import traceback
 from contextlib import suppress
+from types import FrameType
 from typing import NoReturn
 
 import click
 
 from benchmark import __version__
 from benchmark.cli import completion
-from benchmark.cli.options import INTERRUPTED, NOT_OK, OK, USAGE
+from benchmark.cli.options import INTERRUPTED, NOT_OK, OK, TERMINATED, USAGE
 from benchmark.cli.verbs.compilation import compile_
 from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
@@ -34,11 +36,16 @@ PROGRAM = "python -m benchmark"
 #: Exit code where whoever reads the output goes away, as shells tell of the signal for it.
 NOT_LISTENED = 141
 
-#: What is said of an interruption, by verb: what of the work is there when it is taken up again.
+#: What is said behind an interruption, by verb: what of the work is there when it is taken up again.
 KEPT = {
-    "run": "interrupted; finished jobs are kept, and of the others the shapes that were done: run again to go on",
-    "train": "interrupted; what the method has saved is kept: train again to go on",
+    "run": "; finished jobs are kept, and of the others the shapes that were done: run again to go on",
+    "train": "; what the method has saved is kept: train again to go on",
+    "merge": "; each record is whole or absent: merge again to go on",
 }
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody, or a queue system, ends the program by SIGTERM; all that heeds Ctrl-C heeds it."""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -65,6 +72,8 @@ def program() -> None:
     """Run the command line as a program of its own; threads and exit handlers of a plugin have no say in its end."""
     from benchmark.system import process_reaper
 
+    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         main()
     finally:
@@ -74,6 +83,11 @@ def program() -> None:
                 with suppress(OSError, ValueError):
                     stream.flush()
             os._exit(code)
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    signal.signal(number, signal.SIG_DFL)  # a second one ends it at once
+    raise Terminated
 
 
 def _exit_code(error: BaseException | None) -> int:
@@ -88,9 +102,11 @@ def _exit_code(error: BaseException | None) -> int:
 
 def main() -> None:
     """Run the command line; problems that the user can correct are one line and exit code 2."""
+    from benchmark.system.kernel_cache import choose_kernel_cache
     from benchmark.threads import pin_threads
 
     pin_threads()
+    choose_kernel_cache()
     _open_streams()
     if (asked := completion.answer(cli)) is not None:
         sys.exit(asked)
@@ -108,14 +124,17 @@ def main() -> None:
         _refuse(_usage(error))
     except BenchmarkError as error:
         _refuse(str(error))
+    except Terminated:
+        _refuse(f"terminated{KEPT.get(verb, '; each file is whole or absent')}", TERMINATED)
     except (click.Abort, KeyboardInterrupt):
-        _refuse(KEPT.get(verb, "interrupted"), INTERRUPTED)
+        _refuse(f"interrupted{KEPT.get(verb, '')}", INTERRUPTED)
     except BrokenPipeError:
         for number in (1, 2):  # what is left in their buffers goes nowhere, without a word
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
         sys.exit(NOT_LISTENED)
     except OSError as error:
-        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; make room or choose another place")
+        hint = "change its rights" if isinstance(error, PermissionError) else "make room"
+        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; {hint} or choose another place")
     except Exception as error:
         culprit = _plugin_in(error)
         if not culprit:
@@ -140,7 +159,7 @@ def _open_streams() -> None:
 def _refuse(problem: str, code: int = USAGE) -> NoReturn:
     """End with one line."""
     with suppress(OSError):
-        say(problem if code == INTERRUPTED else f"error: {problem}", err=True)
+        say(problem if code != USAGE else f"error: {problem}", err=True)
     sys.exit(code)
 
 

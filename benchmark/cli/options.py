@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
+OK, NOT_OK, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 
 #: Fewest vertices of a prepared mesh.
 FEWEST_VERTICES = 4

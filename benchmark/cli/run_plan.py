@@ -36,6 +36,9 @@ from retrieval.measures import PRINTED
 #: Seconds between two lines about progress where there is no terminal.
 _SILENCE = 15.0
 
+#: Seconds without a further shape after which what is waited for is named.
+_LONG = 10.0
+
 #: States of jobs that need nothing and are no failure.
 _FINE = ("cached", "unsupported")
 
@@ -134,7 +137,8 @@ class _Display:
         )  # fmt: skip
         self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
         self._task: TaskID = self._bar.add_task("starting", total=self._total)
-        self._begun = self._said = time.monotonic()
+        self._begun = self._said = self._moved = time.monotonic()
+        self._done = 0
 
     def __enter__(self) -> _Display:
         self._bar.start()
@@ -144,14 +148,17 @@ class _Display:
         self._bar.stop()
 
     def watch(self, names: Sequence[str], done: int) -> None:
-        """Show which jobs are at work, and how many shapes are done."""
+        """Show which jobs are at work, and how many shapes are done; where that stays the same, what is waited for."""
         self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
+        if done != self._done:
+            self._done, self._moved = done, now
         if self._bar.disable and now - self._said >= _SILENCE:
             self._said = now
+            waits = now - self._moved >= _LONG  # for one shape: an estimate by their number would be none
             left = f", about {(now - self._begun) * (self._total - done) / done:.0f} s left" if done else ""
-            at = f", {names[0]}" if names and (not done or done >= self._total) else ""
-            _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{left}{at}")
+            at = f", {names[0]}" if names and (waits or not done or done >= self._total) else ""
+            _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{'' if waits else left}{at}")
 
     def ended(self, job: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""

@@ -86,6 +86,11 @@ class JobSpec:
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
+    def file_sizes(self) -> Mapping[str, int]:
+        """Bytes of the files of its shapes, by identifier, where they are known: to whoever plans, not to a worker."""
+        return {}
+
+    @property
     def package(self) -> str:
         """Jobs of one package may share a process: all built-in methods of a package, or those of one plugin file."""
         packages = dict.fromkeys(_package(module) for module in (self.method.module, self.scorer.module))
@@ -162,7 +167,7 @@ def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:
 
     Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
     all methods. Batches are small enough for every worker to have several, and large enough for the start of a process
-    not to count.
+    not to count. Large files come first, each in a batch of its own: at the end, all would wait for the last of them.
 
     Parameters
     ----------
@@ -175,21 +180,34 @@ def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:
     for job in jobs:
         place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
         groups.setdefault(place, []).append(job)
-    found = []
-    for group in groups.values():
+    found: list[ShapeBatch] = []
+    large: dict[tuple[Any, ...], tuple[int, ShapeBatch]] = {}
+    for place, group in groups.items():
         if again := tuple(job for job in group if job.ranks_again):
             found.append(ShapeBatch(again, ()))
             group = [job for job in group if not job.ranks_again]
         identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
         if any(job.is_foreign for job in group):
             identifiers = shuffled(identifiers)  # galleries are sorted by class, which no method is to know
+        sizes = {identifier: size for job in group for identifier, size in job.file_sizes.items()}
+        for identifier in [each for each in identifiers if sizes.get(each, 0) > LARGE_FILE]:
+            shape = (*place[:3], identifier)
+            if shape not in large:  # what others of the same shape find prepared takes them no longer than any other
+                large[shape] = sizes[identifier], _batch(group, (identifier,))
+                identifiers.remove(identifier)
         size = min(LARGEST_BATCH, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
-        for start in range(0, len(identifiers), size):
-            chosen = tuple(identifiers[start : start + size])
-            wanted = set(chosen)
-            found.append(ShapeBatch(tuple(o for o in group if wanted & set(o.identifiers)), chosen))
-    return found
+        starts = range(0, len(identifiers), size)
+        found += [_batch(group, tuple(identifiers[start : start + size])) for start in starts]
+    return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + found
+
+
+def _batch(group: list[JobSpec], chosen: tuple[str, ...]) -> ShapeBatch:
+    wanted = set(chosen)
+    return ShapeBatch(tuple(job for job in group if wanted & set(job.identifiers)), chosen)
 
 
 #: Shapes in one batch.
 SMALLEST_SHARE, LARGEST_BATCH = 5, 40
+
+#: Bytes of a file beyond which preparing its shape takes longer than all else: some 100 000 vertices.
+LARGE_FILE = 2**23

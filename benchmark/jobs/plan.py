@@ -58,9 +58,22 @@ class Job(JobSpec):
     reason: str = "never run"
 
     @property
+    def file_sizes(self) -> Mapping[str, int]:
+        """See :class:`benchmark.jobs.job_specs.JobSpec`."""
+        return {entry.identifier: _size(entry.path) for entry in self.gallery.entries if entry.path is not None}
+
+    @property
     def to_run(self) -> bool:
         """Return whether a run would compute it."""
         return self.state in ("missing", "stale", "published")
+
+
+@cache
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 def description(

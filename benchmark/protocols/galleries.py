@@ -24,6 +24,7 @@ from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.methods.registry import MethodSpec
+from benchmark.protocols.model_places import model_places
 from benchmark.protocols.rows import (
     FURTHER_TRAININGS,
     ONLY_ABLATED,
@@ -150,7 +151,7 @@ class Gallery:
             trainings = trainings_by_shape(learner, clean_dataset(self.dataset), self.entries, self.data_root).values()
         except ConfigurationError:
             return False  # the row of the plain method says why
-        folders = [folder for folder in (trained_here, learner.shipped_models) if folder is not None]
+        folders = model_places(learner, trained_here)
         names = {training.name for training in trainings}
         return all(find_model(folders, name, learner.model_name) is not None for name in names)
 

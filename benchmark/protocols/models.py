@@ -16,10 +16,11 @@ from benchmark.datasets.jittered import clean_dataset, clean_name
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.model_places import model_places, where_else
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 from benchmark.system.text import say
 
-__all__ = ["MissingModel", "Model", "find_models"]
+__all__ = ["MissingModel", "Model", "find_models", "with_model"]
 
 
 class MissingModel(ConfigurationError):
@@ -97,19 +98,43 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
         return {}
     of_shape = trainings_by_shape(method, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
     needed = {training.name: training for training in of_shape.values()}
-    places = (trained_here, method.shipped_models)
+    places = model_places(method, trained_here)
     found = {name: _finished(places, name, method.model_name) for name in needed}
     missing = [name for name, folders in found.items() if not folders]
     if missing:
-        raise MissingModel(
-            f"needs the model{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
-            f"run `{_command(spec, missing)}`",
-        )
+        raise _missing(spec, method, missing)
     try:
         models = {name: _first_usable(spec, name, folders) for name, folders in found.items()}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.hint) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
+
+
+def with_model(spec: MethodSpec) -> Any:
+    """Return a method; a learner that names a model for where no table chooses one comes with it.
+
+    Raises
+    ------
+    MissingModel
+        If that model is not here.
+    ConfigurationError
+        If it cannot be used.
+    """
+    method: Any = spec.create()
+    wanted = getattr(method, "model_folder", None)
+    if not isinstance(method, Learner) or not isinstance(wanted, Path):
+        return method
+    found = find_model(model_places(method), wanted.parent.name, wanted.name)
+    if found is None:
+        raise _missing(spec, method, [wanted.parent.name])
+    return method if found == wanted else method.load(found)
+
+
+def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> MissingModel:
+    return MissingModel(
+        f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}",
+        f"run `{_command(spec, names)}`{where_else(learner)}",
+    )
 
 
 def _finished(places: Iterable[Path], data_name: str, model_name: str) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -80,6 +81,8 @@ class Records:
 
     def __iter__(self) -> Iterator[Record]:
         """All records, oldest first; the same order wherever the files lie."""
+        if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
+            self.skipped["."] = "this user may not read it"
         found = [record for path in self.folder.glob("*.json") if (record := self._read(path))]
         return iter(sorted(found, key=lambda record: (str(record.get("finished", "")), record["key"])))
 
@@ -87,7 +90,11 @@ class Records:
         """A line for each file that was skipped and has not been told before."""
         found = [name for name in sorted(self.skipped) if name not in self._told]
         self._told.update(found)
-        lines = [f"skipped {self.folder / name}: {self.skipped[name]}; {_HINT}" for name in found[:MOST_TOLD]]
+        hints = {".": "change its rights"}
+        lines = [
+            f"skipped {self.folder / name}: {self.skipped[name]}; {hints.get(name, _HINT)}"
+            for name in found[:MOST_TOLD]
+        ]
         further = len(found) - len(lines)
         return lines + ([f"skipped {further} further files in {self.folder}; {_HINT}"] if further else [])
 

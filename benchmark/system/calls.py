@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.system.files import write_text
-from benchmark.system.workers import BY_HAND, Worker, ending, memory_per_worker
+from benchmark.system.workers import BY_HAND, UNWRITTEN, Worker, ending, memory_per_worker
 
 #: Seconds between two looks at what is said.
 _INTERVAL = 0.1
@@ -133,6 +134,11 @@ def _told(path: Path, code: int, guard: Guard) -> Any:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
+        if code == UNWRITTEN:
+            raise BrokenCall(
+                f"the answer of {guard.what} could not be written to {path.parent.parent}",
+                "make room there, raise the limit on the size of files (ulimit -f), or name another folder by TMPDIR",
+            ) from None
         kind = KilledCall if -code in BY_HAND else BrokenCall
         raise kind(f"{guard.what} ended its process ({ending(code)})", guard.hint) from None
     if "answer" in found:
@@ -155,7 +161,10 @@ def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], folder: Pa
         content = json.dumps({"raised": "MemoryError: out of memory"})
     except BaseException as error:  # also what ends a program: it is told like everything else
         content = json.dumps({"raised": one_line(error)})
-    write_text(folder / _ANSWER, content)
+    try:
+        write_text(folder / _ANSWER, content)
+    except OSError:  # a full disk, or a limit on the size of files
+        os._exit(UNWRITTEN)
 
 
 def _say(lines: Any, text: str) -> None:

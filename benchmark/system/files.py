@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 _SUFFIX = ".tmp"
+
+#: Seconds after which nobody is at a temporary file any more, though a process has the number of its writer again.
+_LONGEST = 3600.0
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
@@ -55,11 +59,18 @@ def write_text(path: Path, text: str, *, durable: bool = False) -> None:
 
 
 def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:
-    """Temporary files in a folder, and in those below it, whose writers are no longer alive."""
+    """Temporary files in a folder, and in those below it, whose writers are no longer alive, or an hour old."""
     for path in (folder.rglob if deep else folder.glob)(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
-        if writer.isdecimal() and not is_alive(int(writer)):
+        if writer.isdecimal() and (not is_alive(int(writer)) or _is_old(path)):
             yield path
+
+
+def _is_old(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime > _LONGEST
+    except OSError:
+        return False  # it has just got its name
 
 
 def sweep(folder: Path, *, deep: bool = True) -> int:

@@ -30,15 +30,16 @@ _ROUNDS = 20
 def token() -> str:
     """First part of the marks of all workers of this program, for which a reaper is watching from now on."""
     made = secrets.token_hex(16)
-    _REAPERS.append(
-        subprocess.Popen(
-            [sys.executable, "-P", __file__, made],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # what ends the program must not end its reaper
-        )
+    read, _write = os.pipe()  # which stays open for as long as this process lives
+    reaper = subprocess.Popen(
+        [sys.executable, "-P", __file__, made],
+        stdin=read,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # what ends the program must not end its reaper
     )
+    os.close(read)
+    reaper.returncode = 0  # it outlives this process, which is no oversight to be warned of
     return made
 
 
@@ -52,10 +53,6 @@ def adopt() -> None:
     """Mark this process, so that whatever foreign code starts here ends with it; a worker bears a mark already."""
     if multiprocessing.parent_process() is None:
         os.environ[MARK] = f"{token()}-here-"
-
-
-#: Kept so that the pipe stays open for as long as this process lives.
-_REAPERS: list[subprocess.Popen[bytes]] = []
 
 
 def kill_marked(mark: str) -> None:

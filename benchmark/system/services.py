@@ -16,6 +16,7 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.system.arrays import Arrays, packed, unpacked
+from benchmark.system.leavings import Leavings
 from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import GRACE, Worker, end_like
 
@@ -30,6 +31,9 @@ _QUESTION = "question"
 
 #: Entries that stand in place of an answer: an error of ours, or line and traceback of any other.
 _ERROR, _RAISED = "error", "raised"
+
+#: Entry of an answer: whether its work has left threads or processes that are still there.
+_LEFT = "left"
 
 _running: list[Service] = []
 _trace_file: Path | None = None
@@ -67,6 +71,9 @@ class Service:
         If the system starts no further process.
     """
 
+    #: Whether the latest work has left threads or processes that are still there.
+    is_occupied = False
+
     def __init__(self, serve: Serve) -> None:
         self._ours, theirs = Pipe()
         with theirs:
@@ -103,6 +110,7 @@ class Service:
                 self._ours.send_bytes(packed(answer(told[_QUESTION]), {}))
         except Exception:  # whatever is at the other end
             end_like(self._ended())
+        self.is_occupied = bool(told.pop(_LEFT, False))
         if _ERROR in told:
             raise from_facts(told[_ERROR])
         if _RAISED in told:
@@ -151,7 +159,7 @@ def _pass_on(number: int) -> None:
 
 
 def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -> None:
-    """Answer requests until there are no more, in the process."""
+    """Answer requests until there are no more, in the process; no work has its timers and signals from another."""
     os.environ.pop(DATA_VARIABLE, None)  # where the data lies is none of its business
     if trace_file is not None:
         with suppress(OSError):
@@ -166,7 +174,9 @@ def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -
     with suppress(EOFError):
         while True:
             facts, arrays = unpacked(connection.recv_bytes())
-            connection.send_bytes(packed(*_tried(serve, facts, arrays, ask)))
+            leavings = Leavings()
+            told, found = _tried(serve, facts, arrays, ask)
+            connection.send_bytes(packed({**told, _LEFT: leavings.clear()}, found))
 
 
 def _tried(serve: Serve, facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:

@@ -30,6 +30,9 @@ GRACE = 5.0
 #: Share of the machine's memory that all workers together may take.
 MEMORY_SHARE = 0.85
 
+#: Exit code of a process that could not write what it had to: by custom, an error of input or output.
+UNWRITTEN = 74
+
 #: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
 BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
@@ -154,10 +157,12 @@ def _main(
     sys.unraisablehook = _say_what_nobody_hears
     try:
         task(*arguments)
-    except BaseException as error:  # what a method has done to this process may break anything
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        _complain(f"a process ends: {one_line(error)} (at {place.filename}, line {place.lineno})")
-        os._exit(1)
+    except BaseException as error:
+        try:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            _complain(f"a process ends: {one_line(error)} (at {place.filename}, line {place.lineno})")
+        finally:  # what a method has done to this process may break anything, words first
+            os._exit(1)
     for written in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             written.flush()

@@ -55,6 +55,15 @@ def refused(done):
     return line
 
 
+def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
+    def denied(store):
+        raise PermissionError(13, "Permission denied", "runs/claims")
+
+    monkeypatch.setattr("benchmark.jobs.execution.claims.Claims.of", denied)
+    said = refused(call("prune", "--results", tmp_path / "results"))
+    assert said == "error: runs/claims: Permission denied; change its rights or choose another place"
+
+
 # Arguments -----------------------------------------------------------------------------------------------------------
 
 LONG = "x" * 5000

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -50,6 +51,19 @@ def picky(shape):
     width, depth, height = np.ptp(shape.mesh.vertices, axis=0)
     if height > width and height > 2 * depth:  # the thin rod that is bent the most
         raise UnsupportedShape("too thin", "feed it")
+    return shape.mesh.vertices
+
+
+@canonical_form(name="leaves-an-alarm", title="Leaves an alarm")
+def leaves_an_alarm(shape):
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="leaves-a-thread", title="Leaves a thread")
+def leaves_a_thread(shape):
+    note("leaves-a-thread", os.getpid())
+    threading.Thread(target=time.sleep, args=(600,)).start()
     return shape.mesh.vertices
 
 

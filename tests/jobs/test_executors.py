@@ -32,6 +32,8 @@ STATUSES = {
     "exit-three": "crashed",
     "bug": "failed",
     "picky": "ok",
+    "leaves-an-alarm": "ok",
+    "leaves-a-thread": "ok",
 }
 
 
@@ -316,6 +318,15 @@ def test_every_shape_of_every_job_is_in_one_share(tmp_path):
             assert found == identifiers
         assert all(len(batch.identifiers) <= LARGEST_BATCH for batch in cut)
         assert all(len({job.dataset for job in batch.jobs}) == 1 for batch in cut)
+
+
+def test_large_files_come_first_each_in_a_batch_of_its_own(tmp_path):
+    class Planned(JobSpec):
+        file_sizes = {"a": 2**20, "b": 2**24, "d": 2**26}  # noqa: RUF012
+
+    made = [Planned(**vars(job)) for job in orders(tmp_path, ("identity", "pca", "learned"), identifiers="abcd")]
+    found = [(batch.identifiers, len(batch.jobs)) for batch in shape_batches(made, 1)]
+    assert found == [(("d",), 1), (("b",), 1), (("a", "c"), 1), (("a", "b", "c", "d"), 2)]
 
 
 def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path):

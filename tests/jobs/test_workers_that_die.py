@@ -94,6 +94,8 @@ ALL_OK = {"surface-area": "ok", "identity": "ok"}
         (BORN_DEAD,) * 5,
         (KILLED,),
         (KILLED, BORN_DEAD, BORN_DEAD),
+        (CRASHED,),
+        (DONE, (Status(FIRST), -signal.SIGSEGV)),
         ((Status(FIRST, 1, "b"), -signal.SIGTERM),),
         (DIED_AFTERWARDS,),
         (OSError(11, "Resource temporarily unavailable"),) * 5,
@@ -121,7 +123,7 @@ def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_
 @pytest.mark.parametrize(
     ("script", "status", "reason"),
     [
-        ((CRASHED,), "crashed", "b: the process ended with SIGSEGV; run it with --executor serial"),
+        ((CRASHED, CRASHED), "crashed", "b: the process ended with SIGSEGV; run it with --executor serial"),
         ((KILLED, KILLED), "killed", "b: the process was killed twice"),
     ],
 )

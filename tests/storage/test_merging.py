@@ -1,5 +1,10 @@
 """Records of several machines in one folder, and those that travel with the suite."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
@@ -102,6 +107,37 @@ def test_the_verb_joins_folders_and_shows_conflicts(tmp_path):
     assert "here, NN 0.750" in done.output
     again = CliRunner().invoke(cli, ["merge", folders[0], "--results", str(tmp_path / "all")])
     assert (again.exit_code, again.stdout) == (0, "0 records added, 2 known, 0 conflicts\n")
+
+
+TERMINATED = """
+import os, signal, sys
+from benchmark.cli.main import program
+
+os.fsync = lambda file: os.kill(os.getpid(), signal.{name})
+sys.argv[1:] = ["merge", "a", "--results", "all"]
+program()
+"""
+
+
+def test_a_merge_that_is_killed_or_terminated_says_so_and_another_one_clears_up(tmp_path):
+    Records(tmp_path / "a" / "runs" / "records").write(record())
+    there = tmp_path / "all" / "runs" / "records"
+
+    def ended_by(name):
+        return subprocess.run(
+            [sys.executable, "-c", TERMINATED.format(name=name)], cwd=tmp_path, capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}, check=False,
+        )  # fmt: skip
+
+    done = ended_by("SIGTERM")
+    assert done.returncode == 143
+    assert done.stderr == "terminated; each record is whole or absent: merge again to go on\n"
+    assert list(there.iterdir()) == []
+    assert ended_by("SIGKILL").returncode == -9
+    assert [path.suffix for path in there.iterdir()] == [".tmp"]
+    again = CliRunner().invoke(cli, ["merge", str(tmp_path / "a"), "--results", str(tmp_path / "all")])
+    assert again.stdout == "1 records added, 0 known, 0 conflicts\n"
+    assert [path.stem for path in there.iterdir()] == [record()["key"]]
 
 
 def test_the_verb_publishes(tmp_path):

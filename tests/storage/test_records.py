@@ -249,3 +249,10 @@ def test_records_of_one_place_share_gallery_input_method_and_seed():
     old, new = record(code="1"), record(code="2")
     assert old["key"] != new["key"]
     assert list(by_place([old, new, record("pca")]).values()) == [[old, new], [record("pca")]]
+
+
+def test_a_folder_that_this_user_may_not_read_is_named(records, monkeypatch):
+    records.write(GOOD)
+    monkeypatch.setattr("os.access", lambda path, mode: path != records.folder)
+    list(records)
+    assert records.news() == [f"skipped {records.folder}: this user may not read it; change its rights"]

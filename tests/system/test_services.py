@@ -1,9 +1,11 @@
 """Processes that answer requests: what they return and raise, what they ask, and what their end does."""
 
+import faulthandler
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import UserDict
 
@@ -32,6 +34,18 @@ def serve(facts, arrays, ask):
             return {"data": os.environ.get(DATA_VARIABLE, "")}, {}
         case "refuse":
             raise _TooThin("too thin", "feed it")
+        case "set an alarm":
+            signal.signal(signal.SIGALRM, lambda number, frame: os._exit(4))
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            signal.setitimer(signal.ITIMER_REAL, 0.2)
+            faulthandler.dump_traceback_later(0.2, exit=True)
+        case "wait":
+            time.sleep(0.5)
+            return {"defaults": [signal.getsignal(n) == signal.SIG_DFL for n in (signal.SIGALRM, signal.SIGTERM)]}, {}
+        case "start a thread":
+            threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+        case "start a child":
+            subprocess.Popen(["sleep", "600"])
         case "fail":
             raise ZeroDivisionError("by hand")
         case "leave":
@@ -83,6 +97,22 @@ def test_what_it_raises_is_raised_here(service):
         service.request({"work": "leave"}, {})
     with pytest.raises(MemoryError):
         service.request({"work": "run out"}, {})
+
+
+def test_timers_and_handlers_of_one_work_are_gone_before_the_next(service):
+    service.request({"work": "set an alarm"}, {})
+    told, _ = service.request({"work": "wait"}, {})
+    assert told == {"defaults": [True, True]}
+
+
+@pytest.mark.parametrize("work", ["start a thread", "start a child"])
+def test_it_says_what_has_left_threads_or_processes(work, service):
+    service.request({"work": "wait"}, {})
+    assert not service.is_occupied
+    service.request({"work": work}, {})
+    assert service.is_occupied
+    service.request({"work": "ask"}, {})
+    assert not service.is_occupied  # they are those of the work before
 
 
 @pytest.mark.parametrize(("work", "code"), [("crash", -signal.SIGSEGV), ("exit", 3)])

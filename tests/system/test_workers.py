@@ -1,8 +1,10 @@
 """A process for one task: it ends with its task, whatever that leaves, and takes along what it has started."""
 
 import atexit
+import builtins
 import ctypes
 import os
+import resource
 import subprocess
 import sys
 import threading
@@ -12,7 +14,7 @@ from multiprocessing.connection import wait
 import psutil
 import pytest
 
-from benchmark.system.calls import Guard, call_apart
+from benchmark.system.calls import BrokenCall, Guard, call_apart
 from benchmark.system.workers import Worker
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
@@ -32,6 +34,16 @@ def leaves_a_handler_that_crashes():
 
 def ends_in_the_middle():
     os._exit(0)
+
+
+def breaks_what_all_rely_on():
+    builtins.isinstance = None
+    raise ValueError("by hand")
+
+
+def fills_a_limit():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+    return "x" * 5000
 
 
 def nothing():
@@ -67,6 +79,25 @@ def test_what_it_started_ends_with_it(tmp_path):
     worker.end()
     wait_until(lambda: not any(map(is_alive, children)))
     assert [child for child in children if is_alive(child)] == []
+
+
+def test_one_that_can_say_nothing_ends_without_a_traceback(capfd):
+    worker = Worker(breaks_what_all_rely_on)
+    assert wait([worker.sentinel], timeout=30)
+    wait_until(lambda: worker.exit_code is not None)
+    assert worker.exit_code == 1
+    assert capfd.readouterr().err == ""
+
+
+def test_an_answer_that_cannot_be_written_is_no_fault_of_the_function():
+    with pytest.raises(BrokenCall, match=r"the answer of this could not be written to .*; make room there, raise the"):
+        call_apart(fills_a_limit, guard=Guard("this", "correct it"))
+
+
+def test_a_program_that_is_watched_ends_without_a_warning():
+    program = "from benchmark.system import process_reaper; process_reaper.token()"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
 
 
 def wait_until(condition):

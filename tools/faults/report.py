@@ -57,6 +57,25 @@ round is part of the tests, one of half a minute of the slow ones. It needs Linu
 Commands are forked from a process that has imported the suite already, and read its sources, for that takes longer than
 most of them; workers start as always.
 
+## Found by hand
+
+Each was wrong once and has a test:
+
+- a method that leaves a timer, a handler or `faulthandler` armed: all is cleared before the next method of its file;
+  one that leaves threads or children keeps its process for itself (`tests/system/test_services.py`);
+- a crash in a process that others used: the job is tried once more alone (`tests/jobs/test_workers_that_die.py`);
+- a method that replaces `isinstance`, `ulimit -f`, `PYTHONWARNINGS=error` (`tests/system/test_workers.py`);
+- `merge` killed or terminated; a leftover whose writer's number another process has (`tests/storage/test_merging.py`,
+  `tests/system/test_files.py`);
+- one mesh of 655 362 vertices among eight small ones: begun first, and named while it is waited for
+  (`tests/jobs/test_executors.py`, `tests/cli/test_progress.py`);
+- a user who is not root, without a home that can be written, or with a folder of records that cannot be read
+  (`tests/system/test_kernel_cache.py`, `tests/storage/test_records.py`);
+- a `report` that was killed before its first page stood in the way of the next (`tests/report/html/test_site.py`).
+
+Tried and as it should be: `prune` killed between two files; 3000 meshes of four vertices; NPZ files that unfold to 12
+GB, claim 200 000 x 200 000 numbers, hold pickles or 50 000 arrays, as depth images and as artefacts.
+
 ## Latest report
 
 The latest try of each case. `--publish` keeps each as soon as it has ended, and with `--rest` a program that was

@@ -43,7 +43,7 @@ _SHORTEST_KEY = 6
 def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
     """Join the records of several results folders into one; exit 1 if two machines contradict each other."""
     from benchmark.storage.merging import merge_records, publish, records_under, told
-    from benchmark.storage.store import Store
+    from benchmark.storage.store import Store, sweep_leftovers
 
     stores = [Store(folder / "runs") for folder in folders]
     try:
@@ -51,6 +51,7 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
     finally:
         name_skipped(*stores)
     store = Store.open(results)
+    sweep_leftovers(store)
     merged = publish(found, store.published) if published else merge_records(found, store.records)
     name_skipped(store)
     for there, other in merged.conflicts:

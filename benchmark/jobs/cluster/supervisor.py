@@ -20,6 +20,7 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.jobs.cluster.dask_worker import SAME_SUITE
+from benchmark.system.kernel_cache import choose_kernel_cache
 from benchmark.threads import pin_threads
 
 #: Seconds between two looks at the work.
@@ -117,6 +118,7 @@ def _is_shared(marker: Path, written: str) -> bool:
 def main() -> None:
     """Do what the first line of the input says."""
     pin_threads()
+    choose_kernel_cache()
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as channel:
         os.dup2(2, 1)  # what methods print goes to the log of the dask worker, not into the answer
         if line := sys.stdin.readline():

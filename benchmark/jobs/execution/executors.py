@@ -13,13 +13,13 @@ from benchmark.errors import BenchmarkError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.job_queue import JobQueue, record_of
 from benchmark.jobs.execution.runner import failure, keep, work
-from benchmark.jobs.execution.worker import UNWRITTEN, Status
+from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, LocalWorkerPool, PoolWorker, WorkerPool
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, Task, shape_batches
 from benchmark.jobs.plan import UNSAVED
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.workers import BY_HAND, ending
+from benchmark.system.workers import BY_HAND, UNWRITTEN, ending
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _MAX_RETRIES = 2
@@ -34,7 +34,7 @@ _MAX_FAILED_STARTS = 6
 #: Seconds before the system is asked again for a process that it refused.
 _PATIENCE = 1.0
 
-#: Told the names of the running jobs, and how many shapes are done in all.
+#: Told what runs, jobs with the shapes that they are at, and how many shapes are done in all.
 Watch = Callable[[Sequence[str], int], None]
 
 
@@ -77,21 +77,27 @@ class SerialExecutor:
         done = 0
         to_do = [job for job in jobs if job.key not in Store.open(job.results).records]
         for batch in shape_batches(to_do, 1):
-            work(batch, lambda job, steps, shape="", done=done: watch([names[job]], done + steps))
+            work(batch, lambda job, steps, shape="", done=done: watch([_said(names[job], shape)], done + steps))
             done += len(batch.identifiers)
         for job in jobs:
             store = Store.open(job.results)
             if job.key not in store.records:
-                work(ScoringTask((job,)), lambda job, steps, shape="": watch([names[job]], done))
+                work(ScoringTask((job,)), lambda job, steps, shape="": watch([_said(names[job], shape)], done))
             yield job, record_of(job, store)
             self.claims.release(job.key)
+
+
+def _said(job: str, shape: str) -> str:
+    """Name of a job, and of the shape or the part of a ranking that it is at."""
+    return f"{job}, {shape}" if shape else job
 
 
 @dataclass(frozen=True)
 class ProcessExecutor:
     """A few processes at a time, each for a batch of the shapes or one ranking.
 
-    A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process.
+    A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process. A job
+    in which a process crashed that did others, too, is first tried once more alone.
 
     Parameters
     ----------
@@ -281,6 +287,8 @@ class Run:
         elif -code in BY_HAND:
             said = "the process was killed twice, by somebody or for its memory; run it alone with -j 1, or --retry it"
             self._killed(running, status, _MAX_RETRIES, said)
+        elif len(running.task.jobs) > 1 and status.job in self.queue.pending:  # what broke it may be another one
+            self.queue.set_apart(running.task, status.steps, status.job)
         else:
             job = self.queue.pending.get(status.job)
             more = "'check' shows more" if job and job.is_foreign else "run it with --executor serial to see more"
@@ -311,7 +319,7 @@ class Run:
         for running in self.workers.running:
             status, is_ranking = running.worker.status, isinstance(running.task, ScoringTask)
             if job := self.queue.pending.get(status.job):
-                names.append(job.name + (f", {status.shape}" if status.shape and is_ranking else ""))
+                names.append(_said(job.name, status.shape))
             shapes += 0 if is_ranking else status.steps
         if not self.workers.running and self.workers.pool.waits_for:
             names = [self.workers.pool.waits_for]

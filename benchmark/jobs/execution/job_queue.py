@@ -38,13 +38,16 @@ class JobQueue:
         self._batches: deque[ShapeBatch] = deque()
         self._open_batches: Counter[str] = Counter()
         self._to_rank: list[JobSpec] = []
+        self._alone: deque[Task] = deque()
         self._cut(self.pending.values(), workers)
 
     def __bool__(self) -> bool:
-        return bool(self._batches or self._to_rank or self.elsewhere)
+        return bool(self._batches or self._to_rank or self._alone or self.elsewhere)
 
     def take(self, free: int) -> Task | None:
         """Return a task for one of the free workers: jobs to rank, else a batch of shapes; None if nothing is ready."""
+        if self._alone:
+            return self._alone.popleft()
         count = -(-len(self._to_rank) // free)  # shared among them: starting a process for each would take longer
         if count:
             chosen, self._to_rank = self._to_rank[:count], self._to_rank[count:]
@@ -86,6 +89,18 @@ class JobQueue:
             if self._open_batches[job.key] == 0 and job.key not in self._store.records:
                 self._to_rank.append(job)
 
+    def set_apart(self, task: Task, shapes_done: int, key: str) -> None:
+        """Let a task wait again that no worker has finished, and one of its jobs for a process of its own."""
+        alone = tuple(job for job in task.jobs if job.key == key)
+        if isinstance(task, ScoringTask):
+            self._alone.append(replace(task, jobs=alone))
+        else:
+            left = task.identifiers[shapes_done:]
+            self._alone.append(replace(task, jobs=alone, identifiers=left))
+            self._open_batches[key] += 1
+            self.shapes_done -= len(left)  # they are counted with the others of the task
+        self.put_back(task, shapes_done, without=key)
+
     def finish(self, task: Task) -> None:
         """Take note that a worker has finished a task."""
         if isinstance(task, ShapeBatch):
@@ -103,6 +118,7 @@ class JobQueue:
     def ended(self, busy: Collection[str]) -> Iterator[tuple[JobSpec, Record]]:
         """Hand on the records of the jobs that have ended, without those whose keys a worker is busy with."""
         waiting = {*busy, *self.elsewhere, *(job.key for job in self._to_rank)}
+        waiting |= {job.key for task in self._alone for job in task.jobs}
         for key, job in list(self.pending.items()):
             is_treated = self._open_batches[key] == 0
             if key in self._store.records and (is_treated or key not in busy):

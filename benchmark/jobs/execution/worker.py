@@ -14,10 +14,7 @@ from pathlib import Path
 from benchmark.jobs.job_specs import from_json
 from benchmark.storage.store import StorageError
 from benchmark.system import fingerprints, plugins, services
-from benchmark.system.workers import Worker
-
-#: Exit code of a process that could not write into the results folder: by custom, an error of input or output.
-UNWRITTEN = 74
+from benchmark.system.workers import UNWRITTEN, Worker
 
 #: Seconds that a process has to write down where it is before it is stopped.
 _LAST_WORDS = 0.3

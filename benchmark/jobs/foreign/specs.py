@@ -110,10 +110,9 @@ def kept_apart(spec: S) -> S:
     return cast(S, kind(spec.base_name, spec.target, named=spec.named, spelling=spec.name))
 
 
-@cache
-def _service(kind: str, module: str) -> Service:
-    """The process of the methods, or of the scorers, of a plugin."""
-    return Service(serve)
+#: Processes of the methods, or of the scorers, of a plugin: one for all, and one for each that leaves threads or
+#: processes behind.
+_services: dict[tuple[str, ...], Service] = {}
 
 
 @cache
@@ -137,8 +136,17 @@ class _Remote:
             seed_sequence: Any = shape.random(str(asked["purpose"])).bit_generator.seed_seq
             return {"entropy": seed_sequence.entropy}
 
-        service = _service(self.facts["kind"], self.facts["target"].rpartition(":")[0])
-        return service.request({"work": work, **self.facts, **facts}, arrays, answer)
+        shared = (self.facts["kind"], self.facts["target"].rpartition(":")[0])
+        own = (*shared, self.facts["base_name"])
+        place = own if own in _services else shared
+        if place not in _services:
+            _services[place] = Service(serve)
+        service = _services[place]
+        try:
+            return service.request({"work": work, **self.facts, **facts}, arrays, answer)
+        finally:
+            if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
+                _services[own] = _services.pop(shared)
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,9 @@ class Folder:
         """
         if (self.root / CONTENTS).is_file():
             return
+        sweep(self.root / "parts")
+        with contextlib.suppress(OSError):
+            (self.root / "parts").rmdir()  # of a report that was killed before it wrote anything
         if not self.force and (found := next((name for name in names if (self.root / name).exists()), "")):
             raise ConfigurationError(
                 f"{self.root / found} is not of a report",

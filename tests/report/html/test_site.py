@@ -172,6 +172,15 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
     assert outside.read_text() == "kept"
 
 
+def test_a_report_that_was_killed_at_once_is_none_that_stands_in_the_way(tmp_path):
+    write_text(tmp_path / "parts" / f".{2**22 + 1}-ab.tmp", "half")
+    Folder(tmp_path).claim(["index.html", "parts"])
+    assert [path.name for path in (tmp_path / "parts").iterdir()] == ["contents.json"]
+    (tmp_path / "other" / "parts" / "own").mkdir(parents=True)
+    with pytest.raises(ConfigurationError, match="parts is not of a report"):
+        Folder(tmp_path / "other").claim(["index.html", "parts"])
+
+
 def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
     folder = tmp_path / "site"
     write_text(folder / "index.html", "a home page")

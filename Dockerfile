@@ -1,0 +1,21 @@
+# docker build -t canonical-forms . && docker run --rm -v "$PWD:/work" canonical-forms run -d FOLDER
+FROM python:3.11-slim AS build
+WORKDIR /source
+COPY . .
+RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
+
+FROM python:3.11-slim
+# What pymeshlab loads.
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends libgl1=1.* libopengl0=1.* libfontconfig1=2.* \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --uid 1000 --create-home user \
+    && install -d -o 1000 /work
+COPY --from=build /wheels /wheels
+COPY constraints.txt /wheels/
+RUN pip install --no-cache-dir --constraint /wheels/constraints.txt /wheels/*.whl
+USER 1000
+RUN canonical-forms compile
+WORKDIR /work
+ENTRYPOINT ["canonical-forms"]
+CMD ["--help"]

@@ -1,0 +1,106 @@
+"""The wheel: what is in it, how large it is, and what is said where a model is left out; and one version everywhere."""
+
+import json
+import os
+import re
+import runpy
+import tomllib
+from pathlib import Path
+
+import pytest
+import setuptools
+
+import benchmark
+from benchmark.methods.registry import methods, variant
+from benchmark.protocols import model_places
+from benchmark.protocols.models import MissingModel, with_model
+
+ROOT = Path(__file__).parents[1]
+
+#: Bytes of the models, and of all files, of a wheel, which compresses models by a twelfth.
+LARGEST_MODELS, LARGEST = 22e6, 30e6
+
+
+@pytest.fixture(scope="module")
+def packed():
+    """Files of the wheel, by their places in it; taken from the build, which copies nothing."""
+    before, given = Path.cwd(), {}
+    os.chdir(ROOT)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(setuptools, "setup", lambda **passed: given.update(passed))
+            runpy.run_path("setup.py")
+        made = setuptools.Distribution({**given, "script_name": "setup.py"})
+        made.parse_config_files()
+        made.include_package_data = False  # there is no manifest; looking for one would write into the checkout
+        build = made.get_command_obj("build_py")
+        build.ensure_finalized()
+        found = {
+            f"{module[0].replace('.', '/')}/{Path(module[2]).name}": ROOT / module[2]
+            for module in build.find_all_modules()
+        }
+        for package, source, _, files in build.data_files:
+            found |= {f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files}
+    finally:
+        os.chdir(before)
+    return found
+
+
+def test_the_wheel_has_the_models_of_people_and_animals_and_stays_small(packed):
+    models = {name for name in packed if name.endswith(".safetensors")}
+    assert {name.split("/")[2] for name in models} == {"humans-varied", "animals-sampled"}
+    assert all(name.replace("weights.safetensors", "card.json") in packed for name in models)
+    assert sum(packed[name].stat().st_size for name in models) < LARGEST_MODELS
+    assert sum(path.stat().st_size for path in packed.values()) < LARGEST
+
+
+def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
+    assert {f"{name}/py.typed" for name in ("benchmark", "baselines", "learned", "retrieval")} <= packed.keys()
+    wanted = ("templates/page.html", "assets/report.css")
+    assert {f"benchmark/report/html/{name}" for name in wanted} <= packed.keys()
+    assert {"benchmark/examples/ray_stretch.py", "benchmark/reference/references.bib"} <= packed.keys()
+    assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)
+
+
+def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, tmp_path):
+    spec = variant("learned[training_seed=7]", methods())
+    with pytest.raises(MissingModel, match=r"needs the model humans-fold-0; run `python -m benchmark train [^`]*`$"):
+        with_model(spec)
+    monkeypatch.setattr(model_places, "_ALL_HERE", "absent")  # as in an installed package
+    with pytest.raises(MissingModel, match="or name the folder learned/models of a checkout in CANONICAL_FORMS_MODELS"):
+        with_model(spec)
+    (tmp_path / "humans-fold-0").mkdir()
+    made = ROOT / "learned" / "models" / "humans-fold-0" / "literal-seed0"
+    (tmp_path / "humans-fold-0" / "literal-seed7").symlink_to(made)
+    monkeypatch.setenv(model_places.MODELS_VARIABLE, str(tmp_path))
+    assert with_model(spec).model == tmp_path / "humans-fold-0" / "literal-seed7"
+
+
+def test_one_version_stands_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert benchmark.__version__ == version
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert re.search(r"^## \[(\d.*)\] - ", (ROOT / "CHANGELOG.md").read_text(), re.M)[1] == version
+
+
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_committed_without_outputs(path):
+    cells = json.loads(path.read_text())["cells"]
+    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells if cell["cell_type"] == "code")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    names = {}
+    for cell in json.loads(path.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), path.name, "exec"), names)  # noqa: S102
+    assert set(names["records"]["status"]) == {"ok"}
+    assert names["records"].loc[names["keys"]["constrained-mds"]]["NN"].item() > 0.9
+    assert len(names["forms"]) == 8
