@@ -67,10 +67,11 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @inputs_option
 @scorer_option
 @click.option("--all", "everything", is_flag=True, help="Every pair, perturbed sets too, with intervals and tests.")
+@click.option("--power", is_flag=True, help="How many shapes, or seeds, would tell the two apart.")
 @plugin_option
 @published_option
 @results_option
-def compare(first: str, second: str, digests: bool, everything: bool, **given: Any) -> None:
+def compare(first: str, second: str, digests: bool, everything: bool, power: bool, **given: Any) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
@@ -101,11 +102,11 @@ def compare(first: str, second: str, digests: bool, everything: bool, **given: A
             say(line)
         return
     if are_folders:
-        found = compare_folders(*records)
+        found = compare_folders(*records, power=power)
     else:
         known = methods(options.plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name)
+        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name, power=power)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second, everything=everything):

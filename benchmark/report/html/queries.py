@@ -52,10 +52,12 @@ def write_queries(
         What the page reads first: galleries with their shapes and parts.
     """
     galleries: list[dict[str, Any]] = []
+    order = {method: number for number, method in enumerate(titles)}
     places = list(dict.fromkeys((each.record["gallery"], each.input) for each in ranked))
     room = max(PART, int(MOST_BYTES / max(len(places), 1) / max(len(titles), 1) / _EACH))
     for number, (gallery, input_) in enumerate(places):
         here = [each for each in ranked if (each.record["gallery"], each.input) == (gallery, input_)]
+        here.sort(key=lambda each: order[each.method])
         labels: dict[str, str] = {}
         for each in here:
             labels |= zip(each.record["shapes"], each.record["labels"], strict=True)
@@ -77,9 +79,7 @@ def write_queries(
                 "sheets": sheets.stem,
                 "pictures": [sheets.places.get(name, -1) for name in names],
                 "queries": chosen if len(chosen) < len(names) else None,
-                "methods": [
-                    _method(each, titles[name], names, sheets) for name in titles for each in here if each.method == name
-                ],
+                "methods": [_method(each, titles[each.method], names, sheets) for each in here],
             }
         )
     fixed = {"part": PART, "across": ACROSS, "down": DOWN, "measures": list(PRINTED)}
