@@ -183,8 +183,8 @@ def _over_seeds(
             )
             gains = np.rint((there - here) / UNIT)
             told_of = f"{where} over {len(seeds)} seeds"
-            means = [dict(zip(PRINTED, part.mean(axis=0).tolist(), strict=True)) for part in (here, there)]
-            found.append(replace(_tested(told_of, means, gains, seeds, power=True), of="seeds"))
+            means, others = (dict(zip(PRINTED, part.mean(axis=0).tolist(), strict=True)) for part in (here, there))
+            found.append(replace(_tested(told_of, (means, others), gains, seeds, power=True), of="seeds"))
     return tuple(found)
 
 
@@ -197,14 +197,14 @@ def _difference(where: str, before: Result, after: Result, *, power: bool) -> Di
     gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
     noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
-    scores = [{name: record["scores"][name] for name in PRINTED} for record in (first, second)]
+    scores = {name: first["scores"][name] for name in PRINTED}, {name: second["scores"][name] for name in PRINTED}
     found = _tested(where, scores, gains, here.labels, noise, power=power)
     return replace(found, is_perturbed=parsed(first["data"]["name"]) is not None)
 
 
 def _tested(
     where: str,
-    scores: Sequence[Mapping[str, float]],
+    scores: tuple[Mapping[str, float], Mapping[str, float]],
     gains: NDArray[np.float64],
     units: Sequence[Hashable],
     noise: NDArray[np.float64] | None = None,

@@ -232,7 +232,7 @@ def test_light_and_dark_follow_the_system_until_they_are_chosen(browser):
     assert brightness() > 200
 
 
-# Large, by keyboard, readable ------------------------------------------------------------------------------------------
+# Large, by keyboard, readable ----------------------------------------------------------------------------------------
 
 TAB, ENTER, LEFT, RIGHT, DOWN = "\ue004", "\ue007", "\ue012", "\ue014", "\ue015"
 
@@ -241,7 +241,7 @@ LARGE = {
     "index.html": "document.querySelectorAll('.card').length === 1",
     "table-rods.html": "document.querySelectorAll('#scores tbody tr').length === 21",
     "table-rods-forms.html": "document.querySelectorAll('.tile').length > 20",
-    "table-rods-queries.html": "document.querySelectorAll('.match').length === 100",
+    "table-rods-queries.html": "document.querySelectorAll('.match').length === 95",
     "table-rods-queries.html#0/s3-p3/method-0/method-19/DCG": "document.querySelectorAll('.pair').length === 20",
 }
 
@@ -298,7 +298,7 @@ def test_queries_on_which_two_methods_differ_come_most_first_and_are_filtered(dr
     def differences():
         told = browser.run("return [...document.querySelectorAll('article h3 > span')].map((each) => each.textContent)")
         pairs = [each.partition("; FT ")[2].split(" → ") for each in told if "; FT " in each]
-        return [abs(float(first) - float(second)) for first, second in pairs]
+        return [round(abs(float(first) - float(second)), 2) for first, second in pairs]
 
     shown = differences()
     assert len(shown) == 20
@@ -336,8 +336,8 @@ def test_a_shape_without_a_form_has_its_reason_and_so_has_a_method_that_crashed(
 
 def test_the_queries_are_read_with_the_keyboard_alone(driver, large):
     browser = Browser(driver, large)
-    browser.open("table-rods-queries.html")
-    browser.wait("document.querySelectorAll('.match').length")
+    browser.open("table-rods-queries.html#0/s3-p3")
+    browser.wait("document.getElementById('matches').dataset.query === 's3-p3'")
     at = "return document.activeElement.id || document.activeElement.className"
     passed = []
     while "match" not in browser.run(at) and len(passed) < 25:
@@ -351,15 +351,17 @@ def test_the_queries_are_read_with_the_keyboard_alone(driver, large):
         assert told[1] != "none"
     wanted = ["query-view", "query-class", "query-pose", "query-name", "query-before", "query-next"]
     assert [each for each in passed if each in wanted] == wanted
-    button = "const row = document.activeElement.closest('.row');return [[...row.parentNode.children].indexOf(row),"
-    button += "[...document.activeElement.closest('ol').children].indexOf(document.activeElement.parentNode)]"
+    place = (
+        "const [row, item] = ['.row', 'li'].map((each) => document.activeElement.closest(each));"
+        "return [row, item].map((each) => [...each.parentNode.children].indexOf(each))"
+    )
     places = []
     for key in (RIGHT, RIGHT, DOWN, LEFT):
         browser.press(key)
-        places.append(browser.run(button))
+        places.append(browser.run(place))
     assert places == [[0, 1], [0, 2], [1, 2], [1, 1]]
     browser.press(TAB)  # one stop for each row
-    assert browser.run(button) == [2, 0]
+    assert browser.run(place) == [2, 0]
     name = browser.run("return document.activeElement.title.split(':')[0]")
     browser.press(ENTER)
     browser.wait("document.getElementById('matches').dataset.query === arguments[0]", name)
@@ -389,8 +391,8 @@ const found = new Set();
 const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 while (texts.nextNode()) {
   const element = texts.currentNode.parentElement;
-  const isShown = texts.currentNode.data.trim() && !element.closest("script, svg, option, [hidden], dialog:not([open])");
-  if (!isShown) continue;
+  const hidden = "script, svg, option, [hidden], dialog:not([open])";
+  if (!texts.currentNode.data.trim() || element.closest(hidden)) continue;
   const style = getComputedStyle(element);
   const size = parseFloat(style.fontSize);
   const least = size >= 24 || (size >= 18.66 && style.fontWeight >= 700) ? 3 : 4.5;
@@ -401,7 +403,8 @@ for (const button of document.querySelectorAll(".match")) {
   const value = contrast(rgba(getComputedStyle(button).borderTopColor), ground(button));
   if (value < 3) found.add(`border of ${button.className} ${value.toFixed(2)}`);
 }
-const focus = contrast(rgba(getComputedStyle(document.documentElement).getPropertyValue("--accent")), ground(document.body));
+const accent = getComputedStyle(document.documentElement).getPropertyValue("--accent");
+const focus = contrast(rgba(accent), ground(document.body));
 if (focus < 3) found.add(`focus ${focus}`);
 return [...found];
 """

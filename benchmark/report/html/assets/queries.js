@@ -113,6 +113,7 @@
 
   const note = (...names) => history.replaceState(null, "", addressOf(String(all.galleries.indexOf(gallery)), ...names));
   const part = (number) => load(`queries-${stem}-${gallery.number}-${number}`);
+  const gap = ({ x, y }) => Math.round(1000 * Math.abs(y - x));  // scores have three decimals
   const told = (k) => `subject ${gallery.subjects[k]}${gallery.poses[k] ? `, pose ${gallery.poses[k]}` : ""}`;
 
   /* One query under all methods ---------------------------------------------------------------------------------------- */
@@ -153,7 +154,7 @@
       const here = methods.map((method) => parts[Math.floor(place / all.part)][method.name]);
       const [x, y] = here.map((each) => each?.scores[place % all.part]?.[all.measures.indexOf(measure)] ?? null);
       return { k, x, y, nearest: here.map((each) => each?.nearest?.[place % all.part]) };
-    }).filter(({ x, y }) => x !== null && y !== null && x !== y).sort((a, b) => Math.abs(b.y - b.x) - Math.abs(a.y - a.x));
+    }).filter(({ x, y }) => x !== null && y !== null && x !== y).sort((a, b) => gap(b) - gap(a));
     note(gallery.names[query], ...chosen);
     const better = found.filter(({ x, y }) => y > x).length;
     byId("query").className = "";
