@@ -266,7 +266,7 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     said += _counted(comparison, different)
     said += [f"only {first}: {where}" for where in comparison.only_first]
     said += [f"only {second}: {where}" for where in comparison.only_second]
-    if different:
+    if different or powered:
         said.append(
             "In brackets: 95 % of the differences when classes are drawn anew. "
             "p: of so large a difference if there were none (paired permutation test over queries)."
@@ -274,8 +274,8 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     if powered:
         said.append(
             "Power: share of samples of as many classes (or seeds), drawn anew from these with all their queries, that "
-            f"tell the two apart at {ALPHA:.0%} (paired permutation test over classes), and with how many "
-            f"{POWER:.0%} of the samples do. From few classes it is a rough guess."
+            f"tell the two apart at {100 * ALPHA:.0f} % (paired permutation test over classes), and with how many "
+            f"{100 * POWER:.0f} % of the samples do. From few classes it is a rough guess."
         )
     return said
 

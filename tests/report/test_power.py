@@ -5,6 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError
 from benchmark.report.comparison import compare_folders, compare_methods, lines
 from benchmark.report.statistics.power import power_of
 from benchmark.storage.keys import digest
@@ -96,3 +97,6 @@ def test_the_verb_has_the_option(tmp_path):
     told = CliRunner().invoke(cli, ["compare", "gps", "pca", "--power", "--results", str(tmp_path)])
     assert told.exit_code == 0, told.output
     assert "0.80 with 6 classes (12 shapes)" in told.output
+    for others in (["cm-bof", "spherical-harmonics"], ["gps", "pca", "--digests"]):
+        refused = CliRunner().invoke(cli, ["compare", *others, "--power", "--results", str(tmp_path)])
+        assert isinstance(refused.exception, ConfigurationError)

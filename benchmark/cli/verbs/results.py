@@ -84,7 +84,10 @@ def compare(first: str, second: str, digests: bool, everything: bool, power: boo
 
     options = RunOptions.of(given)
     known_scorers = scorers(options.plugins)
-    if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
+    are_scorers = {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys()
+    if power and (are_scorers or digests):
+        raise ConfigurationError("--power is of the scores of two methods, or of two folders", "leave it out")
+    if are_scorers:
         _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), options)
         return
     are_folders = Path(first).is_dir() and Path(second).is_dir()

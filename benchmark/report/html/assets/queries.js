@@ -5,6 +5,7 @@
   const { load, pageData, address, addressOf, make, fill } = canonicalForms;
   const { queries: stem } = pageData();
   const NEAREST = 5, AT_ONCE = 20, MOST_NAMES = 400;
+  const KNOWN = ["it makes no forms", "not kept here"];  // no fault of a shape
   const byId = (id) => document.getElementById(id);
   /* Queries are numbers in the gallery; those of `base` have data, those of `kept` pass the filters. */
   let all = null, gallery = null, base = [], kept = [], query = 0;
@@ -188,13 +189,13 @@
   /* What a method makes of a shape: its form, or why there is none, its scores, and the nearest shapes. */
   function side(method, k, nearest, text) {
     const why = missing(method, k);
-    const picture = why ? make("div", { class: "thumb none", text: "no form" }) : thumbnail(k, method.sheet, `form of ${gallery.names[k]} by ${method.title}`);
+    const picture = why ? make("div", { class: "thumb none", text: KNOWN.includes(why) ? why : "no form" }) : thumbnail(k, method.sheet, `form of ${gallery.names[k]} by ${method.title}`);
     const form = make("figure", { class: "form" }, picture, make("figcaption", { text: method.title }));
     const head = make("h3", {}, make("b", { text: method.title }), make("span", { text }));
     const list = make("ol", { class: "matches", "aria-label": `Nearest shapes by ${method.title}` });
     list.append(...(nearest ?? []).slice(0, NEAREST).map((match, n) => make("li", {}, tile(method, match, k, n))));
-    const reason = why && why !== "it makes no forms" ? [make("p", { class: "why", text: why })] : [];
-    return make("div", { class: "side" }, form, head, ...reason, list);
+    const reason = why && !KNOWN.includes(why) ? [make("p", { class: "why", text: why })] : [];
+    return make("div", { class: "side" }, form, head, ...reason, ...(nearest ? [list] : []));
   }
 
   /* Why a shape has no picture of its form; "" where it has one. */
