@@ -86,7 +86,7 @@ def write_report(
     for stem, records in sets.items():
         say(f"drawing {records[0]['data']['name']}")
         galleries[stem] = make_gallery(stem, records, artefacts, folder, most_shapes=per_set)
-        pictures[stem] = write_thumbnails(stem, records, artefacts, folder, small)
+        pictures[stem] = write_thumbnails(stem, records, artefacts, folder, small, say)
     made: list[TablePages] = []
     for table in tables:
         say(f"ranking {table.data['name']}")

@@ -16,7 +16,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.html.folder import Folder
+from benchmark.report.html.folder import Folder, Progress
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.records import Record
@@ -61,7 +61,12 @@ class Sheets:
 
 
 def write_thumbnails(
-    stem: str, records: Sequence[Record], artefacts: ArtefactReader, folder: Folder, most_shapes: int = MOST_PICTURES
+    stem: str,
+    records: Sequence[Record],
+    artefacts: ArtefactReader,
+    folder: Folder,
+    most_shapes: int,
+    say: Progress,
 ) -> dict[Input, Sheets]:
     """Draw the shapes of some records whose surfaces are kept, and what is kept of their forms.
 
@@ -77,6 +82,8 @@ def write_thumbnails(
         Where files go.
     most_shapes
         Shapes whose forms are drawn, under each input.
+    say
+        Told how many shapes are drawn, where they are many.
 
     Returns
     -------
@@ -92,7 +99,7 @@ def write_thumbnails(
             for shape in record["shapes"]:
                 of_method.setdefault(shape, record)
         if by_method:
-            drawing = _Drawing(Sheets(f"{stem}-{input_}"), by_method, artefacts, folder)
+            drawing = _Drawing(Sheets(f"{stem}-{input_}"), by_method, artefacts, folder, say)
             drawing.draw(entries, most_shapes)
             found[input_] = drawing.sheets
     return found
@@ -106,6 +113,7 @@ class _Drawing:
     by_method: Mapping[str, Mapping[str, Record]]
     artefacts: ArtefactReader
     folder: Folder
+    say: Progress
     _open: dict[int, Image.Image] = field(default_factory=dict)
 
     def draw(self, entries: Mapping[str, Entry], most_shapes: int) -> None:
@@ -145,6 +153,7 @@ class _Drawing:
             self._paint(number, place, form.with_vertices(points), outwardness(form) if has_own else values)
         if place % ON_SHEET == ON_SHEET - 1:
             self._close()
+            self.say(f"{place + 1} shapes drawn with their forms")
 
     def _paint(self, number: int, place: int, mesh: Mesh, values: NDArray[np.float64]) -> None:
         points = centred(mesh.vertices)
