@@ -23,8 +23,8 @@ def test_the_size_for_a_known_binomial_difference_is_that_of_the_formula():
         found = power_of(differences, range(100))
         assert found.needed == pytest.approx(pairs, rel=0.15)
         assert found.now > 0.8
-    # Ten pictures of each subject tell no more than one.
-    assert power_of(np.repeat(differences, 10), np.repeat(np.arange(100), 10).tolist()) == found
+        # Ten pictures of each subject tell no more than one.
+        assert power_of(np.repeat(differences, 10), np.repeat(np.arange(100), 10).tolist()) == found
 
 
 def test_the_size_for_a_known_normal_difference_is_that_of_the_formula():

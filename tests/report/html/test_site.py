@@ -204,6 +204,12 @@ def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
     assert not filled[1:].any()
 
 
+def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts, tmp_path):
+    refused = record("gps", unsupported=[["cat0", REFUSED]])
+    told = write_queries("t", [Ranked("mesh", "gps", refused, None)], {"gps": "GPS"}, {}, artefacts, Folder(tmp_path))
+    assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
+
+
 def test_the_forms_of_a_large_report_are_thinned_and_it_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(site, "MOST_SMALL_FORMS", 6)
     write_made_up(tmp_path, (2, 3, 2))
