@@ -124,14 +124,14 @@ class ArtefactReader:
             camera = FRONT
         return np.asarray(surface.vertices @ camera.rotation.T)
 
-    def form(self, record: Record, entry: Entry) -> Mesh | str:
-        """The canonical form of a shape, or why there is none."""
+    def form(self, record: Record, entry: Entry, surface: Mesh | None = None) -> Mesh | str:
+        """The canonical form of a shape, or why there is none; the prepared shape is read unless it is passed."""
         try:
             method_run = self.method_run(record)
             if method_run.describes:
                 return "it makes no forms"
             found = self.store.find(method_run.recipe(entry))
-            surface = self.surface(record, entry)
+            surface = self.surface(record, entry) if surface is None else surface
             if found is None or surface is None:
                 return "not kept here"
             return form_mesh(require_arrays(found), surface)

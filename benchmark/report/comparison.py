@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.report.cell import cell_of
+from benchmark.report.content import TRAINING_SEED, without_training_seed
 from benchmark.report.results import Result, with_repeats
+from benchmark.report.statistics.power import MOST, POWER, Power, power_of
 from benchmark.report.statistics.queries import UNIT, queries_of
-from benchmark.report.statistics.significance import intervals, permutation_test, widened
+from benchmark.report.statistics.significance import ALPHA, intervals, permutation_test, widened
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED
@@ -22,6 +25,9 @@ _SMALLEST = 5e-7
 
 #: Pairs that are always shown in full, and pairs that a first screen has lines for.
 _IN_FULL, _FIRST_SCREEN = 3, 20
+
+#: Classes, or seeds, that there must be for a guess how many are needed.
+_FEWEST_UNITS = 3
 
 #: Probability below which an overview marks a difference.
 _LEVEL = 0.05
@@ -49,6 +55,12 @@ class Difference:
         Queries that both have.
     is_perturbed
         Whether the shapes are those of a set under a perturbation.
+    power
+        By measure: how surely the two are told apart; empty where nobody asked.
+    of
+        What is counted, if not queries.
+    n_units
+        Classes, or seeds, that are drawn anew.
     """
 
     where: str
@@ -61,6 +73,9 @@ class Difference:
     worse: int
     n_queries: int
     is_perturbed: bool = False
+    power: Mapping[str, Power] = field(default_factory=dict)
+    of: str = "queries"
+    n_units: int = 0
 
     @property
     def largest(self) -> float:
@@ -70,30 +85,36 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All pairs of records that belong together, and what only one side has."""
+    """All pairs of records that belong together, what only one side has, and pairs of which there are several seeds."""
 
     differences: tuple[Difference, ...]
     only_first: tuple[str, ...]
     only_second: tuple[str, ...]
+    seeds: tuple[Difference, ...] = ()
 
 
-def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
+def compare_folders(first: Iterable[Record], second: Iterable[Record], *, power: bool = False) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(*({told(found.record): found for found in _repeated(part).values()} for part in (first, second)))
+    sides = [_repeated(part) for part in (first, second)]
+    found = _compare(*({told(result.record): result for result in side.values()} for side in sides), power=power)
+    return replace(found, seeds=_over_seeds(*map(_by_seed, sides))) if power else found
 
 
-def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
+def compare_methods(
+    records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER, *, power: bool = False
+) -> Comparison:
     """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
-    newest = _repeated(records)
+    newest = {where: found for where, found in _repeated(records).items() if scorer_name(found.record) in (scorer, "")}
 
     def of(method: str) -> dict[str, Result]:
         return {
             f"{where.gallery} {where.input}{f' seed {where.seed}' if where.seed else ''}": result
             for where, result in newest.items()
-            if where.method == method and scorer_name(result.record) in (scorer, "")
+            if where.method == method
         }
 
-    return _compare(of(first), of(second))
+    found = _compare(of(first), of(second), power=power)
+    return replace(found, seeds=_over_seeds(*(_by_seed(newest, name) for name in (first, second)))) if power else found
 
 
 def compare_digests(first: Iterable[Record], second: Iterable[Record]) -> list[str]:
@@ -127,40 +148,87 @@ def _repeated(records: Iterable[Record]) -> dict[Place, Result]:
     return {place(result.record): result for result in with_repeats(map(Result, _newest(records).values()))}
 
 
-def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Comparison:
+def _compare(first: Mapping[str, Result], second: Mapping[str, Result], *, power: bool) -> Comparison:
     both = [where for where in first if where in second]
     return Comparison(
-        tuple(_difference(where, first[where], second[where]) for where in both),
+        tuple(_difference(where, first[where], second[where], power=power) for where in both),
         tuple(where for where in first if where not in second),
         tuple(where for where in second if where not in first),
     )
 
 
-def _difference(where: str, before: Result, after: Result) -> Difference:
+def _by_seed(results: Mapping[Place, Result], method: str = "") -> dict[str, dict[tuple[int, int], Result]]:
+    """Results by gallery, input and method, of one method without its name, and by the seeds of run and training."""
+    found: dict[str, dict[tuple[int, int], Result]] = {}
+    for where, result in results.items():
+        name = without_training_seed(where.method)
+        if method in ("", name):
+            seeds = where.seed, int(result.record["parameters"].get(TRAINING_SEED, 0))
+            group = f"{where.gallery} {where.input}" + ("" if method else f" {name}")
+            found.setdefault(group, {})[seeds] = result
+    return found
+
+
+def _over_seeds(
+    first: Mapping[str, Mapping[tuple[int, int], Result]], second: Mapping[str, Mapping[tuple[int, int], Result]]
+) -> tuple[Difference, ...]:
+    """Compare means by seed, wherever both have enough seeds."""
+    found = []
+    for where in first:
+        seeds = [seed for seed in first[where] if seed in second.get(where, {})]
+        if len(seeds) >= _FEWEST_UNITS:
+            here, there = (
+                np.array([[side[where][seed].record["scores"][name] for name in PRINTED] for seed in seeds])
+                for side in (first, second)
+            )
+            gains = np.rint((there - here) / UNIT)
+            told_of = f"{where} over {len(seeds)} seeds"
+            means, others = (dict(zip(PRINTED, part.mean(axis=0).tolist(), strict=True)) for part in (here, there))
+            found.append(replace(_tested(told_of, (means, others), gains, seeds, power=True), of="seeds"))
+    return tuple(found)
+
+
+def _difference(where: str, before: Result, after: Result, *, power: bool) -> Difference:
     first, second = before.record, after.record
     here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
     gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
-    gain = gains[:, PRINTED.index("DCG")]
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
     noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
+    scores = {name: first["scores"][name] for name in PRINTED}, {name: second["scores"][name] for name in PRINTED}
+    found = _tested(where, scores, gains, here.labels, noise, power=power)
+    return replace(found, is_perturbed=parsed(first["data"]["name"]) is not None)
+
+
+def _tested(
+    where: str,
+    scores: tuple[Mapping[str, float], Mapping[str, float]],
+    gains: NDArray[np.float64],
+    units: Sequence[Hashable],
+    noise: NDArray[np.float64] | None = None,
+    *,
+    power: bool,
+) -> Difference:
+    """Test differences of single queries, or seeds, one column a measure; those of one unit are drawn together."""
+    deviations = np.zeros(len(PRINTED)) if noise is None else noise
+    gain = gains[:, PRINTED.index("DCG")]
     means = gains.mean(axis=0) * UNIT
-    reach = zip(intervals(gains, here.labels).tolist(), means.tolist(), noise.tolist(), strict=True)
+    reach = zip(intervals(gains, units).tolist(), means.tolist(), deviations.tolist(), strict=True)
     ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
-    probabilities = permutation_test(gains, noise / UNIT * len(gains) if noise.any() else None)
+    probabilities = permutation_test(gains, deviations / UNIT * len(gains) if deviations.any() else None)
     return Difference(
         where,
-        {name: first["scores"][name] for name in PRINTED},
-        {name: second["scores"][name] for name in PRINTED},
+        *scores,
         dict(zip(PRINTED, ends, strict=True)),
         dict(zip(PRINTED, probabilities.tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
-        len(both),
-        parsed(first["data"]["name"]) is not None,
+        len(gains),
+        power={name: power_of(column, units) for name, column in zip(PRINTED, gains.T, strict=True)} if power else {},
+        n_units=len(set(units)),
     )
 
 
@@ -179,11 +247,12 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     """
     said: list[str] = []
     different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
-    if not everything and len(different) > _IN_FULL:
+    powered = [pair for pair in (*comparison.differences, *comparison.seeds) if pair.power]
+    if not everything and len(different) > _IN_FULL and not powered:
         return _overview(comparison, different, first, second)
-    for pair in different:
+    for pair in powered or different:
         said.append(
-            f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
+            f"{pair.where}: {pair.changed} of {pair.n_queries} {pair.of} changed, "
             f"{pair.better} better, {pair.worse} worse in DCG"
         )
         for name in PRINTED:
@@ -192,16 +261,35 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
             said.append(
                 f"  {name:<3}  {before:.3f} -> {after:.3f}  {_signed(after - before)}  "
                 f"({_signed(low)} to {_signed(high)})  p {pair.probabilities[name]:.4f}"
+                + (_sized(pair, pair.power[name]) if powered else "")
             )
     said += _counted(comparison, different)
     said += [f"only {first}: {where}" for where in comparison.only_first]
     said += [f"only {second}: {where}" for where in comparison.only_second]
-    if different:
+    if different or powered:
         said.append(
             "In brackets: 95 % of the differences when classes are drawn anew. "
             "p: of so large a difference if there were none (paired permutation test over queries)."
         )
+    if powered:
+        said.append(
+            "Power: share of samples of as many classes (or seeds), drawn anew from these with all their queries, that "
+            f"tell the two apart at {100 * ALPHA:.0f} % (paired permutation test over classes), and with how many "
+            f"{100 * POWER:.0f} % of the samples do. From few classes it is a rough guess."
+        )
     return said
+
+
+def _sized(pair: Difference, power: Power) -> str:
+    """Return the power that there is, and what would make it enough."""
+    unit = "classes" if pair.of == "queries" else pair.of
+    if pair.n_units < _FEWEST_UNITS:
+        return f"  power unknown from {pair.n_units} {unit}"
+    enough = f"more than {max(MOST, pair.n_units)} {unit}"
+    if power.needed is not None:
+        shapes = math.ceil(power.needed * pair.n_queries / pair.n_units)
+        enough = f"{power.needed} {unit}" + (f" ({shapes} shapes)" if pair.of == "queries" else "")
+    return f"  power {power.now:.2f}, {POWER:.2f} with {enough}"
 
 
 def _overview(comparison: Comparison, different: Sequence[Difference], first: str, second: str) -> list[str]:

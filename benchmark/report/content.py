@@ -293,10 +293,13 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
     """Row that a record belongs to: in an ablation, trainings with other seeds share it."""
     name = str(record["method"])
-    if not table.ablation or TRAINING_SEED not in record["parameters"]:
-        return name
-    base, _, rest = name.partition("[")
-    kept = [part for part in rest.removesuffix("]").split(",") if not part.startswith(f"{TRAINING_SEED}=")]
+    return without_training_seed(name) if table.ablation else name
+
+
+def without_training_seed(method: str) -> str:
+    """Return the name that all trainings of a method share."""
+    base, _, rest = method.partition("[")
+    kept = [part for part in rest.removesuffix("]").split(",") if part and not part.startswith(f"{TRAINING_SEED}=")]
     return f"{base}[{','.join(kept)}]" if kept else base
 
 

@@ -56,19 +56,23 @@ def pictures(browser: Browser) -> Iterator[tuple[str, NDArray[np.int64]]]:
     yield "viewer", viewer(browser)
     browser.open("table-III-tosca-queries.html", (1400, 920))
     yield "queries", query(browser, "cat4")
+    browser.open("table-III-tosca-queries.html#0//classic-mds/least-squares-mds/DCG", (1400, 920))
+    yield "differences", differences(browser)
     yield "phone", side_by_side(list(on_a_phone(browser)))
 
 
 def on_a_phone(browser: Browser) -> Iterator[NDArray[np.int64]]:
-    """Scores, forms, the viewer and a query, 390 pixels wide, light and dark."""
+    """Scores, forms, the viewer, a query and where two methods differ, 390 pixels wide, light and dark."""
     browser.open("table-I-humans.html", PHONE)
     yield shot(browser)
     browser.open("table-III-tosca-forms.html", PHONE, dark=True)
     yield shot(browser)
     browser.open("table-I-humans-forms.html", PHONE, dark=True)
     yield viewer(browser)
-    browser.open("table-I-humans-queries.html", PHONE)
-    yield query(browser, "man-1_waving")
+    browser.open("table-III-tosca-queries.html", PHONE)
+    yield query(browser, "cat4")
+    browser.open("table-III-tosca-queries.html#0//classic-mds/least-squares-mds/DCG", PHONE, dark=True)
+    yield differences(browser)
 
 
 def shot(browser: Browser) -> NDArray[np.int64]:
@@ -100,6 +104,12 @@ def query(browser: Browser, shape: str) -> NDArray[np.int64]:
     """The nearest matches of a shape on complete surfaces."""
     browser.choose("#query-name", shape)
     browser.wait("document.getElementById('matches').dataset.query === arguments[0]", shape)
+    return shot(browser)
+
+
+def differences(browser: Browser) -> NDArray[np.int64]:
+    """The queries on which two methods differ most."""
+    browser.wait("document.querySelector('.pair') !== null")
     return shot(browser)
 
 

@@ -68,10 +68,11 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @inputs_option
 @scorer_option
 @click.option("--all", "everything", is_flag=True, help="Every pair, perturbed sets too, with intervals and tests.")
+@click.option("--power", is_flag=True, help="How many shapes, or seeds, would tell the two apart.")
 @plugin_option
 @published_option
 @results_option
-def compare(first: str, second: str, digests: bool, everything: bool, **given: Any) -> None:
+def compare(first: str, second: str, digests: bool, everything: bool, power: bool, **given: Any) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
@@ -84,7 +85,10 @@ def compare(first: str, second: str, digests: bool, everything: bool, **given: A
 
     options = RunOptions.of(given)
     known_scorers = scorers(options.plugins)
-    if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
+    are_scorers = {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys()
+    if power and (are_scorers or digests):
+        raise ConfigurationError("--power is of the scores of two methods, or of two folders", "leave it out")
+    if are_scorers:
         _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), options)
         return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
@@ -102,11 +106,11 @@ def compare(first: str, second: str, digests: bool, everything: bool, **given: A
             say(line)
         return
     if are_folders:
-        found = compare_folders(*records)
+        found = compare_folders(*records, power=power)
     else:
         known = methods(options.plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name)
+        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name, power=power)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second, everything=everything):

@@ -26,6 +26,7 @@ from benchmark.report.statistics.rankings import (
 )
 from benchmark.report.statistics.table_significance import CONTROL, pareto_front
 from benchmark.storage.records import Record, answered_labels, answered_shapes
+from benchmark.system.text import brief
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions, by the name that the page has for them.
@@ -54,10 +55,13 @@ class Measured:
         Rankings, for the browser of queries.
     n_distances
         How many of them have distances.
+    failed
+        Rows without scores: input, title of the method, and why.
     """
 
     data: dict[str, Any]
     ranked: list[Ranked] = field(default_factory=list)
+    failed: list[dict[str, str]] = field(default_factory=list)
 
     @property
     def n_distances(self) -> int:
@@ -163,6 +167,9 @@ def _row(
     inputs: dict[str, Any] = {}
     for input_, cell in row.cells.items():
         if not cell.scores:
+            if cell.status != "missing":
+                why = f"{cell.status}: {brief(cell.record.get('reason', ''))}"
+                found.failed.append({"input": input_, "title": row.label, "why": why})
             continue
         judged = {name: table.significance.get((row.method, input_, name)) for name in PRINTED}
         told: dict[str, Any] = {

@@ -133,7 +133,7 @@ def forms_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
 
 def queries_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
     """Return the browser of queries."""
-    return _rendered("queries.html", tables, pages=pages, data={"queries": pages.stem, "sheets": pages.set_stem})
+    return _rendered("queries.html", tables, pages=pages, data={"queries": pages.stem})
 
 
 def _rendered(name: str, tables: Sequence[TablePages], **told: Any) -> str:

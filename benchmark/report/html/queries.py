@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
+from benchmark.api.contracts import Input
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
+from benchmark.report.html.thumbnails import ACROSS, DOWN, Sheets, spread
 from benchmark.storage.records import answered_shapes
+from benchmark.system.text import brief
 from retrieval.measures import PRINTED
 
 #: Queries in one script.
@@ -24,7 +25,7 @@ def write_queries(
     stem: str,
     ranked: Sequence[Ranked],
     titles: Mapping[str, str],
-    pictures: Mapping[str, int],
+    pictures: Mapping[Input, Sheets],
     artefacts: ArtefactReader,
     folder: Folder,
 ) -> dict[str, Any]:
@@ -39,7 +40,7 @@ def write_queries(
     titles
         Of the methods, in the order in which they are shown.
     pictures
-        Place of the picture of a shape, by name.
+        Of the shapes and of their forms, by input.
     artefacts
         Where poses are.
     folder
@@ -51,19 +52,22 @@ def write_queries(
         What the page reads first: galleries with their shapes and parts.
     """
     galleries: list[dict[str, Any]] = []
+    order = {method: number for number, method in enumerate(titles)}
     places = list(dict.fromkeys((each.record["gallery"], each.input) for each in ranked))
     room = max(PART, int(MOST_BYTES / max(len(places), 1) / max(len(titles), 1) / _EACH))
     for number, (gallery, input_) in enumerate(places):
         here = [each for each in ranked if (each.record["gallery"], each.input) == (gallery, input_)]
+        here.sort(key=lambda each: order[each.method])
         labels: dict[str, str] = {}
         for each in here:
             labels |= zip(each.record["shapes"], each.record["labels"], strict=True)
         names = list(labels)
         pose_of = poses_of(here[0].record, artefacts)
-        chosen = np.unique(np.linspace(0, len(names) - 1, min(room, len(names))).astype(int)).tolist()
+        chosen = spread(range(len(names)), room)
         for part in range(0, len(chosen), PART):
             queries = [names[k] for k in chosen[part : part + PART]]
             folder.script(f"queries-{stem}-{number}-{part // PART}", _part(here, names, queries))
+        sheets = pictures.get(input_, Sheets(""))
         galleries.append(
             {
                 "gallery": gallery,
@@ -72,12 +76,25 @@ def write_queries(
                 "names": names,
                 "subjects": list(labels.values()),
                 "poses": [pose_of.get(name, "") for name in names],
-                "pictures": [pictures.get(name, -1) for name in names],
+                "sheets": sheets.stem,
+                "pictures": [sheets.places.get(name, -1) for name in names],
                 "queries": chosen if len(chosen) < len(names) else None,
-                "methods": [{"name": m, "title": titles[m]} for m in titles if any(each.method == m for each in here)],
+                "methods": [_method(each, titles[each.method], names, sheets) for each in here],
             }
         )
-    return {"stem": stem, "part": PART, "measures": list(PRINTED), "galleries": galleries}
+    fixed = {"part": PART, "across": ACROSS, "down": DOWN, "measures": list(PRINTED)}
+    return {"stem": stem, **fixed, "galleries": galleries}
+
+
+def _method(ranked: Ranked, title: str, names: Sequence[str], sheets: Sheets) -> dict[str, Any]:
+    """A method, the number of its sheets, and by reason the shapes without a picture of their form."""
+    told = sheets.told.get(ranked.method, {}) | {name: brief(why) for name, why in ranked.record["unsupported"]}
+    missing: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        if why := told.get(name, "not kept here"):
+            missing.setdefault(why, []).append(k)
+    number = sheets.numbers.get(ranked.method, 0)
+    return {"name": ranked.method, "title": title, "sheet": number, "missing": missing}
 
 
 def _part(ranked: Sequence[Ranked], names: Sequence[str], queries: Sequence[str]) -> dict[str, Any]:

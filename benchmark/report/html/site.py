@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 
+from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
@@ -14,7 +15,7 @@ from benchmark.report.html.gallery import Gallery, make_gallery
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, forms_page, index_page, queries_page, set_stem, table_page
 from benchmark.report.html.queries import write_queries
-from benchmark.report.html.thumbnails import write_thumbnails
+from benchmark.report.html.thumbnails import MOST_SMALL_FORMS, Sheets, write_thumbnails
 from benchmark.storage.records import Record
 
 #: Forms in the whole report, at 13 kilobytes each: with plotly and the queries it stays below thirty megabytes.
@@ -79,12 +80,13 @@ def write_report(
     _write_assets(folder)
     sets = _by_set(tables)
     per_set = _shapes_per_set(sets)
+    small = max(1, MOST_SMALL_FORMS // max(_columns(sets), 1))
     galleries: dict[str, Gallery | None] = {}
-    pictures: dict[str, dict[str, int]] = {}
+    pictures: dict[str, dict[Input, Sheets]] = {}
     for stem, records in sets.items():
         say(f"drawing {records[0]['data']['name']}")
         galleries[stem] = make_gallery(stem, records, artefacts, folder, most_shapes=per_set)
-        pictures[stem] = write_thumbnails(stem, records, artefacts, folder)
+        pictures[stem] = write_thumbnails(stem, records, artefacts, folder, small, say)
     made: list[TablePages] = []
     for table in tables:
         say(f"ranking {table.data['name']}")
@@ -94,7 +96,7 @@ def write_report(
         folder.script(stem, pages.found.data)
         titles = {row.method: row.label for row in pages.table.rows}
         browser = write_queries(stem, pages.found.ranked, titles, pictures.get(pages.set_stem, {}), artefacts, folder)
-        folder.script(f"{stem}-queries", browser)
+        folder.script(f"{stem}-queries", browser | {"failed": pages.found.failed})
         folder.write(f"{stem}.html", table_page(pages, made))
         folder.write(f"{stem}-forms.html", forms_page(pages, made))
         folder.write(f"{stem}-queries.html", queries_page(pages, made))
@@ -132,5 +134,9 @@ def _by_set(tables: Iterable[TableContent]) -> dict[str, list[Record]]:
 
 def _shapes_per_set(sets: dict[str, list[Record]]) -> int:
     """Return how many shapes of each data set may be shown with the forms of all methods."""
-    columns = sum(len({(r["input"], r["method"]) for r in records}) for records in sets.values())
-    return max(2, min(MOST_SHAPES, MOST_FORMS // max(columns, 1)))
+    return max(2, min(MOST_SHAPES, MOST_FORMS // max(_columns(sets), 1)))
+
+
+def _columns(sets: dict[str, list[Record]]) -> int:
+    """Return how many forms there are of a shape of each data set together."""
+    return sum(len({(r["input"], r["method"]) for r in records}) for records in sets.values())

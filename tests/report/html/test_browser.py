@@ -1,21 +1,28 @@
 """The report in a browser: Debian's chromium without a screen, the report opened from its folder."""
 
+import functools
+import itertools
+import re
 import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from benchmark.methods.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
+from benchmark.report.html import gallery, thumbnails
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import write_report
+from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
 from benchmark.storage.store import Store
 from tests.records import failed
-from tests.toy import write_rods
-from tools.browser import CHROMIUM, DRIVER, PHONE, Browser, chromium
+from tests.report.html.made_up import REFUSED, write_made_up
+from tests.toy import rod, write_rods
+from tools.browser import CHROMIUM, DESK, DRIVER, PHONE, Browser, chromium
 
 pytestmark = [
     pytest.mark.slow,
@@ -224,3 +231,195 @@ def test_light_and_dark_follow_the_system_until_they_are_chosen(browser):
     assert brightness() > 200
     browser.open("table-rods.html", dark=True, fresh=False)
     assert brightness() > 200
+
+
+# Large, by keyboard, readable ----------------------------------------------------------------------------------------
+
+TAB, ENTER, LEFT, RIGHT, DOWN = "\ue004", "\ue007", "\ue012", "\ue014", "\ue015"
+
+#: Pages of a report of 400 shapes and 20 methods, each with what shows that it is there.
+LARGE = {
+    "index.html": "document.querySelectorAll('.card').length === 1",
+    "table-rods.html": "document.querySelectorAll('#scores tbody tr').length === 21",
+    "table-rods-forms.html": "document.querySelectorAll('.tile').length > 20",
+    "table-rods-queries.html": "document.querySelectorAll('.match').length === 95",
+    "table-rods-queries.html#0/s3-p3/method-0/method-19/DCG": "document.querySelectorAll('.pair').length === 20",
+}
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory):
+    """400 shapes and 20 methods; one picture stands for all of a size, since drawing 8000 takes minutes."""
+    drawn = functools.cache(lambda size: painted(*rod_picture(), size, 1.0))
+    folder = tmp_path_factory.mktemp("large")
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (gallery, thumbnails):
+            patch.setattr(module, "painted", lambda _points, _faces, _values, size, _half: drawn(size))
+            patch.setattr(module, "upright", lambda form, *_: form.vertices)
+        assert write_made_up(folder, (20, 20, 20)).n_ranked == 20
+    return folder
+
+
+def rod_picture():
+    mesh = rod(0.2, 1.2)
+    return mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces, None
+
+
+def processor_seconds(driver):
+    """What all processes of the browser have taken so far."""
+    processes = psutil.Process(driver.service.process.pid).children(recursive=True)
+    return sum(sum(each.cpu_times()[:2]) for each in processes if each.is_running())
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE])
+def test_400_shapes_and_20_methods_open_in_two_seconds(driver, large, size):
+    """Processor-seconds of all processes of the browser: what a clock says hangs on what else the machine does."""
+    browser = Browser(driver, large)
+    for name, is_there in LARGE.items():
+        browser.open("index.html", size)
+        driver.get("about:blank")
+        time.sleep(0.5)
+        before = processor_seconds(driver)
+        driver.get(f"file://{large}/{name}")
+        browser.wait(is_there)
+        assert processor_seconds(driver) - before < 2, name
+        assert browser.run("return document.documentElement.scrollWidth") <= size[0]
+    assert browser.complaints() == []
+
+
+def test_queries_on_which_two_methods_differ_come_most_first_and_are_filtered(driver, large):
+    browser = Browser(driver, large)
+    browser.open("table-rods-queries.html")
+    browser.wait("document.querySelectorAll('.match').length")
+    browser.choose("#query-view", "two")
+    for name, value in (("first", "method-0"), ("second", "method-18"), ("measure", "FT")):
+        browser.choose(f"#query-{name}", value)
+    browser.wait("document.getElementById('matches').dataset.query === 'method-0|method-18|FT'")
+
+    def differences():
+        told = browser.run("return [...document.querySelectorAll('article h3 > span')].map((each) => each.textContent)")
+        pairs = [each.partition("; FT ")[2].split(" → ") for each in told if "; FT " in each]
+        return [abs(float(first) - float(second)) for first, second in pairs]
+
+    shown = differences()
+    assert len(shown) == 20
+    assert shown[0] > 0.5
+    assert all(before > after - 0.011 for before, after in itertools.pairwise(shown))  # two decimals are shown
+    browser.click("#matches > button")
+    assert len(differences()) == 40
+    assert browser.run("return document.querySelector('.pair').querySelectorAll('.form').length") == 3
+    assert browser.run("return document.querySelector('.pair').querySelectorAll('.match').length") == 10
+    address = browser.run("return location.hash")
+    browser.choose("#query-class", "s7")
+    browser.wait("/ of 20 queries differ/.test(document.getElementById('query').textContent)")
+    browser.choose("#query-pose", "p4")
+    browser.wait("/ of 1 queries differ/.test(document.getElementById('query').textContent)")
+    browser.choose("#query-view", "one")
+    browser.wait("document.getElementById('matches').dataset.query === 's7-p4'")
+    browser.open(f"table-rods-queries.html{address}")  # the address names the methods and the measure
+    browser.wait("document.getElementById('matches').dataset.query === 'method-0|method-18|FT'")
+    assert browser.complaints() == []
+
+
+def test_a_shape_without_a_form_has_its_reason_and_so_has_a_method_that_crashed(driver, large):
+    browser = Browser(driver, large)
+    browser.open("table-rods-queries.html#0/s0-p0")
+    browser.wait("document.getElementById('matches').dataset.query === 's0-p0'")
+    reasons = browser.run("return [...document.querySelectorAll('.why')].map((each) => each.textContent)")
+    assert reasons == [REFUSED, "crashed: it <b>fell</b>"]
+    forms = "return document.querySelectorAll('.side .form .thumb:not(.none)').length"
+    assert browser.run(forms) == 18
+    browser.press("n")
+    browser.wait("document.getElementById('matches').dataset.query === 's0-p1'")
+    assert browser.run(forms) == 19
+    assert browser.complaints() == []
+
+
+def test_the_queries_are_read_with_the_keyboard_alone(driver, large):
+    browser = Browser(driver, large)
+    browser.open("table-rods-queries.html#0/s3-p3")
+    browser.wait("document.getElementById('matches').dataset.query === 's3-p3'")
+    at = "return document.activeElement.id || document.activeElement.className"
+    passed = []
+    while "match" not in browser.run(at) and len(passed) < 25:
+        browser.press(TAB)
+        passed.append(browser.run(at))
+        told = browser.run(
+            "const style = getComputedStyle(document.activeElement);"
+            "return [parseFloat(style.outlineWidth), style.outlineStyle]"
+        )
+        assert told[0] >= 2, passed
+        assert told[1] != "none"
+    wanted = ["query-view", "query-class", "query-pose", "query-name", "query-before", "query-next"]
+    assert [each for each in passed if each in wanted] == wanted
+    place = (
+        "const [row, item] = ['.row', 'li'].map((each) => document.activeElement.closest(each));"
+        "return [row, item].map((each) => [...each.parentNode.children].indexOf(each))"
+    )
+    places = []
+    for key in (RIGHT, RIGHT, DOWN, LEFT):
+        browser.press(key)
+        places.append(browser.run(place))
+    assert places == [[0, 1], [0, 2], [1, 2], [1, 1]]
+    browser.press(TAB)  # one stop for each row
+    assert browser.run(place) == [2, 0]
+    name = browser.run("return document.activeElement.title.split(':')[0]")
+    browser.press(ENTER)
+    browser.wait("document.getElementById('matches').dataset.query === arguments[0]", name)
+    assert browser.run(at) == "query"
+    browser.press("n")
+    browser.wait("document.getElementById('matches').dataset.query !== arguments[0]", name)
+    assert browser.complaints() == []
+
+
+#: Texts whose colour is too near to that of their ground [WCAG 2.2, 1.4.3], as the browser has computed both.
+PALE = """
+const pen = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+const rgba = (text) => {
+  pen.clearRect(0, 0, 1, 1); pen.fillStyle = text; pen.fillRect(0, 0, 1, 1);
+  const [r, g, b, a] = pen.getImageData(0, 0, 1, 1).data;
+  return [r, g, b, a / 255];
+};
+const over = (top, below) => [0, 1, 2].map((n) => top[3] * top[n] + (1 - top[3]) * below[n]);
+const linear = (part) => (part <= 10.31 ? part / 255 / 12.92 : ((part / 255 + 0.055) / 1.055) ** 2.4);
+const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b) + 0.05;
+const contrast = (a, b) => Math.max(light(a) / light(b), light(b) / light(a));
+const ground = (element) => {
+  const below = element.parentElement ? ground(element.parentElement) : [255, 255, 255];
+  return over(rgba(getComputedStyle(element).backgroundColor), below);
+};
+const found = new Set();
+const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (texts.nextNode()) {
+  const element = texts.currentNode.parentElement;
+  const hidden = "script, svg, option, [hidden], dialog:not([open])";
+  if (!texts.currentNode.data.trim() || element.closest(hidden)) continue;
+  const style = getComputedStyle(element);
+  const size = parseFloat(style.fontSize);
+  const least = size >= 24 || (size >= 18.66 && style.fontWeight >= 700) ? 3 : 4.5;
+  const value = contrast(over(rgba(style.color), ground(element)), ground(element));
+  if (value < least) found.add(`${element.tagName}.${element.className} ${value.toFixed(2)} ${element.textContent}`);
+}
+for (const button of document.querySelectorAll(".match")) {
+  const value = contrast(rgba(getComputedStyle(button).borderTopColor), ground(button));
+  if (value < 3) found.add(`border of ${button.className} ${value.toFixed(2)}`);
+}
+const accent = getComputedStyle(document.documentElement).getPropertyValue("--accent");
+const focus = contrast(rgba(accent), ground(document.body));
+if (focus < 3) found.add(`focus ${focus}`);
+return [...found];
+"""
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_every_text_can_be_read_and_all_that_can_be_used_has_a_name(driver, large, dark):
+    browser = Browser(driver, large)
+    for name, is_there in LARGE.items():
+        browser.open(name, dark=dark)
+        browser.wait(is_there)
+        assert browser.run(PALE) == [], name
+        for node in driver.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]:
+            properties = {each["name"]: each["value"].get("value") for each in node.get("properties", [])}
+            if properties.get("focusable") and node["role"]["value"] != "RootWebArea":
+                assert re.search(r"\w", node["name"].get("value", "")), (name, node["role"]["value"])
+    assert browser.complaints() == []

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import ConfigurationError
@@ -18,12 +19,14 @@ from benchmark.report.html.measured import Ranked, measured, poses_of
 from benchmark.report.html.queries import write_queries
 from benchmark.report.html.site import write_report
 from benchmark.report.html.surfaces import REACH, packed, quantised, thinned
+from benchmark.report.html.thumbnails import ACROSS, DOWN, SIDE
 from benchmark.report.results import Result
 from benchmark.report.statistics.rankings import ranking
 from benchmark.storage.store import Store
 from benchmark.system.files import write_text
 from retrieval.measures import PRINTED
 from tests.records import SHAPES, failed, record
+from tests.report.html.made_up import REFUSED, write_made_up
 from tests.toy import rod
 
 HOSTILE = "</script><script>alert(1)</script>\u2028\u2029\\\"'&<b>\ud800\x00"
@@ -190,6 +193,38 @@ def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
     write_report(contents([Result(record("gps"))]), artefacts, Folder(folder, force=True), "python -m benchmark report")
     assert (folder / "index.html").read_text() != "a home page"
     report(folder, artefacts, record("gps"))
+
+
+def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
+    assert write_made_up(tmp_path, (2, 3, 2)).n_ranked == 2
+    (path,) = (tmp_path / "parts" / "data").glob("table-rods-queries.js")
+    _, told = received(path.read_text())
+    (mesh,) = told["galleries"]
+    assert (mesh["pictures"], mesh["poses"]) == ([0, 1, 2, 3, 4, 5], ["p0", "p1", "p2"] * 2)
+    first, descriptor = mesh["methods"]
+    assert first["missing"] == {REFUSED: [0]}
+    assert descriptor["missing"] == {"it makes no forms": [0, 1, 2, 3, 4, 5]}
+    assert told["failed"] == [{"input": "mesh", "title": "Fell", "why": "crashed: it <b>fell</b>"}]
+    pictures = {path.name for path in (tmp_path / "parts" / "pictures").glob(f"{mesh['sheets']}-*")}
+    assert pictures == {f"{mesh['sheets']}-{number}-0.webp" for number in (0, first["sheet"])}
+    with Image.open(tmp_path / "parts" / "pictures" / f"{mesh['sheets']}-{first['sheet']}-0.webp") as sheet:
+        filled = np.asarray(sheet)[..., 3].reshape(DOWN, SIDE, ACROSS, SIDE).max(axis=(1, 3)) > 0
+    assert filled[0].tolist() == [False] + [True] * 5 + [False] * 4
+    assert not filled[1:].any()
+
+
+def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts, tmp_path):
+    refused = record("gps", unsupported=[["cat0", REFUSED]])
+    told = write_queries("t", [Ranked("mesh", "gps", refused, None)], {"gps": "GPS"}, {}, artefacts, Folder(tmp_path))
+    assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
+
+
+def test_the_forms_of_a_large_report_are_thinned_and_it_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(site, "MOST_SMALL_FORMS", 6)
+    write_made_up(tmp_path, (2, 3, 2))
+    _, told = received((tmp_path / "parts" / "data" / "table-rods-queries.js").read_text())
+    (why,) = (why for why in told["galleries"][0]["methods"][0]["missing"] if why.startswith("not drawn"))
+    assert told["galleries"][0]["methods"][0]["missing"][why] == [1, 3, 4]
 
 
 # Large and damaged ----------------------------------------------------------------------------------------------------
