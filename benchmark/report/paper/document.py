@@ -33,6 +33,7 @@ from benchmark.report.pictures.scores import scores_figure
 from benchmark.report.reproduction.claims import assess_claims
 from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
+from benchmark.storage.keys import digest
 
 Template = Literal["article", "ieee"]
 """Classes of a paper."""
@@ -92,10 +93,10 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     figures: dict[str, bytes] = {}
     told = []
     for table in tables:
-        name = f"figures/scores-{table.file_stem}.pdf"
+        name = f"figures/scores-{_stem(table)}.pdf"
         if (figure := scores_figure(table, width)) is not None:
             figures[name] = as_file(figure, ".pdf")
-        texts[f"tables/{table.file_stem}.tex"] = latex(table, page=page, has_notes=False)
+        texts[f"tables/{_stem(table)}.tex"] = latex(table, _stem(table), page=page, has_notes=False)
         told.append(_table(table, name.partition("/")[2] if name in figures else ""))
     intervals = {name: latex(table, name, more, page, has_notes=False) for name, table, more in _intervals(tables)}
     texts |= {f"tables/{name}.tex": text for name, text in intervals.items()}
@@ -105,7 +106,7 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
             figures["figures/forms.pdf"] = as_file(figure, ".pdf")
             given["forms"] = table.data_title
             break
-    said = [(table.file_stem, notes(table, reasons=False)) for table in tables]
+    said = [(_stem(table), notes(table, reasons=False)) for table in tables]
     given["notes"] = [Latex(appendix(stem, lines)) for stem, lines in said if lines]
     for name in ("protocol", "results", "statistics", "appendix"):
         texts[f"{name}.tex"] = ENVIRONMENT.get_template(f"{name}.tex").render(given)
@@ -135,16 +136,23 @@ def _is_composed(character: str) -> bool:
     return character < "\u0180" and len(parts) == 2 and (parts[1] in _ABOVE or parts in _CEDILLAS)
 
 
+def _stem(table: TableContent) -> Latex:
+    """Return the name of the files of a table, and of its label: LaTeX takes all that is in it."""
+    name = table.file_stem
+    return Latex(name if name.isascii() else f"{name.encode('ascii', 'ignore').decode()}-{digest(name)[:8]}")
+
+
 def _table(table: TableContent, figure: str) -> dict[str, Any]:
     """Facts about one table."""
     complete, lacking = facts.coverage(table)
     own = table.is_own or table.identifier == table.data["name"]
     return {
         "table": table,
+        "stem": _stem(table),
         "heading": table.caption if own else f"{table.caption} ({table.data['name']})",
         "in_paper": table.has_paper,
         "source": Latex(data_source(table)),
-        "figure": figure,
+        "figure": Latex(figure),
         "leads": facts.leads(table, MEASURE),
         "n_cells": len(facts.cells(table)),
         "n_complete": complete,
@@ -212,7 +220,7 @@ def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableConte
                     rows=tuple(replace(row, paper=None, cells={input_: _plain(row.cells[input_])}) for row in rows),
                 )
                 group = Group("95 % interval", "interval", input_)
-                yield f"intervals-{table.file_stem}-{input_}", shown, (group,)
+                yield Latex(f"intervals-{_stem(table)}-{input_}"), shown, (group,)
 
 
 def _plain(cell: Cell) -> Cell:

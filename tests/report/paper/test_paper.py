@@ -44,6 +44,7 @@ RECORDS = [
         "cut", title="λ-cut of Ćwikła 猫", coverage=0.5, unsupported=[["cat0", "two pieces"], ["cat1", "two pieces"]]
     ),
     failed(method="late", title=LONG),
+    record("gps", gallery="Über_my_shapes_whose_name_is_so_long_that_it_would_be_broken"),
 ]
 NOTHING_KEPT = ArtefactReader(Store(Path("nowhere")), {})
 
@@ -61,8 +62,10 @@ def told(papers):
 
 
 def test_it_has_the_papers_tables_of_the_official_set_and_those_of_own_data(told):
-    tables = {"table-III-tosca", "table-rods"}
+    (named,) = (name for name in told if name.startswith("tables/table-ber_my_shapes"))
+    tables = {"table-III-tosca", "table-rods", named[7:-4]}
     intervals = {"intervals-table-III-tosca-mesh", "intervals-table-III-tosca-view", "intervals-table-rods-mesh"}
+    intervals |= {f"intervals-{named[7:-4]}-mesh"}
     assert {name for name in told if "/" in name} == {f"tables/{name}.tex" for name in tables | intervals}
     assert all(rf"\input{{tables/{name}}}" in told["results.tex"] for name in tables)
     assert all(rf"\input{{tables/{name}}}" in told["appendix.tex"] for name in intervals)
@@ -78,7 +81,7 @@ def test_the_protocol_says_what_was_run_on_what_and_with_which_versions(told):
     assert r"Table~\ref{tab:table-III-tosca}, which is Table~III of~\cite{canonicalreconstruction}, is about" in text
     assert r"is about TOSCA~\cite{bronstein2008tosca}: 80 shapes, 9 classes." in text
     assert r"Table~\ref{tab:table-rods} is about rods: 4 shapes, 2 classes." in text
-    assert "4 methods ran in 6 jobs with scores" in text
+    assert "4 methods ran in 7 jobs with scores" in text
     assert r"The scorer is CM-BOF~\cite{lian2013cmbof}. All random choices follow from base seed 0." in text
     assert "between 2026-01-01 and 2026-02-03 (UTC) with python~3.11.7, numpy~2.3 and 2.4." in text
     assert r"\emph{Mesh}" in text
@@ -97,7 +100,7 @@ def test_the_protocol_names_what_has_no_result_of_every_shape(told):
 def test_each_table_has_its_best_row_and_its_figure(papers, told):
     assert r"Under input \emph{mesh} the highest DCG is that of" in told["results.tex"]
     figures = {name for name in papers["article"] if name.startswith("figures/")}
-    assert figures == {"figures/scores-table-III-tosca.pdf", "figures/scores-table-rods.pdf"}
+    assert figures >= {"figures/scores-table-III-tosca.pdf", "figures/scores-table-rods.pdf"}
     assert all(f"{{{name}}}" in told["results.tex"] for name in figures)
 
 
