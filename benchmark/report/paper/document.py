@@ -233,6 +233,11 @@ def _joined(parts: Sequence[object]) -> Latex:
     return Latex(f"{', '.join(others)} and {last}" if others else last)
 
 
+def _quoted(title: str) -> Latex:
+    """Return a title between quotation marks, for some hold a comma."""
+    return Latex(f"``{latex_prose(title)}''")
+
+
 def _finalized(value: object) -> Latex:
     return value if isinstance(value, Latex) else Latex(latex_prose(value))
 
@@ -253,4 +258,4 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number}
+ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

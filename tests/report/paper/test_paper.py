@@ -92,13 +92,13 @@ def test_the_protocol_names_what_has_no_result_of_every_shape(told):
     text = told["protocol.tex"]
     assert r"Of the 3 rows of Table~\ref{tab:table-III-tosca}, counted under each input, all have" in text
     assert r"Of the 4 rows of Table~\ref{tab:table-rods}, counted under each input, 2 have a result of every" in text
-    assert "λ-cut of Ćwikła 猫 (mesh), 50.0\\% of the shapes;" in text
+    assert "``λ-cut of Ćwikła 猫'' (mesh), 50.0\\% of the shapes;" in text
     assert "(mesh), none (timeout)." in text
     assert "are no methods of the suite and have no source" in text
 
 
 def test_each_table_has_its_best_row_and_its_figure(papers, told):
-    assert r"Under input \emph{mesh} the highest DCG is that of" in told["results.tex"]
+    assert r"Under input \emph{mesh} the highest DCG is that of ``" in told["results.tex"]
     figures = {name for name in papers["article"] if name.startswith("figures/")}
     assert figures >= {"figures/scores-table-III-tosca.pdf", "figures/scores-table-rods.pdf"}
     assert all(f"{{{name}}}" in told["results.tex"] for name in figures)
