@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,6 +54,7 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
     files = paper_files(tables, artefacts, template)
     for name in write_folder(files, output, force=force):
         say(f"kept {output / name}, which was changed by hand; --force replaces it", err=True)
-    say(f"wrote {len(files)} files to {output}; compile them: make -C {output}")
+    say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
     if "figures/forms.pdf" not in files:
-        say(f"no forms are kept here: 'report --figure {output / 'figures' / 'forms.pdf'} -d DATASET' draws some")
+        figure = shlex.quote(str(output / "figures" / "forms.pdf"))
+        say(f"no forms are kept here: 'report -d DATASET --figure {figure}' draws some")

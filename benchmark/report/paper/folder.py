@@ -29,19 +29,19 @@ def write_folder(files: Mapping[str, bytes], root: Path, *, force: bool = False)
     Returns
     -------
     list of str
-        Names of the files that were left as their author has changed them.
+        Names of the files that were left as their author has changed, or put, them there.
 
     Raises
     ------
     ConfigurationError
-        If one would take the place of a file that no paper has written. Not with force.
+        If no paper is there, and one would take the place of a file of somebody else. Not with force.
     BenchmarkError
         If they cannot be written.
     """
     earlier = _earlier(root)
     found = {name: digest for name in {*files, *earlier} if (digest := _digest(root, name))}
     digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    if not force and (strange := [name for name in files if name in found and name not in earlier]):
+    if not (force or earlier) and (strange := [name for name in files if name in found]):
         raise ConfigurationError(
             f"{root / strange[0]} was not written by 'paper'",
             "choose another folder with -o, or pass --force to replace it",
@@ -58,7 +58,7 @@ def write_folder(files: Mapping[str, bytes], root: Path, *, force: bool = False)
             if found.get(name) in earlier[name]:
                 (root / name).unlink()
         left = {name: told for name, told in earlier.items() if name not in files and (root / name).exists()}
-        _tell(root, left | {name: earlier[name] if name in kept else [digests[name]] for name in files})
+        _tell(root, left | {name: earlier.get(name, []) if name in kept else [digests[name]] for name in files})
         for folder in {(root / name).parent for name in files}:
             sweep(folder, deep=False)
     except OSError as error:

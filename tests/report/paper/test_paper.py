@@ -25,7 +25,7 @@ TOSCA = {"name": "tosca", "title": "TOSCA", "n_shapes": 80, "n_classes": 9}
 MADE = [
     {"environment": json.dumps({"python": "3.11.7", "numpy": version}), "artefacts": 4} for version in ("2.3", "2.4")
 ]
-LONG = "A-title-that-nobody-can-break-" * 4 + "_" * 60
+LONG = "A-title-that-nobody-can-break-" * 4 + "_" * 120
 
 
 def tosca(method, input_, nn, **more):
@@ -194,6 +194,14 @@ def test_a_file_of_somebody_else_is_refused_before_anything_is_written(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["b.tex"]
 
 
+def test_a_figure_that_its_author_puts_there_is_kept(tmp_path):
+    write(tmp_path, a_tex="1")
+    (tmp_path / "forms.pdf").write_text("drawn")
+    assert write(tmp_path, a_tex="1", forms_pdf="2") == ["forms.pdf"]
+    assert write(tmp_path, a_tex="1", forms_pdf="3") == ["forms.pdf"]
+    assert (tmp_path / "forms.pdf").read_text() == "drawn"
+
+
 def test_stopped_halfway_it_takes_nothing_for_its_authors(tmp_path, monkeypatch):
     write(tmp_path, a_tex="1", b_tex="1")
     with monkeypatch.context() as patch:
@@ -228,7 +236,7 @@ def test_a_folder_with_one_set_and_two_methods_is_a_paper(results, tmp_path):
     done = CliRunner().invoke(cli, ["paper", "--results", str(results), "-o", str(tmp_path / "paper")])
     assert (done.exit_code, done.stderr) == (0, "")
     assert f"compile them: make -C {tmp_path / 'paper'}" in done.stdout
-    assert "'report --figure" in done.stdout
+    assert "'report -d DATASET --figure" in done.stdout
     assert (tmp_path / "paper" / "tables" / "table-rods.tex").is_file()
 
 
