@@ -57,4 +57,4 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
     say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
     if "figures/forms.pdf" not in files:
         figure = shlex.quote(str(output / "figures" / "forms.pdf"))
-        say(f"no forms are kept here: 'report -d DATASET --figure {figure}' draws some")
+        say(f"no forms are kept here; to draw some: report -d DATASET --figure {figure}")

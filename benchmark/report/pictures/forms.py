@@ -189,14 +189,14 @@ def save(figure: Figure, path: Path) -> None:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 
 
-def drawn(columns: Sequence[Forms]) -> Figure:
-    """Draw a column for the shapes and for each method; as wide as a page."""
+def drawn(columns: Sequence[Forms], width: float = WIDTH) -> Figure:
+    """Draw a column for the shapes and for each method, together of a width in inches."""
     from matplotlib.figure import Figure
 
     rows = [[each.meshes[k] for each in columns] for k in range(len(columns[0].meshes))]
-    side = WIDTH / len(columns)
+    side = width / len(columns)
     height = side * len(rows) + _TITLES
-    figure = Figure(figsize=(WIDTH, height), dpi=max(300, _PIXELS / side))
+    figure = Figure(figsize=(width, height), dpi=max(300, _PIXELS / side))
     axes = figure.subplots(
         len(rows), len(columns), squeeze=False,
         gridspec_kw={"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 1 - _TITLES / height},

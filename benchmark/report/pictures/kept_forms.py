@@ -9,14 +9,14 @@ from benchmark.api.contracts import Input
 from benchmark.errors import BenchmarkError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import Row, TableContent
-from benchmark.report.pictures.forms import Forms, drawn, poses_of, turned, untreated
+from benchmark.report.pictures.forms import WIDTH, Forms, drawn, poses_of, turned, untreated
 from benchmark.report.statistics.table_significance import CONTROL
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Methods that have room beside each other.
-_MOST = 8
+#: Methods that have room beside each other, and inches of the widest column.
+_MOST, _COLUMN = 8, 1.25
 
 
 def kept_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
@@ -25,7 +25,7 @@ def kept_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure 
         rows = [row for row in table.rows if input_ in row.cells and row.cells[input_].records]
         columns = _columns([row for row in rows if row.family != CONTROL], input_, artefacts)
         if len(columns) > 1:
-            return drawn(columns)
+            return drawn(columns, min(WIDTH, _COLUMN * len(columns)))
     return None
 
 
