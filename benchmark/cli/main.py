@@ -21,6 +21,7 @@ from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
 from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
+from benchmark.cli.verbs.paper import paper
 from benchmark.cli.verbs.rekey import rekey, sample
 from benchmark.cli.verbs.results import compare, merge, prune, why
 from benchmark.cli.verbs.retrieve import retrieve
@@ -62,7 +63,7 @@ def completion_(shell: str) -> None:
 
 
 for verb in (
-    run, plan, list_, describe, tables, report, canonicalise, retrieve, check, new,
+    run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
     data, train, merge, compare, prune, why, rekey, sample, compile_,
 ):  # fmt: skip
     cli.add_command(verb)

@@ -22,6 +22,8 @@ _MARKS = re.compile(r"[\\*\[\]<|~$]|(?<![^\W_])_|_(?![^\W_])|&(?=[#\w])|`")
 #: What begins a list, a quotation or a heading where it begins a line.
 _AT_START = re.compile(r"\d{1,9}(?=[.)])|(?=[#>+=-])")
 
+_LONG_WORD = re.compile(r"(\S{31,})")
+
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "<": r"\textless{}",
     ">": r"\textgreater{}", "|": r"\textbar{}", "†": r"\dag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}",
@@ -51,6 +53,15 @@ def latex_text(text: object) -> str:
     told = "".join(_LATEX.get(character, character) for character in clean(text))
     told = re.sub("-(?=-)", "-{}", told)  # two hyphens are an option of a command, no dash
     return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
+
+
+def latex_prose(text: object) -> str:
+    r"""Text in LaTeX that may be broken within words of more than thirty characters, as paths are."""
+    parts = _LONG_WORD.split(clean(text))
+    return "".join(
+        r"\allowbreak{}".join(map(latex_text, re.findall(".{1,12}", part))) if place % 2 else latex_text(part)
+        for place, part in enumerate(parts)
+    )
 
 
 def html_text(text: object) -> Markup:

@@ -33,8 +33,7 @@ def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes 
     for name in formats:
         if name == "latex":
             files |= latex_files(tables, where)
-            entries = resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
-            files["references.bib"] = _BIBLIOGRAPHY + entries
+            files["references.bib"] = bibliography()
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}
@@ -45,6 +44,11 @@ def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes 
         else:
             files["tables.json"] = as_json(tables)
     return files
+
+
+def bibliography() -> str:
+    """Return the BibTeX file of the sources of methods, scorers and data."""
+    return _BIBLIOGRAPHY + resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 
 
 def write(files: Mapping[str, str], folder: Path, *, force: bool = False) -> None:

@@ -12,17 +12,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from benchmark.report.escaping import latex_text
+from benchmark.report.escaping import latex_prose
 
-#: Points of a text as wide as that of an article, and of one of two columns, less what styles differ by: footnotes of
-#: 8 points in 345, of 9 in 347, of 10 in 390.
-_TEXT, _COLUMN = 329.0, 220.0
+#: Points between two columns of figures.
+SEPARATION = 3.0
 
-#: Points between two columns of figures, and the narrowest column of titles.
-SEPARATION, _TITLES = 3.0, 64.0
-
-#: Lines of footnote size on the shortest page, of the frame of a tabular, and of the caption of a part that goes on.
-_PAGE, _FRAME, _CONTINUED = 40.0, 4.0, 3.0
+#: Lines of footnote size of the frame of a tabular, and of the caption of a part that goes on.
+_FRAME, _CONTINUED = 4.0, 3.0
 
 #: Rows that are worth a part.
 _FEWEST = 4
@@ -30,6 +26,30 @@ _FEWEST = 4
 #: Widths of characters at footnote size: figures are as wide as bold ones.
 _WIDTHS = {**dict.fromkeys(" .,:;'|()[]il", 2.9), **dict.fromkeys("0123456789", 4.9), "±": 7.0, "+": 6.7, "-": 3.0}
 _CAPITAL, _LETTER, _CITATION = 6.2, 4.3, 15.0
+
+
+@dataclass(frozen=True)
+class Page:
+    """Room for a table.
+
+    Parameters
+    ----------
+    text, column
+        Points of the text, and of one of two columns. By default those of an article, less what styles differ by:
+        footnotes of 8 points in 345, of 9 in 347, of 10 in 390.
+    lines
+        Lines of footnote size; by default of the shortest page.
+    titles
+        Points of the narrowest column of titles.
+    """
+
+    text: float = 329.0
+    column: float = 220.0
+    lines: float = 40.0
+    titles: float = 64.0
+
+
+_ANY_PAGE = Page()
 
 
 @dataclass(frozen=True)
@@ -88,16 +108,24 @@ def points(text: str, *, cited: bool = False) -> float:
     return sum(known) + (_CITATION if cited else 0.0)
 
 
+def head(name: str, remark: str = "") -> str:
+    """Write the first lines of a file, with further words about it."""
+    return (
+        f"% {name}{f', {remark}' if remark else ''}; needs booktabs and graphicx\n"
+        "\\providecommand{\\tablenotes}[1]{\\par\\smallskip{\\footnotesize\\raggedright #1\\par}}\n"
+    )
+
+
 def table_floats(
     name: str,
     caption: str,
     blocks: Sequence[Block],
     lines: Sequence[Line],
     *,
-    remark: str = "",
     notes: Sequence[str] = (),
+    page: Page = _ANY_PAGE,
 ) -> str:
-    r"""Write a table for ``\input``: one float or several, nothing in them below footnote size.
+    """Write a table below its :func:`head`: one float or several, nothing in them below footnote size.
 
     Parameters
     ----------
@@ -107,32 +135,29 @@ def table_floats(
         As LaTeX.
     blocks, lines
         Columns and rows.
-    remark
-        Further words of the first line, a comment.
     notes
         Sentences under the table, as text.
+    page
+        Room for it.
     """
-    floats = [_Float(2 + 1.3 * math.ceil(1.25 * points(caption) / _TEXT))]
-    for shown in _by_width(blocks):
-        _add_rows(floats, [blocks[k] for k in shown], lines, shown)
+    floats = [_Float(2 + 1.3 * math.ceil(1.25 * points(caption) / page.text))]
+    for shown in _by_width(blocks, page.text - page.titles):
+        _add_rows(floats, [blocks[k] for k in shown], lines, shown, page)
     said: list[str] = []
     for note in notes:
-        said.append(latex_text(note if note.endswith(".") else f"{note}."))
-        if floats[-1].used + 1 + points(" ".join(said)) / _TEXT > _PAGE:
+        said.append(latex_prose(note if note.endswith(".") else f"{note}."))
+        if floats[-1].used + 1 + points(" ".join(said)) / page.text > page.lines:
             if len(said) > 1:
                 floats[-1].parts.append(rf"\tablenotes{{{' '.join(said[:-1])}}}")
             floats.append(_Float(_CONTINUED))
             said = said[-1:]
     if said:
         floats[-1].parts.append(rf"\tablenotes{{{' '.join(said)}}}")
-    head = [
-        f"% {name}{f', {remark}' if remark else ''}; needs booktabs and graphicx",
-        r"\providecommand{\tablenotes}[1]{\par\smallskip{\footnotesize\raggedright #1\par}}",
-    ]
-    environment = "table" if max(made.width for made in floats) <= _COLUMN else "table*"
+    written: list[str] = []
+    environment = "table" if max(made.width for made in floats) <= page.column else "table*"
     for number, made in enumerate(floats):
-        head += _framed(made, environment, name, caption, number)
-    return "\n".join(head) + "\n"
+        written += _framed(made, environment, name, caption, number)
+    return "\n".join(written) + "\n"
 
 
 def _framed(made: _Float, environment: str, name: str, caption: str, number: int) -> Iterator[str]:
@@ -147,27 +172,29 @@ def _framed(made: _Float, environment: str, name: str, caption: str, number: int
     yield rf"\end{{{environment}}}"
 
 
-def _by_width(blocks: Sequence[Block]) -> list[list[int]]:
+def _by_width(blocks: Sequence[Block], room: float) -> list[list[int]]:
     """Numbers of the blocks that stand side by side, as many as there is room for."""
     found: list[list[int]] = [[]]
     for number, block in enumerate(blocks):
-        if found[-1] and sum(blocks[k].width for k in found[-1]) + block.width > _TEXT - _TITLES:
+        if found[-1] and sum(blocks[k].width for k in found[-1]) + block.width > room:
             found.append([])
         found[-1].append(number)
     return found
 
 
-def _add_rows(floats: list[_Float], blocks: Sequence[Block], lines: Sequence[Line], shown: Sequence[int]) -> None:
+def _add_rows(
+    floats: list[_Float], blocks: Sequence[Block], lines: Sequence[Line], shown: Sequence[int], page: Page
+) -> None:
     """Add a tabular of these blocks to the floats, and new floats where a page has no room for all rows."""
     natural = max(line.width for line in lines)
-    titles = min(natural, _TEXT - sum(block.width for block in blocks))
+    titles = min(natural, page.text - sum(block.width for block in blocks))
     heights = [math.ceil(line.width / titles) + 0.6 * line.has_rule for line in lines]
     start = 0
     while start < len(lines):
-        room, rest = _PAGE - floats[-1].used - _FRAME, sum(heights[start:])
+        room, rest = page.lines - floats[-1].used - _FRAME, sum(heights[start:])
         fits = next((k for k in range(start, len(lines)) if sum(heights[start : k + 1]) > room), len(lines))
         is_new = not floats[-1].parts
-        if not is_new and fits < len(lines) and (fits - start < _FEWEST or rest <= _PAGE - _CONTINUED - _FRAME):
+        if not is_new and fits < len(lines) and (fits - start < _FEWEST or rest <= page.lines - _CONTINUED - _FRAME):
             floats.append(_Float(_CONTINUED))
             continue
         end = max(fits, start + 1)

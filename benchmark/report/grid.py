@@ -17,7 +17,7 @@ from retrieval.measures import PRINTED
 
 BLANK = "--"
 
-Kind = Literal["paper", "ours", "difference"]
+Kind = Literal["paper", "ours", "difference", "interval"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Group:
     title
         What stands over them.
     kind
-        The paper's figures, ours, or ours minus the paper's.
+        The paper's figures, ours, ours minus the paper's, or the intervals of ours.
     input
         The input of our figures; None for those of the paper.
     names
@@ -178,6 +178,10 @@ def _difference(table: TableContent, input_: Input | None, measure: str) -> list
     return [Figure(_signed(a.text, b.text)) for a, b in zip(ours, theirs, strict=True)]
 
 
+def _interval(table: TableContent, input_: Input | None, measure: str) -> list[Figure]:
+    return [Figure(each.interval.replace(" to ", "\u2013") or BLANK) for each in _ours(table, input_, measure)]
+
+
 def _signed(ours: str, theirs: str) -> str:
     if BLANK in (ours, theirs):
         return BLANK
@@ -190,11 +194,12 @@ _COLUMNS: Mapping[Kind, Callable[[TableContent, Input | None, str], list[Figure]
     "paper": _paper,
     "ours": _ours,
     "difference": _difference,
+    "interval": _interval,
 }
 
 
 def _chance(table: TableContent, group: Group) -> tuple[Figure, ...]:
-    if group.kind == "difference":
+    if group.kind in ("difference", "interval"):
         return (Figure(BLANK),) * len(group.names)
     return tuple(Figure(number(table.chance[name])) for name in group.names)
 

@@ -18,8 +18,8 @@ from benchmark.methods.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
-from benchmark.report.escaping import latex_text
-from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
+from benchmark.report.escaping import latex_prose, latex_text
+from benchmark.report.floats import SEPARATION, Block, Line, Page, head, points, table_floats
 from benchmark.report.grid import Grid, Group, Style, grid_of
 from benchmark.report.grid import Line as GridLine
 from benchmark.report.notes import notes
@@ -33,6 +33,9 @@ _STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"\,$\pm${}", "$-$")
 
 #: Points that a measure takes at footnote size by the kind of its group, and its spread.
 _WIDTHS, _SPREAD = {"paper": 15.6, "ours": 17.6, "difference": 22.2}, 23.5
+
+#: Points of the space before an interval, which is as wide as two figures.
+_BEFORE_INTERVAL = 5.0
 
 _INPUTS = {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}
 
@@ -58,7 +61,7 @@ def latex_files(tables: Sequence[TableContent], where: Notes = "table") -> dict[
     for name, table, further in _variants(tables):
         files[f"{name}.tex"] = latex(table, name, further, has_notes=where == "table")
         if where == "appendix" and (said := notes(table, reasons=False)):
-            files[f"notes-{name}.tex"] = _appendix(name, said)
+            files[f"notes-{name}.tex"] = appendix(name, said)
     return files
 
 
@@ -74,7 +77,14 @@ def _variants(tables: Sequence[TableContent]) -> Iterator[tuple[str, TableConten
                 yield f"paper-{table.file_stem}-{input_}", table.of(input_, paper_only=True), (difference,)
 
 
-def latex(table: TableContent, name: str = "", further: Sequence[Group] = (), *, has_notes: bool = True) -> str:
+def latex(
+    table: TableContent,
+    name: str = "",
+    further: Sequence[Group] = (),
+    page: Page | None = None,
+    *,
+    has_notes: bool = True,
+) -> str:
     r"""Write one table for ``\input``.
 
     Parameters
@@ -85,29 +95,32 @@ def latex(table: TableContent, name: str = "", further: Sequence[Group] = (), *,
         Stem of the file, which the label and the first line have, too; "" for that of the table.
     further
         Columns behind those of the inputs.
+    page
+        Room for it; None where nothing is known of the paper.
     has_notes
         Whether its notes stand under it.
     """
-    grid = grid_of(table, further)
-    return table_floats(
-        name or table.file_stem,
+    grid, name = grid_of(table, further), name or table.file_stem
+    return head(name, f"made from records {_digest(table)}") + table_floats(
+        name,
         _caption(table),
         [_block(grid, place) for place in range(len(grid.groups))],
         list(_body(grid)),
-        remark=f"made from records {_digest(table)}",
         notes=notes(table, reasons=False) if has_notes else (),
+        page=page or Page(),
     )
 
 
-def _appendix(name: str, said: Sequence[str]) -> str:
-    sentences = " ".join(latex_text(note if note.endswith(".") else f"{note}.") for note in said)
+def appendix(name: str, said: Sequence[str]) -> str:
+    """Write the notes of a table as a paragraph that refers to it."""
+    sentences = " ".join(latex_prose(note if note.endswith(".") else f"{note}.") for note in said)
     return f"% notes to {name}\n\\paragraph{{Table~\\ref{{tab:{name}}}.}} {sentences}\n"
 
 
 def _block(grid: Grid, place: int) -> Block:
     group = grid.groups[place]
     spread = _SPREAD if any(figure.spread for line in grid.lines for figure in line.groups[place]) else 0.0
-    widest = max(points(figure.text) for line in grid.lines for figure in line.groups[place])
+    widest = _BEFORE_INTERVAL + max(points(figure.text) for line in grid.lines for figure in line.groups[place])
     figure = _WIDTHS.get(group.kind, widest) + spread
     width = sum(max(figure, points(name)) + SEPARATION for name in group.names)
     return Block(latex_text(group.title), group.names, width)
@@ -120,7 +133,7 @@ def _body(grid: Grid) -> Iterator[Line]:
         family = line.row.family if line.row else ""
         blocks = tuple(_figures(line, place, group) for place, group in enumerate(grid.groups))
         has_rule = bool(last) and family != last
-        yield Line(latex_text(line.label) + cite, points(line.label, cited=bool(cite)), blocks, has_rule)
+        yield Line(latex_prose(line.label) + cite, points(line.label, cited=bool(cite)), blocks, has_rule)
         last = family
 
 
@@ -128,7 +141,8 @@ def _figures(line: GridLine, place: int, group: Group) -> tuple[str, ...]:
     """Return the figures of a line, or the status of a job that has none."""
     cell = line.row.cells.get(group.input) if line.row and group.input else None
     if cell is None or cell.status in ("ok", "missing"):
-        return tuple(map(_STYLE.write, line.groups[place]))
+        space = r"\enspace " if group.kind == "interval" else ""
+        return tuple(space + _STYLE.write(figure) for figure in line.groups[place])
     return (rf"\multicolumn{{{len(group.names)}}}{{c}}{{\textit{{{latex_text(cell.status)}}}}}",)
 
 
@@ -146,12 +160,21 @@ def _caption(table: TableContent) -> str:
     """Caption as LaTeX, with the sources of data and scorer."""
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
     columns = f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
+    scorer = f" Scorer: {found}." if (found := scorer_cited(table)) else ""
+    words = latex_prose(f"{table.caption}: {table.data_title}")
+    return f"{words}{data_source(table)} {latex_text(f'({table.size}). {columns}')}{scorer}"
+
+
+def data_source(table: TableContent) -> str:
+    """Return the citation of the data set of a table; "" for one that names none."""
     name = str(table.data["name"])
-    data = _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+    return _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+
+
+def scorer_cited(table: TableContent) -> str:
+    """Return the title of the scorer of a table, with its citation; "" for one that is not known."""
     known = scorers().get((table.scorer or DEFAULT).partition("[")[0])
-    scorer = f" Scorer: {latex_text(known.info.title)}{_cited(known.info.cite)}." if known is not None else ""
-    words = latex_text(f"{table.caption}: {table.data_title}")
-    return f"{words}{data} {latex_text(f'({table.size}). {columns}')}{scorer}"
+    return f"{latex_text(known.info.title)}{_cited(known.info.cite)}" if known is not None else ""
 
 
 def _digest(table: TableContent) -> str:

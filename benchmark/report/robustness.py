@@ -13,7 +13,7 @@ from benchmark.methods.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
 from benchmark.report.escaping import csv_text, latex_text, markdown_table, markdown_text
-from benchmark.report.floats import SEPARATION, Block, Line, points, table_floats
+from benchmark.report.floats import SEPARATION, Block, Line, head, points, table_floats
 from benchmark.report.grid import BLANK, number
 from benchmark.report.results import Result
 from benchmark.storage.records import Record, chance_of, coverage_of
@@ -220,7 +220,7 @@ def latex(found: Robustness) -> str:
     blocks = [_block(head, column) for head, column in zip(header, columns, strict=True)]
     lines = [Line(latex_text(t), points(t), tuple((latex_text(c),) for c in cells)) for t, cells in rows.items()]
     caption = latex_text(f"What breaks the methods: {_title(found)}. {_LEGEND}")
-    return table_floats(found.file_stem, caption, blocks, lines)
+    return head(found.file_stem) + table_floats(found.file_stem, caption, blocks, lines)
 
 
 def _block(head: str, column: Iterable[str]) -> Block:

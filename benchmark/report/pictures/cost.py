@@ -25,7 +25,8 @@ _SIZE = (3.5, 2.9)
 #: Characters of a title.
 _LONGEST = 22
 
-_COLOURS = {"paper": "#2f6fb7", "extended": "#2a9d8f", CONTROL: "#b0772e"}
+#: Of the families of methods.
+COLOURS = {"paper": "#2f6fb7", "extended": "#2a9d8f", CONTROL: "#b0772e"}
 _MARKS = {"paper": "o", "extended": "D", CONTROL: "s"}
 
 
@@ -72,11 +73,11 @@ def _panel(place: Axes, table: TableContent, input_: Input, measure: str) -> Non
             *zip(*(points[name] for name in front), strict=True), where="post", color="#2f6fb7", lw=1.2, zorder=1
         )
     for name, (seconds, score) in points.items():
-        family = rows[name].family if rows[name].family in _COLOURS else "extended"
+        family = rows[name].family if rows[name].family in COLOURS else "extended"
         if name in judged:
-            place.plot([seconds] * 2, [judged[name].low, judged[name].high], color=_COLOURS[family], lw=0.7, alpha=0.35)
+            place.plot([seconds] * 2, [judged[name].low, judged[name].high], color=COLOURS[family], lw=0.7, alpha=0.35)
         edge = "black" if name in front else "none"
-        place.plot(seconds, score, _MARKS[family], color=_COLOURS[family], markersize=8, mec=edge, mew=0.9, zorder=3)
+        place.plot(seconds, score, _MARKS[family], color=COLOURS[family], markersize=8, mec=edge, mew=0.9, zorder=3)
     _label(place, points, {name: clean(rows[name].title) for name in points})
     place.axhline(table.chance[measure], color="0.6", lw=0.7, ls=(0, (4, 3)), zorder=0)
     place.set_xscale("log")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,8 +99,7 @@ def forms_figure(
     ConfigurationError
         If there is no such subject or shape.
     """
-    rows = _of_methods(jobs, store, _chosen(jobs[0].gallery, subject, shapes), limit)
-    return _drawn([[each.meshes[k] for each in rows] for k in range(len(rows[0].meshes))], rows)
+    return drawn(_of_methods(jobs, store, _chosen(jobs[0].gallery, subject, shapes), limit))
 
 
 def effect_figure(
@@ -167,26 +168,35 @@ _UNDATED: dict[str, dict[str, None]] = {
 ENDINGS = tuple(_UNDATED)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure without dates, so that the same picture is the same file; the end of its name chooses the kind."""
+def as_file(figure: Figure, ending: str) -> bytes:
+    """Return a figure as a file without dates, of the kind that has this ending."""
     import matplotlib as mpl
 
+    stream = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "figure"}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is drawn in its place
+        options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
+        figure.savefig(stream, format=ending[1:], **options)
+    return stream.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure without dates, so that the same picture is the same file; the end of its name chooses the kind."""
+    data = as_file(figure, path.suffix.lower())
     try:
-        with mpl.rc_context({"svg.hashsalt": "figure"}):
-            metadata = _UNDATED[path.suffix.lower()]
-            options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": metadata}
-            kind = path.suffix[1:].lower()
-            write_atomically(path, lambda file: figure.savefig(file, format=kind, **options))
+        write_atomically(path, lambda file: file.write(data))
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
 
 
-def _drawn(rows: Sequence[Sequence[Mesh | str]], columns: Sequence[Forms]) -> Figure:
+def drawn(columns: Sequence[Forms], width: float = WIDTH) -> Figure:
+    """Draw a column for the shapes and for each method, together of a width in inches."""
     from matplotlib.figure import Figure
 
-    side = WIDTH / len(columns)
+    rows = [[each.meshes[k] for each in columns] for k in range(len(columns[0].meshes))]
+    side = width / len(columns)
     height = side * len(rows) + _TITLES
-    figure = Figure(figsize=(WIDTH, height), dpi=max(300, _PIXELS / side))
+    figure = Figure(figsize=(width, height), dpi=max(300, _PIXELS / side))
     axes = figure.subplots(
         len(rows), len(columns), squeeze=False,
         gridspec_kw={"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 1 - _TITLES / height},
@@ -225,10 +235,15 @@ def _chosen(gallery: Gallery, subject: str, shapes: Sequence[str]) -> list[Entry
             raise did_you_mean(f"shape of {gallery.name}", unknown, known)
         return [known[name] for name in shapes]
     name = subject or gallery.entries[0].subject
-    members = [entry for entry in gallery.entries if entry.subject == name]
-    if not members:
+    if not (found := poses_of(gallery.entries, name)):
         raise did_you_mean(f"subject of {gallery.name}", name, {entry.subject for entry in gallery.entries})
-    return [members[i] for i in np.unique(np.linspace(0, len(members) - 1, POSES).astype(int))]
+    return found
+
+
+def poses_of(entries: Sequence[Entry], subject: str) -> list[Entry]:
+    """Return some poses of a subject, spread over those that it has."""
+    members = [entry for entry in entries if entry.subject == subject]
+    return [members[i] for i in np.unique(np.linspace(0, max(len(members) - 1, 0), POSES).astype(int)) if members]
 
 
 def _of_methods(jobs: Sequence[Job], store: Store, entries: Sequence[Entry], limit: float | None) -> list[Forms]:
@@ -238,29 +253,44 @@ def _of_methods(jobs: Sequence[Job], store: Store, entries: Sequence[Entry], lim
     surfaces = [_surface(preparation, entry) for entry in entries]
     seen: list[Points | None] = []
     for entry, surface in zip(entries, surfaces, strict=True):
-        turned = None if isinstance(surface, str) else surface.vertices
-        if turned is not None and input_ == "mesh":
-            turned = turned @ gallery.dataset.camera(entry).rotation.T
-        seen.append(turned)
+        vertices = None if isinstance(surface, str) else surface.vertices
+        if vertices is not None and input_ == "mesh":
+            vertices = vertices @ gallery.dataset.camera(entry).rotation.T
+        seen.append(vertices)
+    found = [untreated(surfaces, seen)]
+    found += [
+        turned(job.method.title, _made(job, preparation, entries, limit), surfaces, seen)
+        for job in jobs
+        if isinstance(job.method.create(), Method)
+    ]
+    if len(found) == 1:
+        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
+    return found
+
+
+def untreated(surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]) -> Forms:
+    """Return the shapes themselves as they are drawn: surfaces, and their vertices as a camera sees them."""
     own = [
         m if isinstance(m, str) else m.with_vertices(centred(cast(Points, s)))
         for m, s in zip(surfaces, seen, strict=True)
     ]
-    found = [Forms("input", own)]
-    for job in (job for job in jobs if isinstance(job.method.create(), Method)):
-        forms = Forms(job.method.title)
-        model: Points | None = None
-        for form, surface, points in zip(_made(job, preparation, entries, limit), surfaces, seen, strict=True):
-            if isinstance(form, str) or isinstance(surface, str) or points is None:
-                forms.meshes.append(form if isinstance(form, str) else str(surface))
-                continue
-            turned = centred(upright(form, surface, points, model))
-            model = turned if model is None else model
-            forms.meshes.append(form.with_vertices(turned))
-        found.append(forms)
-    if len(found) == 1:
-        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
-    return found
+    return Forms("input", own)
+
+
+def turned(
+    title: str, made: Sequence[Mesh | str], surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]
+) -> Forms:
+    """Return forms as they are drawn: upright, and all poses turned alike; or why there is none."""
+    forms = Forms(title)
+    model: Points | None = None
+    for form, surface, points in zip(made, surfaces, seen, strict=True):
+        if isinstance(form, str) or isinstance(surface, str) or points is None:
+            forms.meshes.append(form if isinstance(form, str) else str(surface))
+            continue
+        vertices = centred(upright(form, surface, points, model))
+        model = vertices if model is None else model
+        forms.meshes.append(form.with_vertices(vertices))
+    return forms
 
 
 def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:

@@ -1,0 +1,60 @@
+"""``paper``: a folder that one command compiles to a PDF of results."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from benchmark.cli.options import PathOption, RunOptions, force_option, published_option, selection_options
+from benchmark.cli.reporting import no_table
+from benchmark.system.text import say
+
+if TYPE_CHECKING:
+    from benchmark.report.paper.document import Template
+
+
+@click.command()
+@selection_options
+@click.option(
+    "-o", "--output", type=PathOption(), default=Path("results/paper"), show_default=True, metavar="DIR",
+)  # fmt: skip
+@click.option(
+    "--template",
+    type=click.Choice(["article", "ieee"]),
+    default="article",
+    show_default=True,
+    help="Class of the paper.",
+)
+@force_option
+@published_option
+def paper(output: Path, template: Template, force: bool, **options: Any) -> None:
+    """Write a paper of results in LaTeX: protocol, tables, figures, statistics, sources; 'make' in DIR compiles it.
+
+    Without -t and -d it has Tables I to IV and those of own data. Files that were changed by hand are kept.
+    """
+    from benchmark.methods.registry import methods
+    from benchmark.report.artefact_reader import ArtefactReader
+    from benchmark.report.content import contents
+    from benchmark.report.paper.document import main_tables, paper_files
+    from benchmark.report.paper.folder import write_folder
+
+    selection = RunOptions.of(options)
+    store = selection.store()
+    recorded = selection.recorded(store)
+    tables = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)
+    tables = [table for table in tables if any(cell.scores for row in table.rows for cell in row.cells.values())]
+    if not tables:
+        raise no_table(selection)
+    if not (selection.tables or selection.datasets):
+        tables = main_tables(tables)
+    artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
+    files = paper_files(tables, artefacts, template)
+    for name in write_folder(files, output, force=force):
+        say(f"kept {output / name}, which was changed by hand; --force replaces it", err=True)
+    say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
+    if "figures/forms.pdf" not in files:
+        figure = shlex.quote(str(output / "figures" / "forms.pdf"))
+        say(f"no forms are kept here; to draw some: report -d DATASET --figure {figure}")

@@ -1,0 +1,119 @@
+"""The commands of the pages to start from run as they stand, one after the other, and say what the pages show."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from PIL import Image
+
+from benchmark.cli.main import cli
+from tests.depth.scenes import frame, in_millimetres
+from tests.toy import rod, write_off, write_rods
+
+ROOT = Path(__file__).parents[2]
+START = ROOT / "docs" / "start"
+#: Each page starts some ten programs; a machine that does much else takes minutes for that.
+pytestmark = pytest.mark.timeout(900)
+
+PAGES = ("own-meshes", "first-method", "figure", "depth-camera")
+
+
+def blocks(page: str) -> list[str]:
+    """Lines of the indented blocks of a page."""
+    return re.findall(r"^    (.*)$", (START / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def commands(page: str) -> list[str]:
+    return [line for line in blocks(page) if line.startswith(("python ", "cd "))]
+
+
+def shown(page: str) -> list[str]:
+    """Lines of output, each with a run of blanks as one."""
+    return [" ".join(line.split()) for line in blocks(page) if not line.startswith(("python ", "cd "))]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_option_of_a_page_is_one_of_its_verb(page: str) -> None:
+    found = [shlex.split(line, comments=True) for line in commands(page)]
+    assert len(found) > 2
+    for _, _, _, verb, *words in (words for words in found if words[0] == "python"):
+        command: click.Command = cli.commands[verb]
+        while isinstance(command, click.Group):
+            command = command.commands[words.pop(0)]
+        command.make_parser(click.Context(command)).parse_args(words)
+
+
+def walked(folder: Path, page: str) -> None:
+    """Run the commands of a page in a folder, and look for what it shows."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    given = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "CANONICAL_FORMS_DATA": str(folder / "data")}
+    lines = [line for line in commands(page) if shutil.which("pdflatex") or "make" not in line]
+    script = "\n".join(["set -e", *lines])
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=folder, env=given, capture_output=True, text=True, timeout=850, check=False
+    )
+    assert done.returncode == 0, (page, done.stdout[-1500:], done.stderr[-1500:])
+    said = " ".join(done.stdout.split())
+    assert [line for line in shown(page) if line not in said] == []
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """An empty folder to start in, and another with a small TOSCA."""
+    for name, radius in (("cat", 0.06), ("dog", 0.18)):
+        for number in range(4):  # of which a quick run takes three
+            write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, 0.8 * number))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def after_a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the page of one's own meshes was followed."""
+    folder = tmp_path_factory.mktemp("meshes")
+    write_rods(folder / "meshes")
+    (folder / "data").mkdir()
+    walked(folder, "own-meshes")
+    return folder
+
+
+@pytest.mark.slow
+def test_your_method_on_your_meshes(after_a_run: Path) -> None:
+    assert (after_a_run / "report" / "index.html").is_file()
+
+
+@pytest.mark.slow
+def test_a_figure_for_your_paper(after_a_run: Path) -> None:
+    walked(after_a_run, "figure")
+    made = ["forms.pdf", "effect.png", "cost.svg", "paper/paper.tex", "paper/figures/forms.pdf"]
+    made += ["paper/paper.pdf"] if shutil.which("pdflatex") else []
+    assert [name for name in made if not (after_a_run / name).is_file()] == []
+
+
+@pytest.mark.slow
+def test_your_method_in_the_papers_tables(folder: Path) -> None:
+    write_off(folder / "cat1.off", rod(0.06, 1.2))
+    walked(folder, "first-method")
+    assert (folder / "form.off").is_file()
+    assert (folder / "report" / "index.html").is_file()
+
+
+@pytest.mark.slow
+def test_from_a_depth_camera(folder: Path) -> None:
+    names = ["recording/0", "recording/1", "known/one/0", "known/one/1", "known/two/0", "known/two/1"]
+    for seed, name in enumerate(names):
+        path = folder / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(in_millimetres(frame(seed)[0])).save(path)
+    for name in ("recording", "known"):
+        (folder / name / "intrinsics.txt").write_text("525 0 319.5\n0 525 239.5\n0 0 1\n")
+    walked(folder, "depth-camera")
+    assert len(list((folder / "forms").iterdir())) == len(list((folder / "pictures").iterdir())) == 2
+    assert (folder / "found.png").is_file()
