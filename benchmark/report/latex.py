@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.methods.registry import BUILT_IN, MethodSpec
@@ -147,7 +148,7 @@ def _caption(table: TableContent) -> str:
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
     columns = f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
     name = str(table.data["name"])
-    data = _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+    data = _cited(_SOURCES.get((parsed_decimation(name) or parsed(name) or (name,))[0], ""))
     known = scorers().get((table.scorer or DEFAULT).partition("[")[0])
     scorer = f" Scorer: {latex_text(known.info.title)}{_cited(known.info.cite)}." if known is not None else ""
     words = latex_text(f"{table.caption}: {table.data_title}")
