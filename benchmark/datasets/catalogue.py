@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, Entry, printable
+from benchmark.datasets.decimated import Decimated, decimated_name, parsed_decimation
 from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
@@ -163,7 +164,7 @@ def is_present(name: str, data_root: Path | None) -> bool:
     """Return whether a data set can be used: generated ones always, official ones when their folder is there."""
     if (clean := clean_name(name)) != name:
         return is_path(clean) or is_present(clean, data_root)
-    if found := parsed(name):
+    if found := parsed_decimation(name) or parsed(name):
         return is_path(found[0]) or is_present(found[0], data_root)
     source = _source(name)
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
@@ -177,7 +178,8 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     name
         A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called, or what :func:`sources`
         says of a data set of a plugin file; any of them perhaps followed by a perturbation and its strength,
-        ``[noise=3]``, and by the number of a jitter, ``[jitter=1]``.
+        ``[noise=3]``, by another program that decimates, ``[decimation=libigl]``, and by the number of a jitter,
+        ``[jitter=1]``.
     data_root
         The folder that holds the official sets; None if there is none.
 
@@ -190,6 +192,8 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     """
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
+    if decimation := parsed_decimation(name):
+        return Decimated.of(open_dataset(decimation[0], data_root), decimation[1])
     if found := parsed(name):
         from benchmark.datasets.perturbations.frames import perturbed
 
@@ -243,6 +247,8 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
 
 def _meant(name: str, own: Mapping[str, str]) -> str:
     """Return what :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
+    if decimation := parsed_decimation(name):
+        return decimated_name(_meant(decimation[0], own), decimation[1])
     if found := parsed(name):
         return perturbed_name(_meant(found[0], own), *found[1:])
     if name not in own and not is_known(name) and not is_path(name):

@@ -19,6 +19,7 @@ from benchmark.datasets.catalogue import (
     open_dataset,
     table_name,
 )
+from benchmark.datasets.decimated import decimated_name, parsed_decimation
 from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
 from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
@@ -103,6 +104,11 @@ class Gallery:
             raise ConfigurationError(
                 f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
                 "drop --input mesh: there are no complete surfaces",
+            )
+        if input_ == "view" and "view" not in getattr(self.dataset, "inputs", ("view",)):
+            raise ConfigurationError(
+                f"data set '{self.dataset.name}' has no views: a camera sees the mesh of the file, not a decimated one",
+                "drop --input view, or name the set without its decimation",
             )
 
     def jittered(self, number: int) -> Gallery:
@@ -211,7 +217,7 @@ def galleries(
         Keep at most :data:`QUICK_POSES` poses of each subject, of a table with folds the first one, and of methods that
         were not asked for by name those of the paper and :data:`QUICK_CONTROLS`.
     repeat
-        Jittered preparations of each gallery that go with it, but for those under a perturbation.
+        Jittered preparations of each gallery that go with it, but for those perturbed or decimated.
 
     Raises
     ------
@@ -245,8 +251,13 @@ def galleries(
         except DatasetError:
             if not table.part_of or table.identifier in wanted_tables:
                 raise
-    repeated = [gallery for gallery in found if not parsed(gallery.dataset.name)]
+    repeated = [gallery for gallery in found if not _is_derived(gallery.dataset.name)]
     return found + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
+
+
+def _is_derived(name: str) -> bool:
+    """Return whether a set is perturbed or decimated: a jitter would come after that and tell too small a spread."""
+    return parsed(name) is not None or parsed_decimation(name) is not None
 
 
 def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
@@ -275,7 +286,7 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
 
 def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
     """Tables that use a set; where none does, one of its own if that is wanted."""
-    if not is_known(name) and not is_path(name) and not parsed(name):
+    if not is_known(name) and not is_path(name) and not parsed_decimation(name) and not parsed(name):
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
         return [table for table in made if name in table.datasets]
@@ -316,6 +327,8 @@ def _inputs_of(dataset: str, inputs: tuple[Input, ...]) -> tuple[Input, ...]:
 
 def _own_table_name(name: str) -> str:
     """Name of the table of a set that no other table uses: that of the set, also where it is given by a path."""
+    if decimation := parsed_decimation(name):
+        return decimated_name(_own_table_name(decimation[0]), decimation[1])
     if found := parsed(name):
         return perturbed_name(_own_table_name(found[0]), *found[1:])
     if is_known(name) and name not in CATALOGUE:

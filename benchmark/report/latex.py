@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.methods.registry import BUILT_IN, MethodSpec
@@ -168,7 +169,7 @@ def _caption(table: TableContent) -> str:
 def data_source(table: TableContent) -> str:
     """Return the citation of the data set of a table; "" for one that names none."""
     name = str(table.data["name"])
-    return _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+    return _cited(_SOURCES.get((parsed_decimation(name) or parsed(name) or (name,))[0], ""))
 
 
 def scorer_cited(table: TableContent) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import eigsh, splu
 from sklearn.manifold import smacof as sklearn_smacof
 
 from baselines._kernels.smacof import normalised_stress, smacof
@@ -21,12 +21,31 @@ from baselines.nystrom_mds import NystromMDS
 from baselines.spectral_mds import SpectralMDS
 from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
+from benchmark.geometry.geodesic_graph import geodesic_graph
 from benchmark.geometry.preparation import prepare
+from tools.speed._limits import Limit
 from tools.speed._timing import alternately, least_seconds, processor_seconds, row
 
 FloatArray = NDArray[np.float64]
 REPEATS = 5
 MORE_REPEATS = 15
+OF_LIMIT = 3.0
+"""Times that a method may take of the time in which its bytes can be moved and its operations done."""
+
+BYTES_TO_SORT = 16 + 4 + 8 + 3 * 16 + 24
+"""Of a pair of non-metric scaling: both its distances read, the key read, key and names written, three digits dealt,
+and both vertices and the end of the tie made of them."""
+
+BYTES_OF_A_PASS = 16 + 32 + 24
+"""Of a pair: its indices read and its distance written; that distance read twice with the end of its tie and the
+disparity written; indices, distance and disparity read for the gradient."""
+
+DIGITS, VERTICES_OF_A_PASS = 3, 6
+"""Of a pair, found by an index: a place for each digit of its key; both vertices for the distance, both again for the
+gradient, and both of their sums."""
+
+BYTES_OF_AN_ARC = 12
+"""Of the graph: its end, and its length in single precision."""
 
 
 def measure() -> list[dict[str, Any]]:
@@ -118,15 +137,22 @@ def non_metric_form(shape: Shape) -> dict[str, Any]:
     ours, peer_seconds = least_seconds(lambda: method.canonicalise(shape), REPEATS), processor_seconds(peer)
     other = _stress_1(points[0], distances, start)
     form = method.canonicalise(shape)
+    pairs, passes = len(start) * (len(start) - 1) / 2, int(form.notes["iterations"]) + 1
+    limit = Limit.of(
+        moved=pairs * (BYTES_TO_SORT + passes * BYTES_OF_A_PASS),
+        roots=pairs * passes,
+        looks=pairs * (DIGITS + passes * VERTICES_OF_A_PASS),
+    )
     return row(
         "non-metric-mds, whole form",
         ours,
         peer=f"sklearn.manifold.smacof(metric=False), {iterations} iterations",
         peer_seconds=peer_seconds,
-        target="at most 0.15 s, at no more stress",
-        met=ours <= 0.15 and form.notes["stress_1"] <= other,
-        detail=f"root of the normalised stress {form.notes['stress_1']:.5f} after {form.notes['iterations']} passes "
-        f"over all pairs (peer {other:.5f})",
+        target=f"at most {OF_LIMIT:g} times the limit, at no more stress",
+        met=ours <= OF_LIMIT * limit.seconds and form.notes["stress_1"] <= other,
+        detail=f"{limit}; root of the normalised stress {form.notes['stress_1']:.5f} after {form.notes['iterations']} "
+        f"passes over all pairs (peer {other:.5f})",
+        limit_seconds=limit.seconds,
     )
 
 
@@ -170,28 +196,44 @@ def sampled(shape: Shape) -> list[dict[str, Any]]:
     def stress(method: Method) -> float:
         return normalised_stress(method.canonicalise(shape).vertices, shape.geodesics())
 
+    def limit(method: Method) -> Limit:
+        """The graph, which all need; for each row of distances its arcs read once; and for eigenpairs, Lanczos."""
+        notes = method.canonicalise(shape).notes
+        moved = float(notes.get("rows", notes.get("samples", 0))) * BYTES_OF_AN_ARC * len(graph.heads)
+        steps = 2 * (int(notes.get("eigenfunctions", -1)) + 1) + 1  # the basis that the eigenpairs come from
+        if steps == 1:
+            return Limit.of(moved, the_graph=of_graph)
+        factor = splu(shape.laplacian().stiffness.tocsc()[1:, 1:], permc_spec="MMD_AT_PLUS_A")
+        solve = least_seconds(lambda: factor.solve(shape.mesh.vertices[1:, 0]), MORE_REPEATS)
+        sums = 2 * shape.mesh.n_vertices * steps**2
+        return Limit.of(moved, sums=sums, the_graph=of_graph, **{f"{steps}_solves": steps * solve})
+
+    graph, of_graph = geodesic_graph(shape.mesh), least_seconds(lambda: geodesic_graph(shape.mesh), MORE_REPEATS)
     peer = ClassicMDS()
     peer_stress = stress(peer)
     rows = []
-    sampling: tuple[tuple[Method, float, float], ...] = (
-        (AcceleratedMDS(), 5, 1.05),
-        (SpectralMDS(), 1, 1.2),
-        (NystromMDS(), 2, 1.05),
-        (FastMDS(), 5, np.inf),
+    sampling: tuple[tuple[str, Method, float], ...] = (
+        ("accelerated-mds", AcceleratedMDS(), 1.05),
+        ("spectral-mds", SpectralMDS(), 1.2),
+        ("spectral-mds[samples=75]", SpectralMDS(samples=75), 1.2),
+        ("nystrom-mds", NystromMDS(), 1.05),
+        ("fast-mds", FastMDS(), np.inf),
     )
-    for method, factor, share in sampling:
+    for name, method, share in sampling:
         ours, peer_seconds = alternately(partial(from_mesh, method), partial(from_mesh, peer), MORE_REPEATS)
-        found = stress(method)
+        found, least = stress(method), limit(method)
         bound = f" with at most {share - 1:.0%} more stress" if np.isfinite(share) else ""
         rows.append(
             row(
-                f"{method.info.name} with its geodesics",
+                f"{name} with its geodesics",
                 ours,
                 peer="all geodesics + classic-mds",
                 peer_seconds=peer_seconds,
-                target=f"at least {factor:g} times faster{bound}",
-                met=peer_seconds >= factor * ours and found <= share * peer_stress,
-                detail=f"stress over all pairs {found:.5f} (peer {peer_stress:.5f})",
+                target=f"at most {OF_LIMIT:g} times the limit{bound}",
+                met=ours <= OF_LIMIT * least.seconds and found <= share * peer_stress,
+                detail=f"{least}, or {peer_seconds / least.seconds:.1f} times faster than the other program; "
+                f"stress over all pairs {found:.5f} (peer {peer_stress:.5f})",
+                limit_seconds=least.seconds,
             )
         )
     return rows

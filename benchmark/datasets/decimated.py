@@ -1,0 +1,175 @@
+"""A data set whose meshes are decimated by another program before they are prepared: ``tosca[decimation=libigl]``."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from benchmark.api.contracts import Input
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.errors import DatasetError, did_you_mean
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.cleaning import clean, make_manifold
+from benchmark.geometry.mesh import Mesh
+from benchmark.system.fingerprints import fingerprint
+
+__all__ = ["DECIMATIONS", "N_VERTICES", "Decimated", "decimated", "decimated_name", "is_installed", "parsed_decimation"]
+
+N_VERTICES = 2000
+"""Vertices to reach; preparation leaves a mesh of so many as it is."""
+
+_AGGRESSIVENESS = 3
+"""Of fast-simplification: the default, 7, doubles the distance between the surfaces and saves no time."""
+
+_NAME = re.compile(r"(?P<base>.+)\[decimation=(?P<program>[^\[\]]*)\]", re.DOTALL)
+
+
+def _libigl(mesh: Mesh, n_faces: int) -> Mesh:
+    """Quadric edge collapse of libigl."""
+    import igl
+
+    vertices, faces, _, _ = igl.qslim(mesh.vertices, mesh.faces.astype(np.int64), n_faces)
+    return Mesh(vertices, faces)
+
+
+def _fast_simplification(mesh: Mesh, n_faces: int) -> Mesh:
+    """Quadric edge collapse by rising thresholds, without a queue."""
+    import fast_simplification
+
+    points, faces = mesh.vertices.copy(), mesh.faces.astype(np.int32)  # it asks for arrays that it may write to
+    return Mesh(*fast_simplification.simplify(points, faces, target_count=n_faces, agg=_AGGRESSIVENESS))
+
+
+DECIMATIONS: dict[str, Callable[[Mesh, int], Mesh]] = {
+    "libigl": _libigl,
+    "fast-simplification": _fast_simplification,
+}
+"""Programs by name; each collapses edges of a manifold mesh until about so many faces remain."""
+
+_PACKAGES = {"libigl": "igl", "fast-simplification": "fast_simplification"}
+
+
+def is_installed(program: str) -> bool:
+    """Return whether a program is there."""
+    return importlib.util.find_spec(_PACKAGES[program]) is not None
+
+
+def decimated_name(base: str, program: str) -> str:
+    """Return the name of a data set whose meshes a program decimates."""
+    return f"{base}[decimation={program}]"
+
+
+def parsed_decimation(name: str) -> tuple[str, str] | None:
+    """Return the data set and the program of a name; None where it names no decimated set.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such program.
+    """
+    match = _NAME.fullmatch(name)
+    if not match:
+        return None
+    if match["program"] not in DECIMATIONS:
+        raise did_you_mean("decimation", match["program"], DECIMATIONS)
+    return match["base"], match["program"]
+
+
+def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
+    """Return a mesh with about so many vertices; one that has no more is left as it is.
+
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh.
+    program
+        A key of :data:`DECIMATIONS`.
+    n_vertices
+        Vertices to reach.
+
+    Raises
+    ------
+    InvalidMesh
+        If nothing usable is left of the mesh.
+    """
+    manifold = make_manifold(clean(mesh)[0])
+    surplus = manifold.n_vertices - n_vertices
+    if surplus <= 0:
+        return mesh
+    # Thresholds of the programs are lengths: the unit of the file must not count.
+    centre, size = manifold.vertices.mean(axis=0), np.sqrt(manifold.area)
+    scaled = manifold.with_vertices((manifold.vertices - centre) / size)
+    found = DECIMATIONS[program](scaled, manifold.n_faces - 2 * surplus)
+    return found.with_vertices(centre + size * found.vertices)
+
+
+@dataclass(frozen=True)
+class Decimated:
+    """All shapes of a data set, decimated; the complete surfaces alone, for a camera sees the mesh of the file.
+
+    Parameters
+    ----------
+    clean
+        The data set.
+    program
+        A key of :data:`DECIMATIONS`.
+    """
+
+    clean: Dataset
+    program: str
+    inputs: tuple[Input, ...] = ("mesh",)
+
+    @classmethod
+    def of(cls, clean: Dataset, program: str) -> Decimated:
+        """Return the set; raises ``DatasetError`` if the program is not installed."""
+        if not is_installed(program):
+            raise DatasetError(f"this decimation needs the package '{program}'", f"run `pip install {program}`")
+        return cls(clean, program)
+
+    @property
+    def name(self) -> str:
+        """Name in plans and records."""
+        return decimated_name(self.clean.name, self.program)
+
+    @property
+    def title(self) -> str:
+        """Name in captions."""
+        return f"{self.clean.title}, decimated by {self.program}"
+
+    @property
+    def stand_in_for(self) -> str:
+        """Return what the clean set stands in for."""
+        return self.clean.stand_in_for
+
+    @property
+    def half_width(self) -> float | None:
+        """Half the width of the camera's frame, that of the clean set."""
+        return self.clean.half_width
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The shapes of the clean set; none has a file of its own."""
+        return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
+
+    @cached_property
+    def _clean_entries(self) -> dict[str, Entry]:
+        return {entry.identifier: entry for entry in self.clean.entries}
+
+    def load(self, entry: Entry) -> Mesh:
+        """Return the decimated mesh; errors are those of the clean set and of :func:`decimated`."""
+        return decimated(self.clean.load(self._clean_entries[entry.identifier]), self.program)
+
+    def recipe(self, entry: Entry) -> str:
+        """Name what determines the mesh, the code of the clean set with it."""
+        clean_recipe = self.clean.recipe(self._clean_entries[entry.identifier])
+        code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
+        return f"{clean_recipe} {fingerprint(code).digest} {self.program} {N_VERTICES}"
+
+    def camera(self, entry: Entry) -> Camera:
+        """Return the camera of the clean set."""
+        return self.clean.camera(self._clean_entries[entry.identifier])

@@ -1,0 +1,20 @@
+"""Limits are sums of bytes and operations over measured rates, and say so in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from tools.speed import _limits
+from tools.speed._limits import Limit, Rates
+
+
+def test_a_limit_is_the_sum_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_limits, "rates", lambda: Rates(bytes=20e9, sums=10e9, roots=0.5e9, looks=1e9))
+    # 2 GB at 20 GB/s, 10 million roots at .5 a ns, 30 million values at 1 a ns, 1 Gflop at 10 Gflop/s, and 5 ms.
+    limit = Limit.of(moved=2e9, roots=10e6, looks=30e6, sums=1e9, the_graph=0.005)
+    assert limit.seconds == pytest.approx(0.1 + 0.02 + 0.03 + 0.1 + 0.005)
+    assert str(limit) == (
+        "limit 255 ms: the graph 5 ms, 2.00 GB at 20.0 GB/s 100 ms, 10 million roots and quotients at 0.50 a ns 20 ms, "
+        "30 million values by index at 1.00 a ns 30 ms, 1.00 Gflop at 10.0 Gflop/s 100 ms"
+    )
+    assert Limit.of(the_graph=0.005).parts == {"the graph": 0.005}

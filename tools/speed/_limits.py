@@ -1,0 +1,94 @@
+"""The least time that a method can take here: bytes it moves and operations it does, over rates that are measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from tools.speed._timing import least_seconds
+
+REPEATS = 9
+_LARGE, _SMALL, _COLUMNS = 2**23, 2000, 200
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What one core of this machine does in a second at best.
+
+    Parameters
+    ----------
+    bytes
+        Read or written, of arrays beyond the cache.
+    sums
+        Operations of a product of a matrix in the cache and a vector.
+    roots
+        Square roots with a quotient each.
+    looks
+        Values found by their index, in a table that fits the cache.
+    """
+
+    bytes: float
+    sums: float
+    roots: float
+    looks: float
+
+
+@cache
+def rates() -> Rates:
+    """Measure the rates, each by the least time of some runs."""
+    source, target = np.ones(_LARGE), np.ones(_LARGE)
+    basis, vector = np.ones((_SMALL, _COLUMNS)), np.ones(_COLUMNS)
+    values, places = np.linspace(1, 2, _SMALL), np.random.default_rng(0).integers(0, _SMALL, _LARGE // 8)
+
+    def roots() -> None:
+        for _ in range(1000):
+            np.divide(1.0, np.sqrt(values, out=target[:_SMALL]), out=target[:_SMALL])
+
+    def sums() -> None:
+        for _ in range(100):
+            basis @ vector
+
+    return Rates(
+        bytes=2 * source.nbytes / least_seconds(partial(np.copyto, target, source), REPEATS),
+        sums=100 * 2 * basis.size / least_seconds(sums, REPEATS),
+        roots=1000 * _SMALL / least_seconds(roots, REPEATS),
+        looks=places.size / least_seconds(lambda: values.take(places), REPEATS),
+    )
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Least seconds of a method, with what they are made of in words.
+
+    Parameters
+    ----------
+    parts
+        Seconds by the words that derive them.
+    """
+
+    parts: dict[str, float]
+
+    @classmethod
+    def of(cls, moved: float = 0, roots: float = 0, looks: float = 0, sums: float = 0, **measured: float) -> Limit:
+        """Return the limit of so many bytes and operations beside parts that were measured in seconds."""
+        found, best = {name.replace("_", " "): seconds for name, seconds in measured.items()}, rates()
+        if moved:
+            found[f"{moved / 1e9:.2f} GB at {best.bytes / 1e9:.1f} GB/s"] = moved / best.bytes
+        if roots:
+            found[f"{roots / 1e6:.0f} million roots and quotients at {best.roots / 1e9:.2f} a ns"] = roots / best.roots
+        if looks:
+            found[f"{looks / 1e6:.0f} million values by index at {best.looks / 1e9:.2f} a ns"] = looks / best.looks
+        if sums:
+            found[f"{sums / 1e9:.2f} Gflop at {best.sums / 1e9:.1f} Gflop/s"] = sums / best.sums
+        return cls(found)
+
+    @property
+    def seconds(self) -> float:
+        """Sum of the parts."""
+        return sum(self.parts.values())
+
+    def __str__(self) -> str:
+        parts = ", ".join(f"{name} {1e3 * seconds:.3g} ms" for name, seconds in self.parts.items())
+        return f"limit {1e3 * self.seconds:.3g} ms: {parts}"
