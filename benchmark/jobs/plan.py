@@ -19,7 +19,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
-from benchmark.storage.records import NO_SCORER, Place, Record, by_place
+from benchmark.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
 from retrieval.chance import chance_levels
@@ -196,6 +196,18 @@ class _Planning:
     def _published_before(self) -> Mapping[Place, list[Record]]:
         return by_place(self.store.published)
 
+    def _proven(self, method: str) -> set[str]:
+        """Digests of the models by which a method has made results, here or else elsewhere."""
+        return self._proven_here.get(method) or self._proven_elsewhere.get(method, set())
+
+    @cached_property
+    def _proven_here(self) -> Mapping[str, set[str]]:
+        return _proven_by(self.before)
+
+    @cached_property
+    def _proven_elsewhere(self) -> Mapping[str, set[str]]:
+        return _proven_by(self._published_before)
+
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
         """Return the job of a row, and whether a run would make it."""
         store, retry, seed = self.store, self.settings.retry, self.settings.seed
@@ -215,7 +227,8 @@ class _Planning:
         if input_ not in spec.info.inputs:
             return job("unsupported", f"does not take the {input_} input")
         try:
-            models = find_models(spec, gallery, store.models.absolute())
+            proven = self._proven(spec.name) if spec.learns else ()
+            models = find_models(spec, gallery, store.models.absolute(), proven)
         except MissingModel as error:
             return job("unavailable", str(error))
         except NoFolds as error:
@@ -238,6 +251,14 @@ class _Planning:
         if not gallery.quick and (elsewhere := self._published_before.get(place)):
             return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
         return job("missing", "never run", recipe)
+
+
+def _proven_by(records: Mapping[Place, list[Record]]) -> dict[str, set[str]]:
+    """Digests of the models that have made results, by the methods that did so."""
+    found: dict[str, set[str]] = {}
+    for place, made in records.items():
+        found.setdefault(place.method, set()).update(*map(models_proven_by, made))
+    return found
 
 
 def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:

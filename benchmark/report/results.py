@@ -20,7 +20,7 @@ from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
 from benchmark.storage import keys
-from benchmark.storage.records import Record, by_place, scorer_name
+from benchmark.storage.records import Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
 from benchmark.system.plugins import is_imported
@@ -144,7 +144,8 @@ class Results:
         now |= self._data[place]
         if "models" in record["recipe"]:
             try:
-                models = find_models(variant(record["method"], self.known), gallery, self.store.models)
+                spec, here = variant(record["method"], self.known), self.store.models
+                models = find_models(spec, gallery, here, models_proven_by(record))
             except BenchmarkError:
                 return now  # its models are elsewhere
             now["models"] = {model.training: model.digest for model in models.values()}

@@ -170,6 +170,11 @@ def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
     return dict(chance_of_labels(tuple(record["labels"])))
 
 
+def models_proven_by(record: Mapping[str, Any]) -> frozenset[str]:
+    """Return the digests of the models by which the method of a record has made scores."""
+    return frozenset(record["recipe"].get("models", {}).values() if record["status"] == "ok" else ())
+
+
 class Place(NamedTuple):
     """Place of a record: one place holds one result, however often it was made."""
 
