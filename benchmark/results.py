@@ -198,7 +198,7 @@ class ResultsFolder:
     @cached_property
     def _results(self) -> dict[str, Result]:
         known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-        records = known.records()
+        records = known.records(heads=True)
         seen = sorted({(each.seed, each.scorer) for each in map(place, records)})
         chosen = (known.all(seed, scorer=scorer, records=records) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}
@@ -206,7 +206,7 @@ class ResultsFolder:
     def _scored(self, key: str) -> dict[str, Any]:
         if key not in self._results:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
-        record = self._results[key].record
+        record = self._store.records.read(key) or self._store.published.read(key) or self._results[key].record
         if record["status"] != "ok":
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record

@@ -98,9 +98,11 @@ class Results:
                         chosen.append(result)
         return with_repeats(chosen)
 
-    def records(self) -> list[Record]:
-        """All records; of one job the one that was made here."""
-        return list({record["key"]: record for record in [*self.store.published, *self.store.records]}.values())
+    def records(self, *, heads: bool = False) -> list[Record]:
+        """All records, or their heads alone; of one job the one that was made here."""
+        folders = (self.store.published, self.store.records)
+        found = (record for folder in folders for record in (folder.heads() if heads else folder))
+        return list({record["key"]: record for record in found}.values())
 
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]

@@ -12,7 +12,6 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
-import os
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -166,11 +165,11 @@ def _read_cache(path: Path) -> ImportCache:
 def _installed_names() -> str:
     """Digest of the names and versions of all distributions on the search path."""
     found = [
-        (folder, entry)
-        for folder in sys.path
-        if Path(folder).is_dir()
-        for entry in os.listdir(folder or ".")
-        if entry.endswith(("-info", ".egg"))
+        str(entry)
+        for folder in map(Path, sys.path)
+        if folder.is_dir()
+        for entry in folder.iterdir()
+        if entry.name.endswith(("-info", ".egg"))
     ]
     return hashlib.sha256(json.dumps(sorted(found)).encode()).hexdigest()[:16]
 
