@@ -21,12 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import require_arrays
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
-from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
@@ -35,6 +32,9 @@ from benchmark.storage.store import StorageError, Store
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from benchmark.geometry.mesh import Mesh
+    from benchmark.report.artefact_reader import ArtefactReader
 
 __all__ = ["ResultsFolder", "open_results"]
 
@@ -170,6 +170,8 @@ class ResultsFolder:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
         from pandas import DataFrame
 
+        from benchmark.jobs.preparation import require_arrays
+
         record = self._scored(key)
         method_run = self._artefacts.method_run(record)
         if not method_run.describes:
@@ -193,6 +195,8 @@ class ResultsFolder:
 
     @cached_property
     def _artefacts(self) -> ArtefactReader:
+        from benchmark.report.artefact_reader import ArtefactReader
+
         return ArtefactReader(self._store, methods(self.plugins), self.data_root)
 
     @cached_property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
+from benchmark.report.judgements import Judgements
 from benchmark.storage import keys
 from benchmark.storage.records import Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
@@ -89,13 +91,15 @@ class Results:
         records
             What :meth:`records` gave, for a caller that asks several times; None reads them anew.
         """
-        chosen = []
-        with parse_cache():
-            for place, rivals in by_place(self.records() if records is None else records).items():
+        chosen, found = [], list(self.records() if records is None else records)
+        is_known = all(self._known(record) is not None for record in found)
+        with nullcontext() if is_known else parse_cache():
+            for place, rivals in by_place(found).items():
                 if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
                     result = self._best(rivals)
                     if not (fresh and result.outdated):
                         chosen.append(result)
+        self._judgements.write()
         return with_repeats(chosen)
 
     def records(self, *, heads: bool = False) -> list[Record]:
@@ -121,9 +125,29 @@ class Results:
 
     def outdated(self, record: Record) -> str:
         """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
-        then = record["recipe"]
-        if "unavailable" in then:
+        if (told := self._known(record)) is not None:
+            return told
+        told = self._outdated(record)
+        return self._judgements.add(record, told) if self._is_of_suite(record) else told
+
+    def _known(self, record: Record) -> str | None:
+        """Return what earlier processes have found out."""
+        if "unavailable" in record["recipe"]:
             return ""
+        return self._judgements.told(record) if self._is_of_suite(record) else None
+
+    @cached_property
+    def _judgements(self) -> Judgements:
+        return Judgements(self.store, self.data_root)
+
+    def _is_of_suite(self, record: Record) -> bool:
+        """Return whether no plugin has a part in a record."""
+        specs = (self.known.get(_base(record["method"])), self.known_scorers.get(_base(scorer_name(record) or DEFAULT)))
+        is_own = any(spec is None or spec.is_foreign for spec in specs)
+        return not is_own and _base(record["data"]["name"]) in CATALOGUE
+
+    def _outdated(self, record: Record) -> str:
+        then = record["recipe"]
         try:
             now = self._recipe_now(record)
         except BenchmarkError:
@@ -174,6 +198,11 @@ class Results:
             found = galleries(tables, [name], self.data_root, quick)
             self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
         return self._galleries[name, quick].get(record["gallery"])
+
+
+def _base(name: str) -> str:
+    """Return a name without its parameters."""
+    return name.partition("[")[0]
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:

@@ -7,15 +7,13 @@ it was made of, so that no record changes unnoticed, and a file that is damaged 
 from __future__ import annotations
 
 import hashlib
-import json
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from benchmark.storage import keys, lines, record_schema
+from benchmark.storage.derived import read_derived, write_derived
 from benchmark.storage.lines import SharedParts, packed, unpacked
-from benchmark.system.files import write_text
 from retrieval import chance, measures
 
 #: Name of the file in a folder of records.
@@ -67,32 +65,19 @@ class HeadIndex:
         if self._n_new < _WORTH:
             return
         parts = {kind: text.decode() for kind, text in self._parts.files()}
-        body = json.dumps({"heads": self._seen, "parts": parts}, separators=(",", ":"))
-        with suppress(OSError):
-            write_text(self._path, f"{_checksum(body)}\n{body}")
+        write_derived(self._path, _version(), {"heads": self._seen, "parts": parts})
 
 
 def _read(path: Path) -> tuple[dict[str, dict[str, Any]], SharedParts]:
-    parts = SharedParts()
-    try:
-        checksum, _, body = path.read_text(encoding="utf-8").partition("\n")
-        if checksum != _checksum(body):
-            return {}, parts
-        found = json.loads(body)
-    except (OSError, ValueError):
-        return {}, parts
+    parts, found = SharedParts(), read_derived(path, _version()) or {"heads": {}, "parts": {}}
     for kind, text in found["parts"].items():
         parts.read(kind, text.encode())
     return found["heads"], parts
 
 
-def _checksum(body: str) -> str:
-    """Digest of a file's content and of the code that read the records."""
-    return hashlib.sha256(f"{_version()}{body}".encode()).hexdigest()
-
-
 @cache
 def _version() -> str:
+    """Digest of the code that reads records."""
     files = (Path(__file__), *(Path(str(module.__file__)) for module in _READ_BY))
     return _digest(b"".join(file.read_bytes() for file in files))
 

@@ -136,7 +136,7 @@ def parse_cache(folder: Path | None = None) -> Iterator[None]:
             _KEPT[path] = ImportCache(all_parsed, dict(_BRINGERS))
             entries = [[*known_as, module.digest, module.names] for known_as, module in all_parsed.items()]
             with suppress(OSError):
-                write_text(path, json.dumps([entries, _installed_names(), _BRINGERS]))
+                write_text(path, json.dumps([entries, installed_names(), _BRINGERS]))
 
 
 #: What the files of the parse cache hold, by their paths, as far as this process has read or written them.
@@ -156,13 +156,13 @@ def _read_cache(path: Path) -> ImportCache:
             for text, name, package, without, digest, names in entries
         }
         distributions = {str(name): list(map(str, brought_by)) for name, brought_by in bringers.items()}
-        return ImportCache(parsed, distributions if names == _installed_names() else {})
+        return ImportCache(parsed, distributions if names == installed_names() else {})
     except (OSError, ValueError, TypeError, AttributeError):
         return ImportCache({}, {})
 
 
 @cache
-def _installed_names() -> str:
+def installed_names() -> str:
     """Digest of the names and versions of all distributions on the search path."""
     found = [
         str(entry)

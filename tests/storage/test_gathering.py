@@ -230,7 +230,7 @@ def test_nothing_is_written_where_nothing_can_be(many, monkeypatch):
     def refuse(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(head_index, "write_text", refuse)
+    monkeypatch.setattr("benchmark.storage.derived.write_text", refuse)
     assert read_in_full(many.folder, monkeypatch) == 4
     assert read_in_full(many.folder, monkeypatch) == 4
     assert not (many.folder / INDEX).exists()

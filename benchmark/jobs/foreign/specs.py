@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
 from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.foreign.serving import folded, serve
 from benchmark.methods.specs import Info, Made, MethodSpec, PluginSpec, S, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
@@ -113,6 +112,8 @@ def kept_apart(spec: S) -> S:
 @cache
 def _service(kind: str, module: str) -> Service:
     """The process of the methods, or of the scorers, of a plugin."""
+    from benchmark.jobs.foreign.serving import serve
+
     return Service(serve)
 
 
@@ -201,6 +202,8 @@ class _RemoteDescriptor(Foreign):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """See :class:`benchmark.api.contracts.Descriptor`."""
+        from benchmark.jobs.foreign.serving import folded
+
         arrays = folded([{"descriptor": each} for each in descriptors])
         return np.asarray(self._worked("distances", {}, arrays)["distances"])
 
@@ -212,4 +215,6 @@ class _RemoteScorer(Foreign):
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """See :class:`benchmark.api.scoring.Scorer`."""
+        from benchmark.jobs.foreign.serving import folded
+
         return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])
