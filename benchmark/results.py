@@ -27,7 +27,7 @@ from benchmark.methods.scorers import scorers
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
-from benchmark.storage.records import answered_shapes, chance_of, coverage_of, place, scorer_name
+from benchmark.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
 from benchmark.storage.store import StorageError, Store
 
 if TYPE_CHECKING:
@@ -202,9 +202,9 @@ class ResultsFolder:
     @cached_property
     def _results(self) -> dict[str, Result]:
         known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-        records = known.records(heads=True)
-        seen = sorted({(each.seed, each.scorer) for each in map(place, records)})
-        chosen = (known.all(seed, scorer=scorer, records=records) for seed, scorer in seen)
+        places = by_place(known.records(heads=True))
+        seen = sorted({(place.seed, place.scorer) for place in places})
+        chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}
 
     def _scored(self, key: str) -> dict[str, Any]:

@@ -63,9 +63,9 @@ class Judgements:
 
 def _name(record: Mapping[str, Any]) -> str:
     """Digest of what of a record such an answer depends on; the recipe is in the key."""
-    notes = [note.get("to") for note in record.get("rekeyed", ())]
-    data = [record["data"][part] for part in ("name", "module", "quick")]
-    return digest([record["key"], place(record), record["status"], record.get("commit"), notes, data])[:16]
+    data, notes = record["data"], [note.get("to") for note in record.get("rekeyed", ())]
+    told = (record["status"], record.get("commit"), notes, data["name"], data["module"], data["quick"])
+    return hashlib.sha256(repr((record["key"], *place(record), *told)).encode("utf-8", "replace")).hexdigest()[:16]
 
 
 def _state(store: Store, data_root: Path | None) -> str:

@@ -22,7 +22,7 @@ from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
 from benchmark.report.judgements import Judgements
 from benchmark.storage import keys
-from benchmark.storage.records import Record, by_place, models_proven_by, scorer_name
+from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
 from benchmark.system.plugins import is_imported
@@ -74,8 +74,9 @@ class Results:
     _work: dict[tuple[str, str, str, Input], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(
-        self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT, records: Iterable[Record] | None = None
-    ) -> list[Result]:
+        self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
+        places: Mapping[Place, list[Record]] | None = None,
+    ) -> list[Result]:  # fmt: skip
         """One result for each place: the newest that this code would make again, else the newest with scores.
 
         Jittered preparations have no place of their own: they go with the result that they repeat.
@@ -88,19 +89,19 @@ class Results:
             Whether to leave out what is outdated.
         scorer
             Name of the scorer; descriptors, which have none, are in whatever it is.
-        records
-            What :meth:`records` gave, for a caller that asks several times; None reads them anew.
+        places
+            What :meth:`records` gave, by place, for a caller that asks several times; None reads them anew.
         """
-        chosen, found = [], list(self.records() if records is None else records)
-        is_known = all(self._known(record) is not None for record in found)
+        wanted = [
+            rivals
+            for place, rivals in (by_place(self.records()) if places is None else places).items()
+            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
+        ]
+        is_known = all(self._known(record) is not None for rivals in wanted for record in rivals)
         with nullcontext() if is_known else parse_cache():
-            for place, rivals in by_place(found).items():
-                if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
-                    result = self._best(rivals)
-                    if not (fresh and result.outdated):
-                        chosen.append(result)
+            results = [self._best(rivals) for rivals in wanted]
         self._judgements.write()
-        return with_repeats(chosen)
+        return with_repeats(result for result in results if not (fresh and result.outdated))
 
     def records(self, *, heads: bool = False) -> list[Record]:
         """All records, or their heads alone; of one job the one that was made here."""

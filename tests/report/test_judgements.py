@@ -5,6 +5,7 @@ import pytest
 from benchmark.methods.registry import methods
 from benchmark.report import judgements
 from benchmark.report.results import Results
+from benchmark.storage.records import by_place
 from benchmark.storage.store import Store
 from tests.records import failed, record
 
@@ -29,7 +30,7 @@ def asked(store, tmp_path, monkeypatch):
 
     def ask(records=KEPT):
         compared.clear()
-        found = Results(store, methods(), tmp_path / "data").all(records=records)
+        found = Results(store, methods(), tmp_path / "data").all(places=by_place(records))
         assert {each.record["method"]: each.outdated for each in found} == {
             r["method"]: told[r["method"]] for r in records
         }
