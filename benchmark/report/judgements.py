@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import hashlib
-import sys
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import CARD
 from benchmark.datasets.catalogue import CATALOGUE
-from benchmark.storage.derived import read_derived, write_derived
-from benchmark.storage.environment import ROOT
+from benchmark.storage.derived import (
+    digest_of_files,
+    files_below,
+    read_derived,
+    read_suite,
+    suite_digest,
+    write_derived,
+)
 from benchmark.storage.keys import digest
 from benchmark.storage.records import place
 from benchmark.storage.store import Store
-from benchmark.system.fingerprints import FIRST_PARTY, installed_names
 
 #: New answers from which on it is worth to write the file.
 _WORTH = 100
-
-#: Bytes beyond which a file is known by its size and times alone.
-_SMALL = 2**20
 
 
 class Judgements:
@@ -56,7 +56,7 @@ class Judgements:
 
     def write(self) -> None:
         """Write down what was found out, if it is much, and by the code that lies here still."""
-        if self._n_new >= _WORTH and _code() == _read_code():
+        if self._n_new >= _WORTH and suite_digest() == read_suite():
             write_derived(self._path, self._state, self._told)
             self._n_new = 0
 
@@ -70,32 +70,7 @@ def _name(record: Mapping[str, Any]) -> str:
 
 def _state(store: Store, data_root: Path | None) -> str:
     """Digest of the code, the packages, the models that were trained here, and the data."""
-    models = _digest(path for path in _files(store.models) if path.name == CARD)
+    models = digest_of_files(path for path in files_below(store.models) if path.name == CARD)
     sources = sorted({source.folder for source in CATALOGUE.values() if source.folder}) if data_root else []
-    data = _digest(path for name in sources for path in _files(Path(data_root or "") / name))
-    return digest([sys.version, installed_names(), _code(), models, str(data_root), data])
-
-
-@cache
-def _code() -> str:
-    """Digest of the code that this process runs, as far as it has not been edited since it was first asked."""
-    return _read_code()
-
-
-def _read_code() -> str:
-    return _digest(path for name in FIRST_PARTY for path in _files(ROOT / name) if path.parent.name != "__pycache__")
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*")) if path.is_file())
-
-
-def _digest(files: Iterable[Path]) -> str:
-    """Digest of files: of their contents, and of large ones and those of data by their sizes and times."""
-    found = hashlib.sha256()
-    for path in files:
-        facts = path.stat()
-        is_read = path.is_relative_to(ROOT) and facts.st_size < _SMALL
-        told = path.read_bytes() if is_read else repr((facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)).encode()
-        found.update(str(path).encode("utf-8", "surrogateescape") + told)
-    return found.hexdigest()
+    data = digest_of_files(path for name in sources for path in files_below(Path(data_root or "") / name))
+    return digest([suite_digest(), models, str(data_root), data])

@@ -5,6 +5,7 @@ import pytest
 from benchmark.methods.registry import methods
 from benchmark.report import judgements
 from benchmark.report.results import Results
+from benchmark.storage import derived
 from benchmark.storage.records import by_place
 from benchmark.storage.store import Store
 from tests.records import failed, record
@@ -49,9 +50,11 @@ def test_records_are_compared_once(asked):
 def test_they_are_compared_again_where_something_is_not_the_same(asked, store, tmp_path, monkeypatch, what):
     asked()
     if what == "code":
-        monkeypatch.setattr(judgements, "_code", lambda: "other")
+        monkeypatch.setattr(judgements, "suite_digest", lambda: "other")
+        monkeypatch.setattr(judgements, "read_suite", lambda: "other")
     elif what == "package":
-        monkeypatch.setattr(judgements, "installed_names", lambda: "other")
+        monkeypatch.setattr(derived, "installed_names", lambda: "other")
+        derived.suite_digest.cache_clear()
     elif what == "damage":
         (path,) = (tmp_path / "code" / "__pycache__").iterdir()
         path.write_text(path.read_text().replace("code", "cold"))
@@ -60,11 +63,11 @@ def test_they_are_compared_again_where_something_is_not_the_same(asked, store, t
         place.parent.mkdir(parents=True)
         place.write_text("{}")
     assert asked() == ["gps", "pca"]
+    derived.suite_digest.cache_clear()
 
 
 def test_what_is_found_out_while_code_is_edited_is_not_kept(asked, monkeypatch):
-    monkeypatch.setattr(judgements, "_read_code", lambda: "edited since")
-    monkeypatch.setattr(judgements, "_code", lambda: "as it was imported")
+    monkeypatch.setattr(judgements, "read_suite", lambda: "edited since")
     asked()
     assert asked() == ["gps", "pca"]
 
