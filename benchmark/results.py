@@ -200,8 +200,12 @@ class ResultsFolder:
         return ArtefactReader(self._store, methods(self.plugins), self.data_root)
 
     @cached_property
+    def _known(self) -> Results:
+        return Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
+
+    @cached_property
     def _results(self) -> dict[str, Result]:
-        known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
+        known = self._known
         places = by_place(known.records(heads=True))
         seen = sorted({(place.seed, place.scorer) for place in places})
         chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
@@ -210,7 +214,7 @@ class ResultsFolder:
     def _scored(self, key: str) -> dict[str, Any]:
         if key not in self._results:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
-        record = self._store.records.read(key) or self._store.published.read(key) or self._results[key].record
+        record = self._known.whole(self._results[key].record)
         if record["status"] != "ok":
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record

@@ -109,6 +109,11 @@ class Results:
         found = (record for folder in folders for record in (folder.heads() if heads else folder))
         return list({record["key"]: record for record in found}.values())
 
+    def whole(self, head: Record) -> Record:
+        """Return the record of a head, or the head itself where it has gone meanwhile."""
+        key = head["key"]
+        return self.store.records.read(key) or self.store.published.read(key) or head
+
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]
 
