@@ -21,20 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import require_arrays
 from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import methods
 from benchmark.methods.scorers import scorers
-from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
-from benchmark.storage.records import answered_shapes, chance_of, coverage_of, place, scorer_name
+from benchmark.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
 from benchmark.storage.store import StorageError, Store
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from benchmark.geometry.mesh import Mesh
+    from benchmark.report.artefact_reader import ArtefactReader
 
 __all__ = ["ResultsFolder", "open_results"]
 
@@ -170,6 +170,8 @@ class ResultsFolder:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
         from pandas import DataFrame
 
+        from benchmark.jobs.preparation import require_arrays
+
         record = self._scored(key)
         method_run = self._artefacts.method_run(record)
         if not method_run.describes:
@@ -193,20 +195,26 @@ class ResultsFolder:
 
     @cached_property
     def _artefacts(self) -> ArtefactReader:
+        from benchmark.report.artefact_reader import ArtefactReader
+
         return ArtefactReader(self._store, methods(self.plugins), self.data_root)
 
     @cached_property
+    def _known(self) -> Results:
+        return Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
+
+    @cached_property
     def _results(self) -> dict[str, Result]:
-        known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-        records = known.records()
-        seen = sorted({(each.seed, each.scorer) for each in map(place, records)})
-        chosen = (known.all(seed, scorer=scorer, records=records) for seed, scorer in seen)
+        known = self._known
+        places = by_place(known.records(heads=True))
+        seen = sorted({(place.seed, place.scorer) for place in places})
+        chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}
 
     def _scored(self, key: str) -> dict[str, Any]:
         if key not in self._results:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
-        record = self._results[key].record
+        record = self._known.whole(self._results[key].record)
         if record["status"] != "ok":
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from benchmark.storage.keys import digest
+from benchmark.storage.records import Records, as_text
+from benchmark.system.files import write_text
 from retrieval.chance import chance_levels
 
 MEASURES = ("NN", "FT", "ST", "DCG")
@@ -50,6 +54,19 @@ def record(
     found.setdefault("chance", chance_levels(found["labels"]))
     found.setdefault("per_query", {name: queries(value, found["labels"]) for name, value in found["scores"].items()})
     return {"key": digest(found["recipe"]), **found}
+
+
+@cache
+def published() -> tuple[dict[str, Any], ...]:
+    """The records that travel with the suite, read once."""
+    return tuple(Records(Path(__file__).parents[1] / "results" / "records"))
+
+
+def copy_published(folder: Path, wanted: Callable[[dict[str, Any]], bool]) -> None:
+    """Write some of them into a folder, as files of their own."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for found in filter(wanted, published()):
+        write_text(folder / f"{found['key']}.json", as_text(found))
 
 
 def queries(mean: float, labels: Sequence[str]) -> list[float | None]:

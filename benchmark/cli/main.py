@@ -19,6 +19,7 @@ from benchmark.cli.options import INTERRUPTED, NOT_OK, OK, TERMINATED, USAGE
 from benchmark.cli.verbs.compilation import compile_
 from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
+from benchmark.cli.verbs.gather import gather
 from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
 from benchmark.cli.verbs.paper import paper
@@ -64,7 +65,7 @@ def completion_(shell: str) -> None:
 
 for verb in (
     run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
-    data, train, merge, compare, prune, why, rekey, sample, compile_,
+    data, train, merge, gather, compare, prune, why, rekey, sample, compile_,
 ):  # fmt: skip
     cli.add_command(verb)
 

@@ -275,9 +275,7 @@ class RunOptions:
 
         store = Store.open(self.results)
         is_published = self.published or (
-            output is not None
-            and output.resolve() == (self.results / "tables").resolve()
-            and any(store.published.folder.glob("*.json"))
+            output is not None and output.resolve() == (self.results / "tables").resolve() and store.published.has_files
         )
         return replace(store, published_only=is_published)
 

@@ -19,7 +19,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
-from benchmark.storage.records import NO_SCORER, Place, Record, by_place
+from benchmark.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
 from retrieval.chance import chance_levels
@@ -184,7 +184,7 @@ def make_plan(
     settings
         Of all jobs; None for the usual ones.
     """
-    plan = _Planning(store, settings or JobSettings(), by_place(store.records))
+    plan = _Planning(store, settings or JobSettings(), store.records.heads())
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     with parse_cache():
@@ -203,11 +203,35 @@ class _Planning:
 
     store: Store
     settings: JobSettings
-    before: Mapping[Place, list[Record]]
+    made_here: list[Record]
+
+    @cached_property
+    def _before(self) -> Mapping[Place, list[Record]]:
+        return by_place(self.made_here)
+
+    @cached_property
+    def _by_key(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.made_here}
+
+    @cached_property
+    def _published(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.store.published.heads()}
 
     @cached_property
     def _published_before(self) -> Mapping[Place, list[Record]]:
-        return by_place(self.store.published)
+        return by_place(self._published.values())
+
+    def _proven(self, method: str) -> set[str]:
+        """Digests of the models by which a method has made results, here or else elsewhere."""
+        return self._proven_here.get(method) or self._proven_elsewhere.get(method, set())
+
+    @cached_property
+    def _proven_here(self) -> Mapping[str, set[str]]:
+        return _proven_by(self._before)
+
+    @cached_property
+    def _proven_elsewhere(self) -> Mapping[str, set[str]]:
+        return _proven_by(self._published_before)
 
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
         """Return the job of a row, and whether a run would make it."""
@@ -228,29 +252,37 @@ class _Planning:
         if input_ not in spec.info.inputs:
             return job("unsupported", f"does not take the {input_} input")
         try:
-            models = find_models(spec, gallery, store.models.absolute())
+            proven = self._proven(spec.name) if spec.learns else ()
+            models = find_models(spec, gallery, store.models.absolute(), proven)
         except MissingModel as error:
             return job("unavailable", str(error))
         except NoFolds as error:
             return job("unsupported", str(error))
         recipe = job_recipe(gallery, spec, data, models, seed, scorer)
         key = keys.digest(recipe)
-        record = store.records.read(key)
+        record = self._by_key.get(key)
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
             status = record["status"]
             if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
                 return job("cached" if status == "ok" else "failed", _told(record), recipe)
             return job("stale", f"{status} before, asked to retry", recipe)
-        if store.published.read(key) is not None:
+        if key in self._published:
             return job("published", "finished elsewhere; a run makes it anew here", recipe)
         place = Place(gallery.name, input_, spec.name, seed, scorer.name)
-        if older := self.before.get(place):
+        if older := self._before.get(place):
             ranks_again = _has_distances(older[-1], recipe, store)
             return job("stale", what_changed(older[-1], recipe), recipe, ranks_again=ranks_again)
-        # No quick row is published, and to read all records takes a second.
         if not gallery.quick and (elsewhere := self._published_before.get(place)):
             return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
         return job("missing", "never run", recipe)
+
+
+def _proven_by(records: Mapping[Place, list[Record]]) -> dict[str, set[str]]:
+    """Digests of the models that have made results, by the methods that did so."""
+    found: dict[str, set[str]] = {}
+    for place, made in records.items():
+        found.setdefault(place.method, set()).update(*map(models_proven_by, made))
+    return found
 
 
 def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:

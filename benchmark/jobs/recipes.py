@@ -10,7 +10,6 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError
 from benchmark.geometry.camera import DepthSensor
-from benchmark.jobs.stages.complete import N_VERTICES
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.storage import keys
@@ -100,6 +99,8 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     """
     recipe = {"stage": input_, "source": source_recipe(dataset, entry), "code": preparation_code(input_).digest}
     if input_ == "mesh":
+        from benchmark.jobs.stages.complete import N_VERTICES
+
         return recipe | {"n_vertices": N_VERTICES}
     sensor = sensor_of(dataset, entry)
     perturbed = {} if sensor is None else {"sensor": repr(sensor)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -72,7 +72,9 @@ class Model:
         }
 
 
-def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
+def find_models(
+    spec: MethodSpec, gallery: Gallery, trained_here: Path, proven: Collection[str] = ()
+) -> dict[str, Model]:
     """Model for each shape of a gallery, by identifier; empty for a method that does not learn.
 
     Parameters
@@ -83,6 +85,9 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
         The shapes.
     trained_here
         Folder of the models that were trained here; the shipped ones come after them.
+    proven
+        Digests of models by which the method has made results: their cards are not checked again, for that imports what
+        networks need.
 
     Raises
     ------
@@ -104,7 +109,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     if missing:
         raise _missing(spec, method, missing)
     try:
-        models = {name: _first_usable(spec, name, folders) for name, folders in found.items()}
+        models = {name: _first_usable(spec, name, folders, proven) for name, folders in found.items()}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.hint) from error
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
@@ -142,7 +147,7 @@ def _finished(places: Iterable[Path], data_name: str, model_name: str) -> list[P
     return [folder for place in places if (folder := find_model([place], data_name, model_name)) is not None]
 
 
-def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path]) -> Model:
+def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], proven: Collection[str]) -> Model:
     """The first model that can be used; those before it are named on stderr, once.
 
     Raises
@@ -153,12 +158,12 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path]) -> M
     *others, last = folders
     for folder in others:
         try:
-            return _model(spec, training, folder)
+            return _model(spec, training, folder, proven)
         except ConfigurationError as error:
             if folder not in _PASSED_OVER:
                 _PASSED_OVER.add(folder)
                 say(f"passed over the model in {folder}: {error}", err=True)
-    return _model(spec, training, last)
+    return _model(spec, training, last, proven)
 
 
 #: Folders of models that were named as unusable.
@@ -168,28 +173,29 @@ _PASSED_OVER: set[Path] = set()
 _READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
 
 
-def _model(spec: MethodSpec, training: str, folder: Path) -> Model:
+def _model(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
     """The model in a folder; raises ``ConfigurationError`` if its card is not that of such a model."""
     try:
         status = (folder / CARD).stat()
     except OSError:
-        return _read(spec, training, folder)  # which says what is wrong
+        return _read(spec, training, folder, proven)  # which says what is wrong
     known_as = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
     if known_as not in _READ:
-        _READ[known_as] = _read(spec, training, folder)
+        _READ[known_as] = _read(spec, training, folder, proven)
     return _READ[known_as]
 
 
-def _read(spec: MethodSpec, training: str, folder: Path) -> Model:
+def _read(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
     card = read_card(folder)
     if card["data"] != training:
         raise ConfigurationError(
             f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
         )
+    model = Model(training, folder, card)
     check = getattr(spec.create(), "check_card", None)
-    if check is not None:
+    if check is not None and model.digest not in proven:
         check(card, folder)
-    return Model(training, folder, card)
+    return model
 
 
 def _command(spec: MethodSpec, missing: Sequence[str]) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
+from benchmark.report.judgements import Judgements
 from benchmark.storage import keys
-from benchmark.storage.records import Record, by_place, scorer_name
+from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.fingerprints import parse_cache
 from benchmark.system.plugins import is_imported
@@ -72,8 +74,9 @@ class Results:
     _work: dict[tuple[str, str, str, Input], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(
-        self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT, records: Iterable[Record] | None = None
-    ) -> list[Result]:
+        self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
+        places: Mapping[Place, list[Record]] | None = None,
+    ) -> list[Result]:  # fmt: skip
         """One result for each place: the newest that this code would make again, else the newest with scores.
 
         Jittered preparations have no place of their own: they go with the result that they repeat.
@@ -86,21 +89,30 @@ class Results:
             Whether to leave out what is outdated.
         scorer
             Name of the scorer; descriptors, which have none, are in whatever it is.
-        records
-            What :meth:`records` gave, for a caller that asks several times; None reads them anew.
+        places
+            What :meth:`records` gave, by place, for a caller that asks several times; None reads them anew.
         """
-        chosen = []
-        with parse_cache():
-            for place, rivals in by_place(self.records() if records is None else records).items():
-                if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals))):
-                    result = self._best(rivals)
-                    if not (fresh and result.outdated):
-                        chosen.append(result)
-        return with_repeats(chosen)
+        wanted = [
+            rivals
+            for place, rivals in (by_place(self.records()) if places is None else places).items()
+            if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
+        ]
+        is_known = all(self._known(record) is not None for rivals in wanted for record in rivals)
+        with nullcontext() if is_known else parse_cache():
+            results = [self._best(rivals) for rivals in wanted]
+        self._judgements.write()
+        return with_repeats(result for result in results if not (fresh and result.outdated))
 
-    def records(self) -> list[Record]:
-        """All records; of one job the one that was made here."""
-        return list({record["key"]: record for record in [*self.store.published, *self.store.records]}.values())
+    def records(self, *, heads: bool = False) -> list[Record]:
+        """All records, or their heads alone; of one job the one that was made here."""
+        folders = (self.store.published, self.store.records)
+        found = (record for folder in folders for record in (folder.heads() if heads else folder))
+        return list({record["key"]: record for record in found}.values())
+
+    def whole(self, head: Record) -> Record:
+        """Return the record of a head, or the head itself where it has gone meanwhile."""
+        key = head["key"]
+        return self.store.records.read(key) or self.store.published.read(key) or head
 
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]
@@ -119,9 +131,29 @@ class Results:
 
     def outdated(self, record: Record) -> str:
         """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
-        then = record["recipe"]
-        if "unavailable" in then:
+        if (told := self._known(record)) is not None:
+            return told
+        told = self._outdated(record)
+        return self._judgements.add(record, told) if self._is_of_suite(record) else told
+
+    def _known(self, record: Record) -> str | None:
+        """Return what earlier processes have found out."""
+        if "unavailable" in record["recipe"]:
             return ""
+        return self._judgements.told(record) if self._is_of_suite(record) else None
+
+    @cached_property
+    def _judgements(self) -> Judgements:
+        return Judgements(self.store, self.data_root)
+
+    def _is_of_suite(self, record: Record) -> bool:
+        """Return whether no plugin has a part in a record."""
+        specs = (self.known.get(_base(record["method"])), self.known_scorers.get(_base(scorer_name(record) or DEFAULT)))
+        is_own = any(spec is None or spec.is_foreign for spec in specs)
+        return not is_own and _base(record["data"]["name"]) in CATALOGUE
+
+    def _outdated(self, record: Record) -> str:
+        then = record["recipe"]
         try:
             now = self._recipe_now(record)
         except BenchmarkError:
@@ -144,7 +176,8 @@ class Results:
         now |= self._data[place]
         if "models" in record["recipe"]:
             try:
-                models = find_models(variant(record["method"], self.known), gallery, self.store.models)
+                spec, here = variant(record["method"], self.known), self.store.models
+                models = find_models(spec, gallery, here, models_proven_by(record))
             except BenchmarkError:
                 return now  # its models are elsewhere
             now["models"] = {model.training: model.digest for model in models.values()}
@@ -171,6 +204,11 @@ class Results:
             found = galleries(tables, [name], self.data_root, quick)
             self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
         return self._galleries[name, quick].get(record["gallery"])
+
+
+def _base(name: str) -> str:
+    """Return a name without its parameters."""
+    return name.partition("[")[0]
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:

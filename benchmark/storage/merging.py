@@ -80,7 +80,7 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
     target
         The folder.
     """
-    merged = Merged()
+    merged, replaced = Merged(), list[str]()
     before = by_place(target)
     for where, found in by_place(record for record in records if _is_for_all(record)).items():
         there = before.get(where, [])
@@ -90,9 +90,9 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
         else:
             target.write(portable(newest))
             merged.added.append(portable(newest))
-        for old in there:
-            if old["key"] != newest["key"]:
-                target.remove(old["key"])
+        replaced += [old["key"] for old in there if old["key"] != newest["key"]]
+    target.gather()
+    target.remove(*replaced)
     return merged
 
 

@@ -1,23 +1,34 @@
-"""Records of finished jobs: one small JSON file each, those of this machine and those that travel with the suite."""
+"""Records of finished jobs: a small JSON file each when they are written, gathered into text files of a line each."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmark.storage.head_index import INDEX, HeadIndex
 from benchmark.storage.keys import digest
+from benchmark.storage.lines import KINDS, SharedParts, as_line, key_of, unpacked
 from benchmark.storage.record_schema import chance_of_labels, fault_of, not_a_number
-from benchmark.system.files import write_text
+from benchmark.system.files import locked, write_atomically, write_text
+from benchmark.system.text import LONGEST_NAME
 
 Record = dict[str, Any]
 
 #: Bytes beyond which a file is no record; that of 300 shapes has a five-hundredth of it.
 LARGEST_FILE = 2**25
+
+#: Bytes beyond which a file of gathered records is none; each of them has some thousand.
+LARGEST_GATHERED = 2**31
+
+#: Folder, in that of gathered records, of what they share.
+_PARTS = "parts"
 
 #: Parts that say when and where a job was done, not what came out.
 CIRCUMSTANCES = frozenset(
@@ -40,6 +51,15 @@ MOST_TOLD = 10
 _HINT = "remove it or move it elsewhere"
 
 
+class _Source(NamedTuple):
+    """Text of a record, whose ``key`` its place tells, and the name of that place in messages."""
+
+    key: str
+    name: str
+    text: bytes
+    parts: SharedParts | None = None
+
+
 @dataclass(frozen=True)
 class Records:
     """A folder of records.
@@ -47,9 +67,10 @@ class Records:
     Parameters
     ----------
     folder
-        Holds ``KEY.json`` for each job.
+        Holds ``KEY.json`` for each job, or its line in ``DATASET.jsonl`` and what the lines share in ``parts``. A file
+        counts more than a line.
     skipped
-        Why a file is no record, by its name, for those found so far.
+        Why a file, or a line, is no record, by its name, for those found so far.
     """
 
     folder: Path
@@ -57,7 +78,7 @@ class Records:
     _told: set[str] = field(default_factory=set, compare=False, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
-        """Keep a record; a later one under the same key replaces it as a whole.
+        """Keep a record in a file of its own; a later one under the same key replaces it as a whole.
 
         Raises
         ------
@@ -66,25 +87,72 @@ class Records:
         ValueError
             If it holds a number that JSON does not have.
         """
-        write_text(self.folder / f"{record['key']}.json", as_text(record), durable=True)
+        write_text(self._path(record["key"]), as_text(record), durable=True)
 
     def read(self, key: str) -> Record | None:
         """Return the record of a job; None when there is none that can be read."""
-        return self._read(self.folder / f"{key}.json")
+        sources = (self._file(self._path(key)), self._lines.get(key))
+        return next((record for source in sources if source and (record := self._record(source))), None)
 
-    def remove(self, key: str) -> None:
-        """Remove the record of a job."""
-        (self.folder / f"{key}.json").unlink(missing_ok=True)
+    def remove(self, *keys: str) -> None:
+        """Remove the records of jobs."""
+        for key in keys:
+            self._path(key).unlink(missing_ok=True)
+        if not self._lines.keys().isdisjoint(keys):
+            with locked(self.folder, alone=True):
+                self._reread()
+                self._rewrite(self._lines.values(), without=keys)
+
+    def gather(self) -> int:
+        """Bring the records that have files of their own into one file of lines for each data set.
+
+        Nobody may write records meanwhile.
+
+        Returns
+        -------
+        int
+            Number of files that have become lines.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written; every record is in its file or in a line still.
+        """
+        with locked(self.folder, alone=True):
+            files = [source for source in self._files() if self._record(source)]
+            self._reread()
+            if files:
+                self._rewrite([*files, *self._lines.values()])
+                for source in files:
+                    (self.folder / source.name).unlink()
+        return len(files)
 
     def __contains__(self, key: str) -> bool:
-        return (self.folder / f"{key}.json").is_file()
+        return self._path(key).is_file() or key in self._lines
 
     def __iter__(self) -> Iterator[Record]:
         """All records, oldest first; the same order wherever the files lie."""
-        if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
-            self.skipped["."] = "this user may not read it"
-        found = [record for path in self.folder.glob("*.json") if (record := self._read(path))]
-        return iter(sorted(found, key=lambda record: (str(record.get("finished", "")), record["key"])))
+        found: dict[str, Record] = {}
+        for source in self._sources():
+            if source.key not in found and (record := self._record(source)):
+                found[source.key] = record
+        return iter(_by_age(found.values()))
+
+    def heads(self) -> list[Record]:
+        """Return all records without what is large, oldest first; see :mod:`benchmark.storage.head_index`."""
+        index, found = HeadIndex(self.folder / INDEX), dict[str, Record]()
+        for source in self._sources():
+            if source.key not in found and (head := index.head(source.text, source.key)):
+                found[source.key] = head
+            elif source.key not in found and (record := self._record(source)):
+                found[source.key] = index.add(source.text, record)
+        index.write()
+        return _by_age(found.values())
+
+    @property
+    def has_files(self) -> bool:
+        """Return whether there are files where records lie, good ones or not."""
+        return any(path.suffix in (".json", ".jsonl") for path in self.folder.glob("*.json*"))
 
     def news(self) -> list[str]:
         """A line for each file that was skipped and has not been told before."""
@@ -98,31 +166,123 @@ class Records:
         further = len(found) - len(lines)
         return lines + ([f"skipped {further} further files in {self.folder}; {_HINT}"] if further else [])
 
-    def _read(self, path: Path) -> Record | None:
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{key}.json"
+
+    def _sources(self) -> Iterator[_Source]:
+        """Texts of all records, those of files first: what is gathered meanwhile is found in its line."""
+        if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
+            self.skipped["."] = "this user may not read it"
+        with locked(self.folder):
+            yield from self._files()
+            self._reread()
+            yield from self._lines.values()
+
+    def _files(self) -> Iterator[_Source]:
+        return (source for path in self.folder.glob("*.json") if (source := self._file(path)))
+
+    def _file(self, path: Path) -> _Source | None:
+        text = self._bytes(path, LARGEST_FILE)
+        return None if text is None else _Source(path.stem, path.name, text)
+
+    def _reread(self) -> None:
+        """Look at the gathered records anew: they may have changed since."""
+        self.__dict__.pop("_lines", None)
+
+    @cached_property
+    def _lines(self) -> dict[str, _Source]:
+        """Lines of gathered records by their keys, as they were when they were looked at first."""
+        parts, found = SharedParts(), {}
+        texts = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
+        for kind in KINDS if texts else ():
+            parts.read(kind, self._bytes(self.folder / _PARTS / f"{kind}.jsonl", LARGEST_GATHERED) or b"")
+        for name, text in texts.items():
+            for number, line in enumerate((text or b"").splitlines(), 1):
+                found[key_of(line)] = _Source(key_of(line), f"{name}:{number}", line, parts)
+        return found
+
+    def _rewrite(self, sources: Iterable[_Source], without: Collection[str] = ()) -> None:
+        """Write lines anew; of several of one key the first counts, and one that cannot be read stays as it is."""
+        parts, tables = SharedParts(), dict[str, dict[tuple[Any, ...], bytes]]()
+        before = next((source.parts for source in self._lines.values() if source.parts), SharedParts())
+        done = set(without)
+        for source in sources:
+            if source.key in done:
+                continue
+            done.add(source.key)
+            if record := self._record(source):
+                where = (*place(record), source.key)
+                tables.setdefault(_table_of(record), {})[where] = as_line(record, parts)
+            else:
+                parts.update(before)  # whoever can read it needs them
+                tables.setdefault(source.name.partition(":")[0], {})[("", "", "", 0, "", source.key)] = source.text
+        old = {path.name for path in self.folder.glob("*.jsonl")}
+        before.update(parts)  # until the last line is written, both those of before and those of now are needed
+        self._write_parts(before)
+        for name in sorted(old | tables.keys()):
+            lines = tables.get(name, {})
+            self._write(self.folder / name, b"".join(lines[where] + b"\n" for where in sorted(lines)))
+        self._write_parts(parts)
+        self._reread()
+
+    def _write_parts(self, parts: SharedParts) -> None:
+        for kind, text in parts.files():
+            self._write(self.folder / _PARTS / f"{kind}.jsonl", text)
+
+    def _write(self, path: Path, text: bytes) -> None:
+        """Write a file whose content changes; an empty one goes."""
+        if not text:
+            path.unlink(missing_ok=True)
+        elif not path.is_file() or path.read_bytes() != text:
+            write_atomically(path, lambda file: file.write(text), durable=True)
+
+    def _bytes(self, path: Path, most: int) -> bytes | None:
+        """Content of a file; None, with a note why, where it is none that can be read."""
         try:
             status = path.stat()
-            if not stat.S_ISREG(status.st_mode):
-                return self._skip(path, "it is no file")
-            if status.st_size > LARGEST_FILE:
-                return self._skip(path, "it is too large")
-            content = json.loads(path.read_text(encoding="utf-8"), parse_constant=not_a_number)
+            if stat.S_ISREG(status.st_mode) and status.st_size <= most:
+                return path.read_bytes()
+            self.skipped[path.name] = "it is too large" if stat.S_ISREG(status.st_mode) else "it is no file"
         except FileNotFoundError:
-            return self._skip(path, "the link leads nowhere") if path.is_symlink() else None
+            if path.is_symlink():
+                self.skipped[path.name] = "the link leads nowhere"
         except OSError as error:
-            return self._skip(path, f"it cannot be read: {error.strerror}")
-        except (ValueError, RecursionError):
-            return self._skip(path, "it is not JSON")
-        fault = fault_of(content)
-        if not fault and content["key"] != path.stem:
+            self.skipped[path.name] = f"it cannot be read: {error.strerror}"
+        return None
+
+    def _record(self, source: _Source) -> Record | None:
+        """Record of a text; None, with a note why, where it holds none."""
+        content, fault = _parsed(source)
+        fault = fault or fault_of(content)
+        if not fault and content["key"] != source.key:
             fault = "it has the name of another job"
         if fault:
-            return self._skip(path, fault)
-        return content  # type: ignore[no-any-return]
+            self.skipped[source.name] = fault
+        return None if fault else content
 
-    def _skip(self, path: Path, why: str) -> Record | None:
-        """Take note of a file that is no record; there is none in it."""
-        self.skipped[path.name] = why
-        return None
+
+def _parsed(source: _Source) -> tuple[Any, str]:
+    """Return what a text says, or why it says nothing."""
+    try:
+        content = json.loads(source.text.decode("utf-8"), parse_constant=not_a_number)
+    except (ValueError, RecursionError):
+        return None, "it is not JSON"
+    try:
+        return (content if source.parts is None else unpacked(content, source.parts)), ""
+    except (LookupError, TypeError, AttributeError, ValueError):
+        return None, f"it names what is not in {_PARTS}"
+
+
+def _by_age(records: Iterable[Record]) -> list[Record]:
+    return sorted(records, key=lambda record: (str(record.get("finished", "")), record["key"]))
+
+
+def _table_of(record: Mapping[str, Any]) -> str:
+    """Return the name of the file of gathered records of a data set, whatever its parameters."""
+    base = str(record["data"]["name"]).partition("[")[0]
+    return f"{re.sub('[^A-Za-z0-9-]+', '-', base)[:LONGEST_NAME] or 'records'}.jsonl"
 
 
 def as_text(record: Mapping[str, Any]) -> str:
@@ -175,6 +335,11 @@ def coverage_of(record: Mapping[str, Any]) -> float:
 def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
     """Return what a random ranking of the gallery of a record with scores reaches, by measure."""
     return dict(chance_of_labels(tuple(record["labels"])))
+
+
+def models_proven_by(record: Mapping[str, Any]) -> frozenset[str]:
+    """Return the digests of the models by which the method of a record has made scores."""
+    return frozenset(record["recipe"].get("models", {}).values() if record["status"] == "ok" else ())
 
 
 class Place(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import secrets
 import time
@@ -56,6 +57,26 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
 def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     """Write a text in UTF-8 with :func:`write_atomically`."""
     write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
+
+
+@contextlib.contextmanager
+def locked(folder: Path, *, alone: bool = False) -> Iterator[None]:
+    """Wait until nobody writes a folder with this, or reads it where ``alone`` is asked for, and keep others out.
+
+    The system frees it when the process ends, however it ends. Without such a folder, or on a file system without
+    locks, nobody waits.
+    """
+    try:
+        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError:
+        yield
+        return
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(place, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(place)
 
 
 def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:

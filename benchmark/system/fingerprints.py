@@ -103,6 +103,7 @@ def clear_cache() -> None:
     """Read all sources again at the next call: they may have changed since."""
     for cached in (_fingerprint, _source, _read):
         cached.cache_clear()
+    _KEPT.clear()
 
 
 #: Entries of the parse cache, of which each version of a module is one, beyond which its file is begun anew.
@@ -113,38 +114,64 @@ _MOST_PARSED = 4000
 def parse_cache(folder: Path | None = None) -> Iterator[None]:
     """Begin with what earlier processes have parsed, which takes a second, and write down what the body adds to it.
 
-    An entry is known by the digest of its source, so that it is never out of date; a file that is damaged or cannot be
-    written is as good as none.
+    A source is known by its digest, and who brings a package by the list of all that is installed, so that nothing is
+    out of date; a file that is damaged or cannot be written is as good as none.
 
     Parameters
     ----------
     folder
         Where the file lies; None for that of Python's compiled modules beside the code.
     """
-    source = Path(__file__)
-    version = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
-    path = (folder or source.parent / "__pycache__") / f"parsed-sources-{version}.json"
-    before = _read_parses(path)
-    _PARSED.update(before)
+    path = (folder or Path(__file__).parent / "__pycache__") / f"parsed-sources-{_version_of_this()}.json"
+    if path not in _KEPT:
+        _KEPT[path] = _read_cache(path)
+        import_cache(_KEPT[path])
+    before = _KEPT[path]
     try:
         yield
     finally:
-        if new := {known_as: module for known_as, module in _PARSED.items() if known_as not in before}:
-            all_parsed = {**before, **new} if len(before) < _MOST_PARSED else new
+        new = {known_as: module for known_as, module in _PARSED.items() if known_as not in before.parsed}
+        if new or not _BRINGERS.items() <= before.distributions.items():
+            all_parsed = {**before.parsed, **new} if len(before.parsed) < _MOST_PARSED else new
+            _KEPT[path] = ImportCache(all_parsed, dict(_BRINGERS))
             entries = [[*known_as, module.digest, module.names] for known_as, module in all_parsed.items()]
             with suppress(OSError):
-                write_text(path, json.dumps(entries))
+                write_text(path, json.dumps([entries, installed_names(), _BRINGERS]))
 
 
-def _read_parses(path: Path) -> dict[tuple[str, str, str, tuple[str, ...]], _Module]:
+#: What the files of the parse cache hold, by their paths, as far as this process has read or written them.
+_KEPT: dict[Path, ImportCache] = {}
+
+
+@cache
+def _version_of_this() -> str:
+    return hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]
+
+
+def _read_cache(path: Path) -> ImportCache:
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
-        return {
+        entries, names, bringers = json.loads(path.read_text(encoding="utf-8"))
+        parsed = {
             (text, name, package, tuple(without)): _Module(digest, tuple(names))
             for text, name, package, without, digest, names in entries
         }
-    except (OSError, ValueError, TypeError):
-        return {}
+        distributions = {str(name): list(map(str, brought_by)) for name, brought_by in bringers.items()}
+        return ImportCache(parsed, distributions if names == installed_names() else {})
+    except (OSError, ValueError, TypeError, AttributeError):
+        return ImportCache({}, {})
+
+
+@cache
+def installed_names() -> str:
+    """Digest of the names and versions of all distributions on the search path."""
+    found = [
+        str(entry)
+        for folder in map(Path, sys.path)
+        if folder.is_dir()
+        for entry in folder.iterdir()
+        if entry.name.endswith(("-info", ".egg"))
+    ]
+    return hashlib.sha256(json.dumps(sorted(found)).encode()).hexdigest()[:16]
 
 
 @cache

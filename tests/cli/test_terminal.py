@@ -1,6 +1,5 @@
 """Tables at a terminal, and which rows there are."""
 
-import json
 import os
 import pty
 import re
@@ -18,6 +17,8 @@ from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import contents
 from benchmark.storage.store import Store
+from tests.records import copy_published
+from tests.records import published as published_records
 
 ROOT = Path(__file__).parents[2]
 
@@ -106,10 +107,7 @@ def test_a_named_method_has_its_row_and_no_other_has_a_blank_one():
 
 
 def test_finished_stands_for_all_that_has_scores_variants_included(tmp_path):
-    (tmp_path / "records").mkdir()
-    for path in (ROOT / "results" / "records").iterdir():
-        if json.loads(path.read_text())["method"] != "gps":
-            (tmp_path / "records" / path.name).write_bytes(path.read_bytes())
+    copy_published(tmp_path / "records", lambda each: each["data"]["name"] == "humans" and each["method"] != "gps")
     asked = {"table": "I", "dataset": "humans", "results": tmp_path}
     finished = rows("finished", **asked)
     assert {"least-squares-mds[start=classic]", "identity", "shape-dna"} <= set(finished)
@@ -118,10 +116,7 @@ def test_finished_stands_for_all_that_has_scores_variants_included(tmp_path):
 
 
 def test_a_table_that_is_none_or_has_no_record_is_refused_and_nothing_is_written(tmp_path):
-    (tmp_path / "records").mkdir()
-    for path in (ROOT / "results" / "records").iterdir():
-        if (found := json.loads(path.read_text()))["gallery"] == "tosca" and found["method"] == "gps":
-            (tmp_path / "records" / path.name).write_bytes(path.read_bytes())
+    copy_published(tmp_path / "records", lambda each: each["gallery"] == "tosca" and each["method"] == "gps")
     out = str(tmp_path / "out")
     for verb in (["tables"], ["tables", "--format", "markdown", "--check"], ["report"]):
         for table, message in (("V", "unknown table 'V'"), ("II", "belongs to table II")):
@@ -138,11 +133,8 @@ def test_finished_can_be_planned_and_is_refused_where_nothing_has_finished(tmp_p
 
     (tmp_path / "records").mkdir()
     assert "no job under" in str(planned(tmp_path).exception)
-    record = next(
-        path
-        for path in (ROOT / "results" / "records").iterdir()
-        if (r := json.loads(path.read_text()))["method"] == "least-squares-mds[start=classic]" and r["status"] == "ok"
-    )
-    (tmp_path / "records" / record.name).write_bytes(record.read_bytes())
+    found = (each for each in published_records() if each["method"] == "least-squares-mds[start=classic]")
+    key = next(each["key"] for each in found if each["status"] == "ok")
+    copy_published(tmp_path / "records", lambda each: each["key"] == key)
     names = [line.split()[3] for line in planned(tmp_path).output.splitlines() if " animals mesh " in line]
     assert names == ["least-squares-mds[start=classic]"]

@@ -35,14 +35,17 @@ def run(**given: Any) -> None:
     from benchmark.report.formats import markdown
     from benchmark.report.robustness import markdown as robustness_markdown
     from benchmark.report.robustness import robustness
+    from benchmark.storage.records import by_place
 
     ok = run_plan(plan, store, options)
-    results = options.results_of(store).all(options.seed, scorer=options.scorer_spec().name)
+    known = options.results_of(store)
+    places = by_place(known.records(heads=True))
+    results = known.all(options.seed, scorer=options.scorer_spec().name, places=places)
     name_skipped(store)
     found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
     # A finished job of the same shapes, in a folder of another name, is that of the plan.
     shown = [
-        replace(result, record={**result.record, **job.facts})
+        replace(result, record={**known.whole(result.record), **job.facts})
         for job in plan
         if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
     ]

@@ -68,12 +68,13 @@ def tables(
     from benchmark.report.files import render, stale, write
     from benchmark.report.formats import overview
     from benchmark.report.robustness import rendered, robustness
+    from benchmark.storage.store import Store
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     selection = RunOptions.of(options)
     store = selection.store(output)
-    if store.published_only and not selection.published and any((store.root / "records").glob("*.json")):
+    if store.published_only and not selection.published and Store(store.root).records.has_files:
         say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)

@@ -11,7 +11,6 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.options import RunOptions, data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
-from benchmark.parameters.values import assignments
 from benchmark.system.text import say
 
 if TYPE_CHECKING:
@@ -58,6 +57,7 @@ def train(
 ) -> None:
     """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
     from benchmark.api.learning import Learner
+    from benchmark.parameters.values import assignments
     from benchmark.protocols.tables import trainings_of
     from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
     from benchmark.storage.store import Store

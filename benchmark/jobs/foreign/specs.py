@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
 from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.foreign.serving import folded, serve
 from benchmark.methods.specs import Info, Made, MethodSpec, PluginSpec, S, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
@@ -140,6 +139,8 @@ class _Remote:
         own = (*shared, self.facts["base_name"])
         place = own if own in _services else shared
         if place not in _services:
+            from benchmark.jobs.foreign.serving import serve
+
             _services[place] = Service(serve)
         service = _services[place]
         try:
@@ -209,6 +210,8 @@ class _RemoteDescriptor(Foreign):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """See :class:`benchmark.api.contracts.Descriptor`."""
+        from benchmark.jobs.foreign.serving import folded
+
         arrays = folded([{"descriptor": each} for each in descriptors])
         return np.asarray(self._worked("distances", {}, arrays)["distances"])
 
@@ -220,4 +223,6 @@ class _RemoteScorer(Foreign):
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """See :class:`benchmark.api.scoring.Scorer`."""
+        from benchmark.jobs.foreign.serving import folded
+
         return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])

@@ -134,9 +134,11 @@ def rekey(commit: str, scope: Scope, say: Callable[[str], None], *, dry_run: boo
         if to_compare:
             _sample(found, to_compare, scope, trees, folder, say)
         if not dry_run:
-            for candidate in to_compare:
-                if not candidate.problem:
-                    found.moved.append(_move(candidate, scope, trees))
+            to_move = [candidate for candidate in to_compare if not candidate.problem]
+            found.moved += [_move(candidate, scope, trees) for candidate in to_move]
+            if scope.records == scope.store.published:
+                scope.records.gather()
+            scope.records.remove(*(candidate.record["key"] for candidate in to_move))
     if not (dry_run or found.refused):  # what was answered is of no more use
         shutil.rmtree(folder, ignore_errors=True)
     return found
@@ -299,7 +301,7 @@ class _Progress:
 
 
 def _move(candidate: Candidate, scope: Scope, trees: tuple[Tree, Tree]) -> Record:
-    """Write a record under its new key, with its arrays where they are here; the old one goes when that is done."""
+    """Write a record under its new key, with its arrays where they are here."""
     old, new = dict(candidate.record), candidate.new
     note = {
         "key": old["key"],
@@ -319,7 +321,6 @@ def _move(candidate: Candidate, scope: Scope, trees: tuple[Tree, Tree]) -> Recor
     if "artefacts" in old:
         made["artefacts"] = sorted(arrays.get(key, key) for key in old["artefacts"])
     scope.records.write(made)
-    scope.records.remove(old["key"])
     return made
 
 

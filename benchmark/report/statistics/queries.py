@@ -64,6 +64,6 @@ def queries_of(records: Sequence[Mapping[str, Any]], measures: Iterable[str]) ->
                 name = (record["gallery"], shape)
                 found.setdefault(name, []).append(values)
                 labels[name] = label
-    means = [np.mean(each, axis=0) for each in found.values()]
+    means = [each[0] if len(each) == 1 else np.mean(each, axis=0) for each in found.values()]
     table = np.rint(np.array(means).reshape(len(means), len(wanted)) / UNIT)
     return Queries(tuple(found), tuple(labels.values()), dict(zip(wanted, table.T, strict=True)))

@@ -1,0 +1,257 @@
+"""Records in files of lines: nothing is lost, whatever they lie in, and the index beside them is never trusted."""
+
+import multiprocessing
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.storage import head_index
+from benchmark.storage.head_index import INDEX, LARGE
+from benchmark.storage.lines import KINDS
+from benchmark.storage.merging import publish
+from benchmark.storage.records import Records, as_text
+from benchmark.storage.store import Store
+from benchmark.system.files import locked, write_text
+from tests.records import copy_published, failed, published, record
+from tests.storage.test_records import put_aliens
+
+ROOT = Path(__file__).parents[2]
+
+NOTE = {"key": "0" * 32, "from": "abc", "to": "def", "functions": ["f"], "shapes": ["cat0"]}
+MADE = (
+    record("gps", rekeyed=[NOTE, {"from": "def"}], environments=[{"environment": "{}"}, {"python": "3"}]),
+    record("pca", finished="2025-01-01T00:00:00+00:00", per_query={
+        "NN": [1, 1.0, 0.0, 1.0], "FT": [0.5] * 4, "ST": [0.75] * 4, "DCG": [0.8] * 4,
+        "E": [k / 100 for k in range(4)], "rest": [None] * 4,
+    }, scores={"NN": 0.75, "FT": 0.5, "ST": 0.75, "DCG": 0.8, "E": 0.015, "rest": 0.5}),
+    record("gps", gallery="balls[radius=2]", data={"name": "balls[radius=2]"}),
+    failed(method="random"),
+)  # fmt: skip
+
+
+def texts(records):
+    """Records as they are written, by which 1 differs from 1.0."""
+    return [as_text(found) for found in records]
+
+
+def files(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def records(tmp_path):
+    """Four records in files of their own."""
+    found = Records(tmp_path / "records")
+    for each in MADE:
+        write_text(found.folder / f"{each['key']}.json", as_text(each))
+    return found
+
+
+def test_gathered_records_are_the_same_in_a_line_each(records):
+    before = texts(records)
+    assert records.gather() == 4
+    assert texts(records) == texts(Records(records.folder)) == before
+    assert [records.read(each["key"]) for each in MADE] == list(MADE)
+    assert all(each["key"] in records for each in MADE)
+    parts = {f"parts/{kind}.jsonl" for kind in KINDS}
+    assert set(files(records.folder)) == {"balls.jsonl", "rods.jsonl"} | parts
+    lines = files(records.folder)["rods.jsonl"].splitlines()
+    assert len(lines) == 3
+    assert all(line.startswith(b'{"key":"') for line in lines)
+    assert not records.skipped
+
+
+def test_what_is_gathered_again_is_the_same_file_and_a_later_record_changes_one_line(records):
+    records.gather()
+    before = files(records.folder)
+    assert records.gather() == 0
+    records.write(MADE[0])
+    assert records.gather() == 1
+    assert files(records.folder) == before
+    records.write({**MADE[0], "finished": "2027-01-01T00:00:00+00:00"})
+    assert records.read(MADE[0]["key"])["finished"].startswith("2027")  # a file counts more than a line
+    assert [each["finished"][:4] for each in records] == ["2025", "2026", "2026", "2027"]
+    records.gather()
+    now = files(records.folder)
+    assert {name for name in before if before[name] != now[name]} == {"rods.jsonl"}
+    assert len(set(before["rods.jsonl"].splitlines()) - set(now["rods.jsonl"].splitlines())) == 1
+
+
+def test_gathered_records_can_be_removed_with_what_they_alone_have(records):
+    records.gather()
+    before = files(records.folder)
+    records.remove(MADE[2]["key"])
+    assert MADE[2]["key"] not in records
+    assert {each["key"] for each in Records(records.folder)} == {each["key"] for each in MADE} - {MADE[2]["key"]}
+    assert set(before) - set(files(records.folder)) == {"balls.jsonl"}
+    assert len(files(records.folder)["parts/galleries.jsonl"]) < len(before["parts/galleries.jsonl"])
+
+
+def test_what_is_no_record_stays_where_it_is_and_is_told(records):
+    put_aliens(records.folder)
+    aliens = {path.name for path in records.folder.glob("*.json")} - {f"{each['key']}.json" for each in MADE}
+    records.gather()
+    assert {path.name for path in records.folder.glob("*.json")} == aliens
+    path = records.folder / "rods.jsonl"
+    good = path.read_bytes().splitlines()
+    path.write_bytes(b"\n".join([b"<<<<<<< HEAD", good[0].replace(b"0.5", b"1.5"), b"\xff" + good[1], good[2]]))
+    again = Records(records.folder)
+    assert len(list(again)) == 2
+    assert again.skipped["rods.jsonl:1"] == "it is not JSON"
+    assert "is not" in again.skipped["rods.jsonl:2"]
+    again.write(MADE[2])
+    again.gather()
+    assert set(path.read_bytes().splitlines()) >= {b"<<<<<<< HEAD", good[2]}
+    (records.folder / "parts" / "galleries.jsonl").write_text("[]")
+    bare = Records(records.folder)
+    assert list(bare) == []
+    assert "it names what is not in parts" in bare.skipped.values()
+
+
+def test_a_changed_part_is_none(records):
+    records.gather()
+    path = records.folder / "parts" / "galleries.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"balls[', b'"bills['))
+    assert {each["data"]["name"] for each in Records(records.folder)} == {"rods"}
+
+
+def test_publishing_writes_lines_and_drops_what_they_replace(tmp_path):
+    records, data = Records(tmp_path), {"source": "rods"}
+    old, new = (record("gps", code=code, data=data, finished=f"202{code}") for code in ("6", "7"))
+    assert len(publish([old], records).added) == 1
+    assert len(publish([new], records).added) == 1
+    assert not list(records.folder.glob("*.json"))
+    assert old["key"] not in records
+    assert Records(records.folder).read(new["key"])["finished"] == "2027"
+
+
+def test_the_verb_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path):
+    store = Store.open(tmp_path)
+    for each in MADE:
+        write_text(store.records.folder / f"{each['key']}.json", as_text(each))
+    done = CliRunner().invoke(cli, ["gather", "--results", str(tmp_path)])
+    assert done.output.startswith("4 records gathered; ")
+    assert "has 7 files of lines, 0.0 MB" in done.output
+    assert texts(Store.open(tmp_path).records) == texts(sorted(MADE, key=lambda each: (each["finished"], each["key"])))
+    done = CliRunner().invoke(cli, ["gather", "--published", "--results", str(tmp_path)])
+    assert done.output.startswith("0 records gathered; ")
+
+
+def test_published_records_come_back_from_either_form_key_for_key(tmp_path):
+    """A sixteenth of them."""
+    copy_published(tmp_path, lambda each: each["key"][:1] == "7")
+    records = Records(tmp_path)
+    before = {each["key"]: each for each in records}
+    assert len(before) > 50
+    assert before == {each["key"]: each for each in published() if each["key"] in before}
+    records.gather()
+    assert texts(Records(tmp_path)) == texts(sorted(before.values(), key=lambda each: (each["finished"], each["key"])))
+
+
+# The index ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def many(tmp_path, monkeypatch):
+    """A folder of records, gathered and not, which is worth an index."""
+    monkeypatch.setattr(head_index, "_WORTH", 2)
+    records = Records(tmp_path / "records")
+    for each in MADE[:2]:
+        records.write(each)
+    records.gather()
+    for each in MADE[2:]:
+        records.write(each)
+    return records
+
+
+def heads_of(folder):
+    return Records(folder).heads()
+
+
+def right_heads(folder):
+    return [{name: part for name, part in each.items() if name not in LARGE} for each in Records(folder)]
+
+
+def read_in_full(folder, monkeypatch):
+    """How many records are read in full to list their heads, which are the right ones."""
+    count = []
+    real = Records._record
+    with monkeypatch.context() as patch:
+        patch.setattr(Records, "_record", lambda self, source: count.append(source) or real(self, source))
+        found = heads_of(folder)
+    assert found == right_heads(folder)
+    return len(count)
+
+
+def test_a_record_is_read_in_full_once_and_again_when_it_changes(many, monkeypatch):
+    assert read_in_full(many.folder, monkeypatch) == 4
+    assert read_in_full(many.folder, monkeypatch) == 0
+    many.write({**MADE[3], "reason": "killed"})
+    line = many.folder / "rods.jsonl"
+    status = line.stat()
+    line.write_bytes(line.read_bytes().replace(b'"peak_mib":100', b'"peak_mib":200', 1))
+    os.utime(line, ns=(status.st_atime_ns, status.st_mtime_ns))  # neither size nor time tells
+    assert read_in_full(many.folder, monkeypatch) == 2
+    assert "killed" in {head.get("reason") for head in heads_of(many.folder)}
+    assert read_in_full(many.folder, monkeypatch) == 0
+    many.remove(MADE[3]["key"])
+    assert read_in_full(many.folder, monkeypatch) == 0
+    shutil.copy(many.folder / f"{MADE[2]['key']}.json", many.folder / f"{'0' * 32}.json")  # in the name of another
+    assert len(heads_of(many.folder)) == 3
+
+
+@pytest.mark.parametrize("damage", ["gone", "cut", "bit", "noise", "folder"])
+def test_a_damaged_index_is_as_good_as_none(many, monkeypatch, damage):
+    index = many.folder / INDEX
+    read_in_full(many.folder, monkeypatch)
+    content = index.read_bytes()
+    index.unlink()
+    if damage == "folder":
+        index.mkdir()
+    elif damage != "gone":
+        at = content.index(b"100")
+        bit = content[:at] + b"900" + content[at + 3 :]
+        index.write_bytes({"cut": content[:-9], "bit": bit, "noise": b"\xff\x00\n{}"}[damage])
+    assert read_in_full(many.folder, monkeypatch) == 4
+    assert read_in_full(many.folder, monkeypatch) == (4 if damage == "folder" else 0)
+
+
+def test_an_index_of_other_code_is_none(many, monkeypatch):
+    read_in_full(many.folder, monkeypatch)
+    monkeypatch.setattr(head_index, "_version", lambda: "other")
+    assert read_in_full(many.folder, monkeypatch) == 4
+
+
+def test_nothing_is_written_where_nothing_can_be(many, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("benchmark.storage.derived.write_text", refuse)
+    assert read_in_full(many.folder, monkeypatch) == 4
+    assert read_in_full(many.folder, monkeypatch) == 4
+    assert not (many.folder / INDEX).exists()
+
+
+def test_processes_that_open_at_once_see_the_same_while_others_write(many):
+    wanted = {each["key"] for each in MADE}
+    with multiprocessing.get_context("fork").Pool(3) as pool:
+        asked = [pool.apply_async(heads_of, (many.folder,)) for _ in range(12)]
+        for _ in range(6):
+            (many.folder / INDEX).unlink(missing_ok=True)
+            many.write(MADE[0])
+            many.gather()
+        found = [each.get(60) for each in asked]
+    assert all({head["key"] for head in heads} == wanted for heads in found)
+
+
+def test_a_reader_waits_for_a_writer(many):
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        with locked(many.folder, alone=True):
+            asked = pool.apply_async(heads_of, (many.folder,))
+            asked.wait(0.3)
+            assert not asked.ready()
+        assert len(asked.get(60)) == 4
