@@ -57,6 +57,11 @@ class DatasetSource:
     terms: str = ""
     other_use: str = ""
 
+    @property
+    def is_shared(self) -> bool:
+        """Return whether forms of its shapes may be passed on: of generated sets; the terms of no other one say so."""
+        return not self.folder
+
 
 def _official(name: str) -> DatasetSource:
     known = SETS[name]
@@ -215,6 +220,17 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
             f"put it there and pass --data-root; it comes from {source.url}",
         )
     return source.load(data_root or Path())
+
+
+def catalogued(name: str) -> str | None:
+    """Return the set of the catalogue whose shapes a data set has, perturbed or jittered or not; None for another one.
+
+    A set with parameters has its own name.
+    """
+    clean = clean_name(name)
+    if found := parsed(clean):
+        return catalogued(found[0])
+    return clean if is_known(clean) else None
 
 
 def _perturbed(clean: Dataset, perturbation: str, strength: int) -> Dataset:
