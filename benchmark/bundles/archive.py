@@ -26,6 +26,9 @@ LARGEST_JSON = 2**25
 #: Files of a bundle, and arrays of one of its files, at most.
 MOST_FILES, MOST_ARRAYS = 2000, 200_000
 
+#: Ways to pack a file that unfold in little memory.
+_PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+
 _HINT = "ask its author for the file that 'submit' wrote"
 
 
@@ -104,6 +107,8 @@ class Archive:
         try:
             with zipfile.ZipFile(io.BytesIO(content)) as inner:
                 parts = inner.infolist()
+                if {part.compress_type for part in parts} - _PACKED:
+                    raise BundleError("no-arrays", f"'{name}' is packed in an unusual way", _HINT)
                 is_large = len(parts) > MOST_ARRAYS or sum(part.file_size for part in parts) > LARGEST_ARRAYS
                 if not is_large and any(map(_has_objects, (inner.open(part) for part in parts))):
                     raise BundleError("pickle", f"'{name}' holds Python objects, which may be programs", _HINT)
@@ -126,7 +131,7 @@ def _check(part: zipfile.ZipInfo) -> None:
         raise BundleError("path-outside", f"'{shown}' leads out of the bundle", _HINT)
     if not NAMES.fullmatch(name) or name != part.filename:
         raise BundleError("unknown-file", f"'{shown}' belongs into no bundle", f"a bundle has {MANIFEST}; {_HINT}")
-    if part.flag_bits & 1 or part.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+    if part.flag_bits & 1 or part.compress_type not in _PACKED:
         raise BundleError("no-zip", f"'{shown}' in it is locked, or packed in an unusual way", _HINT)
     if part.file_size > LARGEST_FILE:
         raise BundleError("too-large", f"'{shown}' unfolds to {part.file_size:,} bytes", _HINT)

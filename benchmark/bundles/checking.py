@@ -73,7 +73,8 @@ def verify(request: Request, say: Callable[[str], None] = lambda line: None) -> 
     """
     if not request.path.is_file():
         raise BenchmarkError(f"{request.path} is no file", "name a bundle that 'submit' wrote")
-    guard = Guard(f"bundle {request.path.name}", "take it for damaged or hostile", request.limit, quiet=True)
+    patience = request.limit and 2 * request.limit  # that of forms that are made again ends first
+    guard = Guard(f"bundle {request.path.name}", "take it for damaged or hostile", patience, quiet=True)
     try:
         return Outcome.from_plain(call_apart(_verified, request, guard=guard, say=say))
     except BrokenCall as error:
@@ -100,8 +101,9 @@ def _verified(request: Request, say: Callable[[str], None]) -> dict[str, Any]:
         )  # fmt: skip
         check = _Check(request, archive, manifest, say)
         check.require_whole()
-        rows = tuple(map(check.row, manifest.entries))
-        return replace(made, rows=rows, faults=tuple(check.faults_of_method())).to_plain()
+        made = replace(made, faults=tuple(check.faults_of_method()))
+        check.may_run = request.run and not made.faults
+        return replace(made, rows=tuple(map(check.row, manifest.entries))).to_plain()
     except BundleError as error:
         return replace(made, faults=(*made.faults, Fault.of(error))).to_plain()
 
@@ -122,6 +124,7 @@ class _Check:
     archive: Archive
     manifest: Manifest
     say: Callable[[str], None]
+    may_run: bool = False
 
     def require_whole(self) -> None:
         """Raise :class:`BundleError` unless the files are those that the manifest names, each once."""
@@ -229,7 +232,7 @@ class _Check:
         is_ours = plugin is None and self.manifest.base_name in BUILT_IN
         needs_code = plugin is not None and entry.holds == "descriptors"
         gallery = work.gallery
-        if (is_ours and gallery) or (plugin and self.request.run and (gallery or needs_code)):
+        if (is_ours and gallery) or (plugin and self.may_run and (gallery or needs_code)):
             names = answered_shapes(record) if gallery else []
             chosen = secrets.SystemRandom().sample(names, min(max(self.request.n_again, FEWEST_AGAIN), len(names)))
             self.say(f"{record['gallery']} {record['input']}: making {len(chosen)} forms again")

@@ -12,7 +12,7 @@ from jinja2 import ChoiceLoader, PackageLoader
 
 from benchmark.bundles.checking import Request, digest_of_file, verify
 from benchmark.bundles.outcome import Outcome, RowOutcome
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.report.grid import number
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.pages import ENVIRONMENT
@@ -197,7 +197,7 @@ def write_leaderboard(
     ConfigurationError
         If there is no bundle, or the folder holds something else.
     """
-    files = sorted(bundles.rglob("*.zip")) if bundles.is_dir() else []
+    files = sorted(path for path in bundles.rglob("*.zip") if path.is_file()) if bundles.is_dir() else []
     if not files:
         raise ConfigurationError(f"{bundles} holds no bundle", "name a folder of files that 'submit' wrote")
     folder.claim(["index.html", "parts", "outcomes"])
@@ -205,10 +205,14 @@ def write_leaderboard(
     found: list[Bundle] = []
     for path in files:
         name = path.relative_to(bundles).as_posix()
-        outcome = _kept(folder, path, how, with_run=request.run)
-        if outcome is None:
-            say(f"verifying {name}")
-            outcome = verify(replace(request, path=path), say)
+        try:
+            outcome = _kept(folder, path, how, with_run=request.run)
+            if outcome is None:
+                say(f"verifying {name}")
+                outcome = verify(replace(request, path=path), say)
+        except (OSError, BenchmarkError) as error:
+            say(f"left out {name}: {error}")
+            continue
         folder.write(
             outcome_file(outcome.digest), json.dumps({"how": how, "outcome": outcome.to_plain()}, sort_keys=True)
         )

@@ -156,7 +156,9 @@ def manifest_of(content: Any) -> Manifest:
 
 def _plugin(content: Mapping[str, Any]) -> Plugin:
     found = Plugin(_text(content["file"]), _text(content["attribute"]), _texts(content["digests"]))
-    if found.file not in found.digests or not found.attribute.isidentifier():
+    if not all(name.startswith("plugin/") for name in found.digests) or not found.attribute.isidentifier():
+        raise ValueError("plugin")
+    if found.file not in found.digests:
         raise ValueError("plugin")
     return found
 

@@ -36,6 +36,7 @@ from benchmark.storage.store import Store
 from benchmark.system.arrays import Arrays, load_arrays
 from benchmark.system.calls import Guard, call_apart
 from benchmark.system.plugins import close_process
+from benchmark.system.services import ForeignError
 
 #: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
 #: in distances of the scorer, relative to their mean. Other processors move forms by 2e-4 at most.
@@ -139,6 +140,13 @@ def made_again(remaking: Remaking, archive: Archive, plugin: Plugin | None, limi
 
 def _make(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict[str, Any]:
     """Make and compare the forms, in a process of its own."""
+    try:
+        return _made(remaking, target, content, folder)
+    except ForeignError as error:
+        raise ConfigurationError(f"method '{remaking.record['method']}' raises {error}", "ask its author") from error
+
+
+def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict[str, Any]:
     record, entry = remaking.record, remaking.entry
     base = str(record["recipe"]["method"])
     if target:

@@ -19,6 +19,7 @@ from benchmark.bundles.manifest import BundleError
 from benchmark.bundles.outcome import Outcome
 from benchmark.bundles.remaking import rigid_distance
 from benchmark.bundles.rows import _check_signature
+from benchmark.bundles.writing import Offer, _withheld
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.storage.keys import digest
 from benchmark.system.fingerprints import fingerprint
@@ -367,6 +368,22 @@ def test_what_is_said_of_a_method_of_the_suite(ran, tmp_path):
     assert faults(outcome(path)) == {"not-made-again": "claimed"}
     found = outcome(path, results=ran / "results")
     assert (found.status, found.rows[0].compared) == ("verified", "records")
+
+
+@pytest.mark.parametrize(
+    ("name", "is_withheld"),
+    [("tosca", True), ("tosca[noise=3]", True), ("faust", True), ("rods", False)]
+    + [(name, False) for name in ("animals", "humans[subjects=3,poses=2]", "animals[noise=3]", "camera")],
+)
+def test_forms_of_official_sets_are_never_passed_on(name, is_withheld):
+    record = {"data": {"name": name, "source": name}}
+    assert bool(_withheld(record, None, Offer(with_forms=True))) == is_withheld
+
+
+def test_a_folder_among_the_official_sets_is_not_passed_on(ran, tmp_path):
+    words = ("submit", "flat", "--scorer", SCORER, "--forms", "-o", tmp_path / "flat.zip", *where(ran))
+    made = command(*words, "--data-root", ran)
+    assert "signatures and distances alone; rods lies among the official sets" in made.output
 
 
 def test_own_data_is_not_passed_on_unless_somebody_says_that_it_may_be(ran, tmp_path):
