@@ -119,7 +119,7 @@ class BoardRow:
         if found.faults:
             return "; ".join(f"{fault.name}: {fault.problem}" for fault in found.faults)
         compared = {"data": "labels and inputs compared with the data", "records": "labels and inputs as in records"}
-        again = f"{len(found.again)} made again" if found.again else f"{found.holds} as told"
+        again = f"{len(found.again) or 'none'} made again"
         return f"from {found.holds}; {again}; {compared.get(found.compared, 'labels and inputs as told')}"
 
 
@@ -150,7 +150,7 @@ class Board:
         first = self._first
         return (
             f"{first.data_title}: {first.n_shapes} shapes, {first.n_classes} classes; "
-            f"labels and inputs {first.gallery_digest[:_SHORT]}"
+            f"digest of labels and inputs {first.gallery_digest[:_SHORT]}"
         )
 
     @property

@@ -26,6 +26,9 @@ NAMES = re.compile(
 #: Characters of the longest name, or other text, of a bundle.
 LONGEST = 500
 
+#: The same of what names the mesh of a shape, which may be all parameters of a generator.
+_LONGEST_SOURCE = 10_000
+
 Holds = Literal["forms", "signatures", "descriptors"]
 
 Status = Literal["unreadable", "false", "claimed", "verified"]
@@ -164,7 +167,8 @@ def _plugin(content: Mapping[str, Any]) -> Plugin:
 
 
 def _entry(content: Mapping[str, Any]) -> Entry:
-    inputs = {_text(name): (_text(source), _text(digest)) for name, (source, digest) in content["inputs"].items()}
+    told = content["inputs"].items()
+    inputs = {_text(name): (_text(source, _LONGEST_SOURCE), _text(digest)) for name, (source, digest) in told}
     if not re.fullmatch(r"[0-9a-f]{32}", content["key"]) or content["holds"] not in get_args(Holds):
         raise ValueError("key or holds")
     return Entry(content["key"], content["holds"], _text(content["withheld"]), inputs)
@@ -174,7 +178,7 @@ def _texts(content: Mapping[str, Any]) -> dict[str, str]:
     return {_text(name): _text(value) for name, value in content.items()}
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str) or len(value) > LONGEST:
+def _text(value: Any, longest: int = LONGEST) -> str:
+    if not isinstance(value, str) or len(value) > longest:
         raise ValueError(f"{value!s:.40} is no short text")
     return value

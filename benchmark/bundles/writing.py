@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmark import __version__
-from benchmark.bundles.manifest import MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
+from benchmark.bundles.manifest import LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.foreign.serving import folded
@@ -113,26 +113,29 @@ def write_bundle(
     Raises
     ------
     ConfigurationError
-        If no record can be passed on.
+        If no record can be passed on, or author or licence is no short text.
     BenchmarkError
         If the file cannot be written.
     """
+    if max(len(offer.author), len(offer.licence)) > LONGEST:
+        raise ConfigurationError(f"--author or --licence has more than {LONGEST} characters", "shorten it")
     files: dict[str, bytes] = {}
     entries: list[Entry] = []
     names: list[tuple[str, Holds, str]] = []
-    left_out: list[str] = []
+    left_out: list[tuple[str, BenchmarkError]] = []
     for record in records:
         say(f"packing {told(record)}")
         try:
             entry, made = _packed(record, artefacts, offer)
         except BenchmarkError as error:
-            left_out.append(f"{told(record)}: {error}")
+            left_out.append((told(record), error))
             continue
         files |= made
         entries.append(entry)
         names.append((told(record), entry.holds, entry.withheld))
     if not entries:
-        raise ConfigurationError(f"no record of '{spec.name}' can be passed on: {left_out[0]}", "run it here first")
+        first, why = left_out[0]
+        raise ConfigurationError(f"no record of '{spec.name}' can be passed on: {first}: {why.problem}", why.hint)
     sources = _sources(spec)
     plugin = None
     if sources:
@@ -147,7 +150,7 @@ def write_bundle(
         write_atomically(path, lambda file: file.write(content))
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another file with -o") from error
-    return Written(len(content), tuple(names), tuple(left_out), licence)
+    return Written(len(content), tuple(names), tuple(f"{name}: {why}" for name, why in left_out), licence)
 
 
 def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[Entry, dict[str, bytes]]:

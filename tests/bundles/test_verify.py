@@ -69,6 +69,14 @@ def test_forms_of_something_else_are_found_by_making_them_again(forged, ran, tmp
     assert faults(outcome(path, data=ran / "rods", run=True)) == {"not-made-again": "false"}
 
 
+def test_a_source_that_is_not_that_of_the_records_is_not_run(forged, ran, tmp_path):
+    mark = tmp_path / "ran"
+    forged.put_source(f"open({str(mark)!r}, 'w')\n".encode() + forged.plugin)
+    path = forged.write(tmp_path / "forged.zip")
+    assert faults(outcome(path, data=ran / "rods", run=True)) == {"source-differs": "false"}
+    assert not mark.exists()
+
+
 def test_labels_are_those_of_the_data_or_of_records(forged, ran, tmp_path):
     """A careful forger gives the gallery and the record the digests of the labels that he would like."""
     labels = forged.record["labels"]
