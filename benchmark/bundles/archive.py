@@ -124,7 +124,7 @@ class Archive:
 def _check(part: zipfile.ZipInfo) -> None:
     """Raise :class:`BundleError` for a file that no bundle has."""
     name, kind = part.orig_filename, part.external_attr >> 16
-    shown = ascii(name)[1:81]
+    shown = ascii(name)[1:-1][:80]
     if stat.S_IFMT(kind) not in (0, stat.S_IFREG):
         raise BundleError("link", f"'{shown}' in it is a link or a device", _HINT)
     if name.startswith("/") or "\\" in name or ":" in name or ".." in name.split("/"):

@@ -184,7 +184,7 @@ class _Check:
                 "no-records", f"record {entry.key[:12]} has a name of more than {LONGEST} characters", _ASK
             )
         names = record["shapes"]
-        if len(set(names)) < len(names) or [*entry.inputs] != names:
+        if [*entry.inputs] != names:
             said = f"record {entry.key[:12]} names a shape twice, or others than the bundle"
             raise BundleError("name-twice", said, "give each shape a name of its own", "false")
         told = (record["method"], record["recipe"].get("method"))

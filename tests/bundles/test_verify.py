@@ -176,6 +176,10 @@ def put_another_source(forged):
     forged.put_source(b"print('hello')\n", told=False)
 
 
+def put_another_comment(forged):
+    forged.put_source(forged.plugin + b"# see http://example.org/virus\n", told=False)
+
+
 def put_another_source_with_its_digest(forged):
     forged.put_source(b"print('hello')\n")
 
@@ -227,6 +231,7 @@ EDITS = [
     (name_a_vertex_that_is_not_there, "bad-form", "unreadable"),
     (put_a_pickle, "pickle", "unreadable"),
     (put_another_source, "source-differs", "false"),
+    (put_another_comment, "source-differs", "false"),
     (put_another_source_with_its_digest, "source-differs", "false"),
     (put_a_source_that_is_none, "source-differs", "false"),
     (name_a_shape_twice, "name-twice", "false"),
@@ -295,6 +300,7 @@ FILES = [
 def test_a_file_that_no_bundle_has_is_refused_before_anything_is_read(forged, tmp_path, further, name):
     found = outcome(forged.write(tmp_path / "forged.zip", further))
     assert (faults(found), found.status) == ({name: "unreadable"}, "unreadable")
+    assert "''" not in found.faults[0].problem
     assert found.digest
 
 
