@@ -9,7 +9,6 @@ from pathlib import Path
 
 from benchmark.datasets.catalogue import catalogued, is_present
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.plan import data_recipe
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.tables import TABLES
 from benchmark.storage.records import Record, answered_shapes, place
@@ -56,14 +55,17 @@ class Known:
         return [record for records in (store.published, store.records) for record in records]
 
     def record_of_gallery(self, record: Record) -> Record | None:
-        """Return a record of a gallery of the same name and input that is here; one of the same shapes if there is."""
+        """Return a record of the same gallery and input that is here; of a known set also one of other shapes.
+
+        Folders of two people may have one name.
+        """
         rivals = [
             each
             for each in self._records
             if each["status"] == "ok" and (each["gallery"], each["input"]) == (record["gallery"], record["input"])
         ]
         same = (each for each in rivals if each["recipe"].get("gallery") == record["recipe"].get("gallery"))
-        return next(same, rivals[-1] if rivals else None)
+        return next(same, rivals[-1] if rivals and catalogued(str(record["data"]["name"])) else None)
 
     def has_same(self, record: Record) -> bool:
         """Return whether a record here has the same scores in the same place, of the same shapes."""
@@ -76,8 +78,3 @@ class Known:
             for each in self._records
             if each["status"] == "ok"
         )
-
-
-def told_of(gallery: Gallery, record: Record) -> dict[str, object]:
-    """Return what a gallery determines of the recipe of a record: its shapes with their labels, and its cameras."""
-    return data_recipe(gallery, record["input"])

@@ -137,13 +137,16 @@ class RowCheck:
 
     def _compare_with(self, gallery: Gallery) -> None:
         self._compare_labels({entry.identifier: entry.subject for entry in gallery.entries})
-        if not self.has_lied:
+        if self.gallery is not None:
             self._compare_inputs(plain(data_recipe(gallery, self.record["input"])))
 
     def _compare_labels(self, labels: Mapping[str, str]) -> None:
         name = self.record["gallery"]
         if list(labels) != self.record["shapes"]:
-            self.faults.append(lie("shapes-differ", f"its shapes are not those of '{name}' as they are known here"))
+            said = f"its shapes are not those of '{name}' as they are known here"
+            fault = lie if catalogued(str(self.record["data"]["name"])) else claim  # two folders may have one name
+            self.faults.append(fault("shapes-differ", said, "name the data that it was run on"))
+            self.gallery = None
         elif wrong := [shape for shape, label in self._labels.items() if labels[shape] != label]:
             said = f"it calls '{wrong[0]}' a '{self._labels[wrong[0]]}', which is a '{labels[wrong[0]]}'"
             self.faults.append(lie("labels-differ", said))
@@ -153,7 +156,9 @@ class RowCheck:
         for part, what in (("gallery", "meshes"), ("view", "cameras")):
             if not self.has_lied and recipe.get(part) != told.get(part):
                 said = f"its {what} are not those of '{self.record['gallery']}' as they are known here"
-                self.faults.append(lie("inputs-differ", said, "compare the versions of the data set"))
+                self.faults.append(claim("inputs-differ", said, "compare the versions of the data set"))
+                self.gallery = None  # forms of other shapes say nothing
+                return
 
     # Arrays ------------------------------------------------------------------------------------------------------
 

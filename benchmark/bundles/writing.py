@@ -8,6 +8,7 @@ import json
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -141,8 +142,8 @@ def write_bundle(
     if sources:
         digests = {name: hashlib.sha256(text).hexdigest() for name, text in sources.items()}
         plugin = Plugin(next(iter(sources)), spec.target.rpartition(":")[2], digests)
-    licence = offer.licence or _stated(sources)
-    versions = {"suite": __version__, **environment()}
+    licence = offer.licence or ("" if spec.is_foreign else "MIT") or _stated(sources)
+    versions = {"suite": __version__, **environment(), **_package(spec)}
     manifest = Manifest(spec.name, spec.base_name, spec.title, offer.author, licence, versions, plugin, tuple(entries))
     files = {MANIFEST: json.dumps(manifest.to_plain(), indent=1).encode(), **sources, **files}
     content = _zipped(files)
@@ -256,10 +257,16 @@ def _sources(spec: MethodSpec) -> dict[str, bytes]:
     return {name: file.read_bytes() for name, file in files.items()}
 
 
+def _package(spec: MethodSpec) -> dict[str, str]:
+    """Version of the installed package that brings a method; nothing for one of the suite, or of a file."""
+    if not spec.is_foreign or spec.module.endswith(".py"):
+        return {}
+    names = metadata.packages_distributions().get(spec.module.partition(".")[0], ())
+    return {name: metadata.version(name) for name in names}
+
+
 def _stated(sources: Mapping[str, bytes]) -> str:
-    """Return the licence that a source states by SPDX; that of the suite without a source; "" where nothing is said."""
-    if not sources:
-        return "MIT"
+    """Return the licence that a source states by SPDX; "" where nothing is said."""
     mark = b"SPDX-License-Identifier:"
     lines = (line for text in sources.values() for line in text.splitlines() if mark in line)
     return next((line.partition(mark)[2].decode("utf-8", "replace").strip() for line in lines), "")

@@ -24,6 +24,7 @@ from benchmark.methods.scorers import ScorerSpec
 from benchmark.storage.keys import digest
 from benchmark.system.fingerprints import fingerprint
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
+from tests.toy import write_rods
 
 
 def outcome(path: Path, *, data: Path | None = None, results: Path = Path("nowhere"), run: bool = False) -> Outcome:
@@ -77,7 +78,7 @@ def test_a_source_that_is_not_that_of_the_records_is_not_run(forged, ran, tmp_pa
     assert not mark.exists()
 
 
-def test_labels_are_those_of_the_data_or_of_records(forged, ran, tmp_path):
+def test_labels_are_those_of_the_data(forged, ran, tmp_path):
     """A careful forger gives the gallery and the record the digests of the labels that he would like."""
     labels = forged.record["labels"]
     labels[0], labels[2] = labels[2], labels[0]
@@ -91,7 +92,15 @@ def test_labels_are_those_of_the_data_or_of_records(forged, ran, tmp_path):
     path = forged.write(tmp_path / "careful.zip")
     assert faults(outcome(path)) == {"scores-differ": "false"}
     assert faults(outcome(path, data=ran / "rods"))["labels-differ"] == "false"
-    assert faults(outcome(path, results=ran / "results"))["labels-differ"] == "false"
+
+
+def test_another_folder_of_the_same_name_tells_nothing(ran, tmp_path):
+    """Nobody has lied; and forms of other shapes are not asked for."""
+    other = write_rods(tmp_path / "rods", bends=(0.0, 1.3))
+    found = outcome(ran / "flat.zip", data=other, run=True)
+    assert (faults(found), found.rows[0].again) == ({"inputs-differ": "claimed"}, ())
+    write_rods(other, bends=(0.0, 1.3, 2.0))
+    assert faults(outcome(ran / "flat.zip", data=other, run=True)) == {"shapes-differ": "claimed"}
 
 
 def test_a_name_of_the_suite_needs_more_than_forms(forged, tmp_path):
