@@ -147,6 +147,10 @@ def test_the_page_in_a_browser(bundles, tmp_path):
         for size in (DESK, PHONE):
             browser.open("index.html", size)
             assert browser.run("return document.documentElement.scrollWidth <= innerWidth")
+            wide = browser.run(
+                "return [...document.querySelectorAll('.frame')].some((f) => f.scrollWidth > f.clientWidth)"
+            )
+            assert wide == (size == PHONE)  # where it scrolls within its frame
         column = "return [...document.querySelectorAll('tbody')][0].rows[0].cells[0].querySelector('a').textContent"
         browser.run("document.querySelector('thead th button').focus()")
         first = browser.run(column)
