@@ -21,7 +21,7 @@ LAYERS = (
     ("benchmark.protocols",),
     ("benchmark.jobs",),
     ("benchmark.report",),
-    ("benchmark.depth_forms", "benchmark.results"),
+    ("benchmark.bundles", "benchmark.depth_forms", "benchmark.results"),
     ("benchmark.cli",),
     ("benchmark.__main__",),
 )

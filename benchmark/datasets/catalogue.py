@@ -58,6 +58,11 @@ class DatasetSource:
     terms: str = ""
     other_use: str = ""
 
+    @property
+    def is_shared(self) -> bool:
+        """Return whether forms of its shapes may be passed on: of generated sets; the terms of no other one say so."""
+        return not self.folder
+
 
 def _official(name: str) -> DatasetSource:
     known = SETS[name]
@@ -226,6 +231,17 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
 def fitting_perturbations(name: str) -> list[str]:
     """Return the perturbations that fit a data set: of depth frames those of frames, else all others."""
     return [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
+
+
+def catalogued(name: str) -> str | None:
+    """Return the set of the catalogue whose shapes a data set has, changed or not; None for another one.
+
+    A set with parameters has its own name.
+    """
+    clean = clean_name(name)
+    if found := parsed_decimation(clean) or parsed(clean):
+        return catalogued(found[0])
+    return clean if is_known(clean) else None
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:

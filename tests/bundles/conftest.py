@@ -1,0 +1,20 @@
+"""One run, and its bundle, for all tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.bundles.made import SCORER, command, run, where
+
+
+@pytest.fixture(scope="session")
+def ran(tmp_path_factory) -> Path:
+    """A folder with a data set, a plug-in, results, and the bundle of its method."""
+    folder = tmp_path_factory.mktemp("bundles")
+    run(folder)
+    words = ("submit", "flat", "--scorer", SCORER, "--forms", "--author", "Ada <b>", *where(folder))
+    made = command(*words, "-o", folder / "flat.zip")
+    assert made.exit_code == 0, made.output
+    return folder
