@@ -16,6 +16,7 @@ from benchmark.report.statistics.significance import intervals, permutation_test
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -36,7 +37,7 @@ class Difference:
     where
         What they have in common.
     first, second
-        Scores of each by measure.
+        Scores of each by printed measure that both have.
     intervals
         By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
     probabilities
@@ -44,7 +45,7 @@ class Difference:
     changed
         Queries for which a measure differs.
     better, worse
-        Queries for which the second one has a higher, and a lower, DCG.
+        Queries for which the second one has a higher, and a lower, DCG, or P@K where neighbours alone were looked for.
     n_queries
         Queries that both have.
     is_perturbed
@@ -65,7 +66,12 @@ class Difference:
     @property
     def largest(self) -> float:
         """Largest difference of a printed measure."""
-        return max(abs(self.second[name] - self.first[name]) for name in PRINTED)
+        return max(abs(self.second[name] - self.first[name]) for name in self.first)
+
+    @property
+    def decisive(self) -> str:
+        """Measure by which a query is better or worse: the last one that both have."""
+        return list(self.first)[-1]
 
 
 @dataclass(frozen=True)
@@ -138,24 +144,25 @@ def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Compa
 
 def _difference(where: str, before: Result, after: Result) -> Difference:
     first, second = before.record, after.record
-    here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
+    measures = printed_of(first["scores"].keys() & second["scores"].keys())
+    here, there = queries_of([first], measures), queries_of([second], measures)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
-    gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
-    gain = gains[:, PRINTED.index("DCG")]
+    gains = np.column_stack([there.values[name] - here.values[name] for name in measures])
+    gain = gains[:, -1]
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
-    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
+    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in measures])
     means = gains.mean(axis=0) * UNIT
     reach = zip(intervals(gains, here.labels).tolist(), means.tolist(), noise.tolist(), strict=True)
     ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
     probabilities = permutation_test(gains, noise / UNIT * len(gains) if noise.any() else None)
     return Difference(
         where,
-        {name: first["scores"][name] for name in PRINTED},
-        {name: second["scores"][name] for name in PRINTED},
-        dict(zip(PRINTED, ends, strict=True)),
-        dict(zip(PRINTED, probabilities.tolist(), strict=True)),
+        {name: first["scores"][name] for name in measures},
+        {name: second["scores"][name] for name in measures},
+        dict(zip(measures, ends, strict=True)),
+        dict(zip(measures, probabilities.tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
@@ -184,9 +191,9 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     for pair in different:
         said.append(
             f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
-            f"{pair.better} better, {pair.worse} worse in DCG"
+            f"{pair.better} better, {pair.worse} worse in {pair.decisive}"
         )
-        for name in PRINTED:
+        for name in pair.first:
             before, after = pair.first[name], pair.second[name]
             low, high = pair.intervals[name]
             said.append(
@@ -213,6 +220,8 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
         cells = [
             f"{pair.first[name]:.2f} {_signed(pair.second[name] - pair.first[name])}"
             f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
+            if name in pair.first
+            else "--"
             for name in PRINTED
         ]
         said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())

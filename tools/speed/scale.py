@@ -1,4 +1,4 @@
-"""How runs grow with the gallery: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --records 10000``.
+"""How runs grow: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --neighbours 100000 --records 10000``.
 
 Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
 measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,7 +25,7 @@ MEASURED = ROOT / "results" / "scale.json"
 PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
 
 #: Sizes of the page; those that were not run are extrapolated.
-SIZES = (100, 1000, 4000, 10_000)
+SIZES = (100, 1000, 4000, 10_000, 100_000, 1_000_000)
 POSES = 20
 METHODS = ("identity", "classic-mds", "learned")
 CORES = 2
@@ -45,6 +46,16 @@ RANKING = {
     "ranking_peak_mib": "memory of matching, keeping and measures, MiB",
     "record_mib": "record of a job, MiB",
 }
+NEIGHBOURS = {
+    "index_seconds": "index of one codebook, processor seconds",
+    "nearest_seconds": "neighbours of one codebook, processor seconds",
+    "nearest_peak_mib": "memory of both, MiB",
+    "nearest_disk_mib": "both on disk, MiB",
+    "recall_1": "share of the nearest that was found",
+    "recall_k": "share of the 20 nearest that was found",
+}
+#: Neighbours that are looked for; the share that was found is measured on some queries, against all shapes.
+K = 20
 
 
 def gallery(size: int) -> str:
@@ -110,13 +121,68 @@ def ranking(size: int) -> dict[str, Any]:
     found = scores([matrix], labels)
     ended = time.perf_counter()
     made = record("identity") | found | {"labels": labels, "shapes": [f"{label}_standing-1" for label in labels]}
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {
         "matching_seconds": matched - begun,
         "measures_seconds": ended - begun_scoring,
-        "ranking_peak_mib": int(status["VmHWM"].split()[0]) / 1024,
+        "ranking_peak_mib": _peak_mib(),
         "record_mib": len(as_text(made)) / MIB,
     }
+
+
+def neighbours(size: int) -> dict[str, Any]:
+    """Index made-up signatures, find the neighbours of each, and compare them with the exact ones of some queries."""
+    from benchmark.storage.store import Store
+    from retrieval.clock_index import ClockIndex
+    from retrieval.neighbours import nearest
+    from tools.speed.made_up_gallery import N_WORDS, signatures
+
+    codebook = np.zeros((N_WORDS, 128), dtype=np.uint8)
+    nearest(ClockIndex.counted(codebook, signatures(POSES, POSES)), 1)  # compiles
+    drawing = _processor_seconds(lambda: sum(len(form.words) for form in signatures(size, POSES)))
+    begun = time.process_time()
+    index = ClockIndex.counted(codebook, signatures(size, POSES))
+    indexed = time.process_time()
+    found = nearest(index, K)
+    ended = time.process_time()
+    with TemporaryDirectory() as folder:
+        store = Store.open(Path(folder))
+        store.get_or_compute({"stage": "index"}, index.to_arrays)
+        store.get_or_compute({"stage": "neighbours"}, found.to_arrays)
+        disk = sum(path.stat().st_size for path in store.artefact_files()) / MIB
+    peak = _peak_mib()
+    shares = [_recall(index, found, int(query)) for query in _queries(size)]
+    return {
+        "index_seconds": max(indexed - begun - drawing, 0.0),
+        "nearest_seconds": ended - indexed,
+        "nearest_peak_mib": peak,
+        "nearest_disk_mib": disk,
+        "recall_1": float(np.mean([first for first, _ in shares])),
+        "recall_k": float(np.mean([first_k for _, first_k in shares])),
+    }
+
+
+def _queries(size: int) -> np.ndarray:
+    """Some queries whose exact neighbours are looked for: about a million pairs, of 20 to 200 queries."""
+    return np.random.default_rng(1).choice(size, min(size, max(20, min(200, 10**6 // size))), replace=False)
+
+
+def _recall(index: Any, found: Any, query: int) -> tuple[float, float]:
+    """Share of the nearest form, and of the K nearest, of a query that was found; any of those that tie will do."""
+    others = np.delete(np.arange(len(index)), query)
+    exact = np.sort(index.distances(np.full(len(others), query), others))
+    distances = found.of(query)[1]
+    return float(distances[0] <= exact[0]), float((distances[:K] <= exact[K - 1]).sum() / K)
+
+
+def _processor_seconds(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+def _peak_mib() -> float:
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return int(status["VmHWM"].split()[0]) / 1024
 
 
 def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
@@ -206,7 +272,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
         "| --- |" + " ---: |" * len(sizes),
     ]
-    for name, title in (RUN | RANKING).items():
+    for name, title in (RUN | RANKING | NEIGHBOURS).items():
         cells = []
         for size in sizes:
             found = figure_of(measured, name, size)
@@ -229,7 +295,7 @@ def draw(measured: dict[str, dict[str, Any]]) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 4), dpi=120)
-    for name, title in (RUN | RANKING).items():
+    for name, title in (RUN | RANKING | NEIGHBOURS).items():
         if not name.endswith("seconds") or not any(name in found for found in measured.values()):
             continue
         sizes = sorted({*SIZES, *map(int, measured)})
@@ -252,18 +318,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", default="", help="sizes to run, such as 100,1000")
     parser.add_argument("--ranking", default="", help="sizes of the ranking alone")
+    parser.add_argument("--neighbours", default="", help="sizes of the neighbours alone")
     parser.add_argument("--records", default="", help="sizes of plan and tables alone")
     parser.add_argument("--results", type=Path, default=ROOT / "build" / "scale", help="where the runs are kept")
     parser.add_argument("--write", action="store_true", help="only make the page anew")
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        print(json.dumps(ranking(options.one)))
+        work, size = options.one
+        print(json.dumps({"ranking": ranking, "neighbours": neighbours}[work](int(size))))
         return
     measured: dict[str, dict[str, Any]] = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
     for text, name, work in (
         (options.sizes, "run_seconds", lambda size: run(size, options.results)),
-        (options.ranking, "matching_seconds", _ranking_apart),
+        (options.ranking, "matching_seconds", lambda size: _apart("ranking", size)),
+        (options.neighbours, "nearest_seconds", lambda size: _apart("neighbours", size)),
         (options.records, "tables_seconds", lambda size: bookkeeping(size, options.results)),
     ):
         for size in [int(word) for word in text.split(",") if word and not options.write]:
@@ -277,9 +346,9 @@ def main() -> None:
     PAGE.write_text(page(measured))
 
 
-def _ranking_apart(size: int) -> dict[str, Any]:
-    """The ranking in a process of its own, whose memory is its alone."""
-    words = [sys.executable, "-m", "tools.speed.scale", "--one", str(size)]
+def _apart(work: str, size: int) -> dict[str, Any]:
+    """A measurement in a process of its own, whose memory is its alone."""
+    words = [sys.executable, "-m", "tools.speed.scale", "--one", work, str(size)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     return dict(json.loads(done.stdout))
 
