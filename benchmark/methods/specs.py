@@ -233,6 +233,11 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
         return self.INDEXES.get(self.target, "").partition(":")[0]
 
     @property
+    def has_index(self) -> bool:
+        """Return whether there is an index of its galleries; none tells of mirror images."""
+        return bool(self.index_module) and not self.parameters.get("allow_mirror")
+
+    @property
     def index(self) -> Any:
         """The class of the index.
 
@@ -241,7 +246,7 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
         ConfigurationError
             If the scorer has none.
         """
-        if not self.index_module or self.parameters.get("allow_mirror"):
+        if not self.has_index:
             raise ConfigurationError(
                 f"scorer '{self.base_name}' has no vectors to find neighbours by",
                 "drop --neighbours, or take cm-bof or spherical-harmonics",

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
+from benchmark.jobs import retrieval
 from benchmark.jobs.job_specs import from_json, to_json
 from benchmark.methods.scorers import scorer_of, scorers
 from benchmark.results import open_results
@@ -100,3 +101,17 @@ def test_what_cannot_be_is_refused_by_name(ran, more, said):
 def test_a_report_needs_whole_rankings(ran):
     done = CliRunner().invoke(cli, ["report", *ran[0], "--neighbours", "2"])
     assert "a report shows whole rankings" in str(done.exception)
+
+
+def test_retrieve_of_a_large_gallery_reads_the_index_of_the_run(ran, monkeypatch):
+    words, _ = ran
+    folder = words[words.index("-d") + 1]
+    asked = ["retrieve", *words[:4], *words[6:], f"{folder}/thin1.off", "-k", "4"]
+    monkeypatch.setattr("benchmark.system.calls.call_apart", lambda work, *given, guard: work(*given))
+    exact = CliRunner().invoke(cli, asked).output.splitlines()
+    monkeypatch.setattr(retrieval, "LARGE", 3)
+    monkeypatch.setattr(ClockIndex, "of", lambda *_: pytest.fail("an index was made"))
+    found = CliRunner().invoke(cli, asked).output.splitlines()
+    assert found[-1].split(";")[1].startswith(" 3 of 4 forms compared, ")
+    assert [line.split()[1] for line in found[1:4]] == [line.split()[1] for line in exact[1:4]]
+    assert "thin1" not in " ".join(found[1:-1])
