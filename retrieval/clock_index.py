@@ -1,39 +1,37 @@
 """Index of CM-BOF: the words of a gallery, so that some pairs of forms are compared by clock matching without the rest.
 
 Only views of one orbit of the cube group ever meet. So the vector of a form counts its words orbit by orbit, which no
-turn changes: the square roots of their shares of a view, summed over the views of the orbit, whose Euclidean distance
-is that of Hellinger. Its leading principal components are kept, rounded to whole numbers.
+turn changes: the square roots of their shares of a view, summed over the views of the orbit. Words of an orbit that
+most forms hold are left out, as in a search for texts: they tell little and cost most.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from benchmark.api.scoring import SignatureArrays
 from retrieval.clock import N_ORBITS, ORBIT_SIZES, PLACES, PLACES_MET, ROUNDING, Signature
 from retrieval.cmbof import CMBOF
 from retrieval.codebook import Descriptors, sample_codebook
 from retrieval.features import Features
-from retrieval.neighbours import Places, Vectors
+from retrieval.neighbours import Places
 from retrieval.views import N_VIEWS, ORBITS
 
-__all__ = ["COMPONENTS", "ClockIndex"]
+__all__ = ["ClockIndex"]
 
-#: Principal components of a vector; chosen on generated bodies, see docs/appendix/scale.md.
-COMPONENTS = 64
-#: Forms whose principal components are taken, evenly spaced in the gallery.
-SAMPLE = 1000
-#: Units of a vector and of the axes of its components: what is rounded is a thousandth of what tells forms apart.
-UNIT = 2.0**-10
-#: Share of the largest variance below which a component is noise of the arithmetic.
-_LEAST_VARIANCE = 1e-9
+#: Share of the entries of all vectors that is kept, those of the rarest words; chosen on generated bodies, see
+#: docs/appendix/scale.md.
+KEPT = 0.5
+#: Units of a vector: whole numbers, whose products single precision holds exactly, on every machine and in every order.
+UNIT = 2.0**-8
 #: Forms that are looked at together.
 FORMS = 64
 #: Place of the view that each view meets after each of the 24 turns, shape (66, 24).
@@ -55,18 +53,12 @@ class ClockIndex:
         Their numbers of occurrences, shape (k,), uint16.
     offsets
         First entry of each view of each form, shape (66 N + 1,), int64.
-    axes
-        Axes of the principal components, shape (4 n_words, c), float32.
-    vectors
-        Components of each form, shape (N, c), float32.
     """
 
     codebook: Descriptors
     words: NDArray[Any]
     counts: NDArray[np.uint16]
     offsets: Places
-    axes: Vectors
-    vectors: Vectors
 
     @classmethod
     def of(cls, scorer: CMBOF, signatures: Sequence[SignatureArrays], draw: int) -> ClockIndex:
@@ -75,30 +67,24 @@ class ClockIndex:
         return cls.counted(codebook, (scorer.quantise(Features.from_arrays(each), codebook) for each in signatures))
 
     @classmethod
-    def counted(cls, codebook: Descriptors, signatures: Iterable[Signature], axes: Vectors | None = None) -> ClockIndex:
-        """Put the signatures of forms together, all of one codebook; without axes, they get their own."""
+    def counted(cls, codebook: Descriptors, signatures: Iterable[Signature]) -> ClockIndex:
+        """Put the signatures of forms together, all of one codebook."""
         words, counts, sizes = [], [], []
         for signature in signatures:
             words.append(signature.words.astype(np.min_scalar_type(len(codebook))))
             counts.append(signature.counts.astype(np.uint16))
             sizes.append(np.diff(signature.view_offsets))
         offsets = np.concatenate([[0], np.cumsum(np.concatenate(sizes), dtype=np.int64)])
-        found = cls(
-            codebook, np.concatenate(words), np.concatenate(counts), offsets, *[np.empty((0, 0), np.float32)] * 2
-        )
-        axes = found._principal_axes() if axes is None else axes
-        return replace(found, axes=axes, vectors=found._along(axes))
+        return cls(codebook, np.concatenate(words), np.concatenate(counts), offsets)
 
     def with_query(self, scorer: CMBOF, signature: SignatureArrays) -> ClockIndex:
-        """Return the same with one more form at the end, in words and axes that were found without it."""
-        own = scorer.quantise(Features.from_arrays(signature), self.codebook)
-        query = self.counted(self.codebook, [own], self.axes)
+        """Return the same with one more form at the end, in words that were drawn without it."""
+        query = self.counted(self.codebook, [scorer.quantise(Features.from_arrays(signature), self.codebook)])
         return replace(
             self,
             words=np.concatenate([self.words, query.words]),
             counts=np.concatenate([self.counts, query.counts]),
             offsets=np.concatenate([self.offsets, self.offsets[-1] + query.offsets[1:]]),
-            vectors=np.concatenate([self.vectors, query.vectors]),
         )
 
     def __len__(self) -> int:
@@ -119,8 +105,23 @@ class ClockIndex:
         """Rebuild it from :meth:`to_arrays`."""
         return cls(**{each.name: arrays[each.name] for each in fields(cls)})
 
+    def closeness(self, forms: slice) -> NDArray[np.float32]:
+        """See :class:`retrieval.neighbours.GalleryIndex`: the inner products of the vectors."""
+        rows, columns = self._vectors
+        return np.asarray((rows[forms] @ columns).toarray())
+
+    @cached_property
+    def _vectors(self) -> tuple[csr_array, csr_array]:
+        """Vectors of all forms, shape (N, 4 n_words), and their transpose, which is the inverted index."""
+        parts = [self._histograms(np.arange(a, min(a + FORMS, len(self)))) for a in range(0, len(self), FORMS)]
+        whole = vstack(parts, format="csc")
+        held = np.diff(whole.indptr)
+        rarest = np.argsort(held, kind="stable")
+        rare = whole[:, rarest[np.cumsum(held[rarest]) <= KEPT * whole.nnz]]
+        return rare.tocsr(), rare.T.tocsr()
+
     def _histograms(self, forms: NDArray[np.int64]) -> csr_array:
-        """Return the square roots of the words' shares by orbit of some forms, shape (n, 4 n_words)."""
+        """Return the square roots of the words' shares by orbit of some forms, in units of :data:`UNIT`."""
         numbers = (forms[:, None] * N_VIEWS + np.arange(N_VIEWS)).ravel()  # of their views
         lengths = self.offsets[numbers + 1] - self.offsets[numbers]
         entries = np.repeat(self.offsets[numbers] - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
@@ -129,23 +130,7 @@ class ClockIndex:
         columns = self.words[entries].astype(np.int64) * N_ORBITS + ORBITS[views % N_VIEWS]
         shape = (len(forms), len(self.codebook) * N_ORBITS)
         found = csr_array((shares, (views // N_VIEWS, columns)), shape=shape)
-        return found.sqrt()
-
-    def _principal_axes(self) -> Vectors:
-        sample = np.unique(np.linspace(0, len(self) - 1, min(len(self), SAMPLE)).astype(np.int64))
-        rows = self._histograms(sample).toarray()
-        rows -= rows.mean(axis=0)
-        variances, sides = np.linalg.eigh(rows @ rows.T)
-        kept = np.flatnonzero(variances > _LEAST_VARIANCE * max(variances[-1], UNIT))[-COMPONENTS:]
-        axes = rows.T @ (sides[:, kept] / np.sqrt(variances[kept]))
-        return np.asarray(np.round(axes / UNIT) * UNIT, dtype=np.float32)
-
-    def _along(self, axes: Vectors) -> Vectors:
-        """Components of all forms in units of :data:`UNIT`."""
-        found = np.zeros((len(self), max(axes.shape[1], 1)), dtype=np.float32)
-        for start in range(0, len(self), FORMS):
-            forms = np.arange(start, min(start + FORMS, len(self)))
-            found[forms, : axes.shape[1]] = np.round(self._histograms(forms) @ axes.astype(np.float64) / UNIT)
+        found.data = np.round(np.sqrt(found.data) / UNIT).astype(np.float32)
         return found
 
 

@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from benchmark.api.scoring import SignatureArrays
-from retrieval.neighbours import Places, Vectors
+from retrieval.neighbours import Places
 from retrieval.spherical_harmonics import RESOLUTION, SphericalHarmonics
 
 __all__ = ["EnergyIndex"]
-
-#: Units in which an energy, which is at most about 1, is a whole number.
-_UNIT = 2.0**-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +33,12 @@ class EnergyIndex:
         """Return the same with one more form at the end."""
         return EnergyIndex(np.concatenate([self.energies, signature["energies"].reshape(1, -1)]))
 
-    @property
-    def vectors(self) -> Vectors:
-        """See :class:`retrieval.neighbours.GalleryIndex`."""
-        return np.round(self.energies / _UNIT).astype(np.float32)
+    def __len__(self) -> int:
+        return len(self.energies)
+
+    def closeness(self, forms: slice) -> NDArray[np.float64]:
+        """See :class:`retrieval.neighbours.GalleryIndex`: the distances themselves, with the other sign."""
+        return np.asarray(-np.round(cdist(self.energies[forms], self.energies) / RESOLUTION))
 
     def distances(self, first: Places, second: Places) -> NDArray[np.float64]:
         """See :class:`retrieval.neighbours.GalleryIndex`."""

@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 __all__ = ["CANDIDATES", "FEWEST_CANDIDATES", "GalleryIndex", "Nearest", "candidates", "nearest"]
 
 Places = NDArray[np.int64]
-Vectors = NDArray[np.float32]
 
 #: Candidates for each neighbour that is wanted, and how many there are at least; chosen on generated bodies, see
 #: docs/appendix/scale.md.
-CANDIDATES, FEWEST_CANDIDATES = 5, 100
+CANDIDATES, FEWEST_CANDIDATES = 10, 200
+#: Forms that are looked at together.
+ROWS = 64
 
 
 class GalleryIndex(Protocol):
-    """What a scorer keeps of a gallery of N forms, so that some pairs can be compared without all others.
+    """What a scorer keeps of a gallery of N forms, so that some pairs can be compared without all others."""
 
-    The vectors, shape (N, k), are whole numbers, so that their order is the same on every machine; forms with a small
-    dissimilarity have vectors with a small Euclidean distance.
-    """
+    def __len__(self) -> int: ...
 
-    @property
-    def vectors(self) -> Vectors:
-        """One vector a form, shape (N, k), float32."""
+    def closeness(self, forms: slice) -> NDArray[np.floating[Any]]:
+        """Return how close all N forms are to some of them by their vectors, larger for a closer one, shape (n, N).
+
+        It costs far less than the dissimilarities, and is in whole numbers, the same on every machine.
+        """
         ...
 
     def distances(self, first: Places, second: Places) -> NDArray[np.float64]:
@@ -93,8 +94,8 @@ def nearest(index: GalleryIndex, count: int) -> Nearest:
     """
     from scipy.sparse import coo_array
 
-    n_shapes = len(index.vectors)
-    found = candidates(index.vectors, max(FEWEST_CANDIDATES, CANDIDATES * count))
+    n_shapes = len(index)
+    found = candidates(index, max(FEWEST_CANDIDATES, CANDIDATES * count))
     others = np.repeat(np.arange(n_shapes), found.shape[1])
     pairs = np.unique(np.minimum(others, found.ravel()) * n_shapes + np.maximum(others, found.ravel()))
     first, second = pairs // n_shapes, pairs % n_shapes
@@ -107,30 +108,33 @@ def nearest(index: GalleryIndex, count: int) -> Nearest:
     return Nearest(offsets, matrix.indices[order].astype(np.int32), matrix.data[order])
 
 
-def candidates(vectors: Vectors, count: int, queries: Vectors | None = None) -> Places:
-    """Return the places of the nearest vectors in the Euclidean metric.
+def candidates(index: GalleryIndex, count: int, forms: range | None = None) -> Places:
+    """Return the places of the forms that are closest to some by their vectors, in no order.
 
     Parameters
     ----------
-    vectors
-        Shape (N, k).
+    index
+        The gallery, of N forms.
     count
-        Wanted for each; at most all others, or all, are returned.
-    queries
-        Shape (M, k); None for the vectors themselves, none of which is a candidate of its own.
+        Wanted for each; at most the N - 1 others are returned.
+    forms
+        Places of the forms, n of them; None for all.
 
     Returns
     -------
     numpy.ndarray
-        Shape (N, count) or (M, count), the nearest first.
+        Shape (n, count).
     """
-    from sklearn.neighbors import NearestNeighbors
-
-    most = len(vectors) - (queries is None)
-    if not most:
-        return np.empty((len(vectors), 0), dtype=np.int64)
-    search = NearestNeighbors(n_neighbors=min(count, most), algorithm="brute").fit(vectors)
-    return np.asarray(search.kneighbors(queries, return_distance=False), dtype=np.int64)
+    wanted = forms or range(len(index))
+    most = min(count, len(index) - 1)
+    found = np.empty((len(wanted), most), dtype=np.int64)
+    for start in range(wanted.start, wanted.stop, ROWS):
+        rows = np.arange(start, min(start + ROWS, wanted.stop))
+        close = index.closeness(slice(start, rows[-1] + 1))
+        close[np.arange(len(rows)), rows] = -np.inf
+        closest = np.argpartition(-close, max(most - 1, 0), axis=1)[:, :most]
+        found[rows - wanted.start] = closest
+    return found
 
 
 def _smallest(distances: NDArray[np.float64], count: int) -> NDArray[np.intp]:

@@ -175,7 +175,7 @@ class GallerySearch:
         signature = features.extract(scorer, made)
         entries, indexes, n_made = self._indexes(method, query)
         joined = [index.with_query(scorer, signature) for index in indexes]
-        places = np.sort(candidates(joined[0].vectors[:-1], LARGE + 1, joined[0].vectors[-1:])[0])
+        places = np.sort(candidates(joined[0], LARGE + 1, range(len(entries), len(entries) + 1))[0])
         kept = np.array([place for place in places if not _is_file(entries[place], query)], dtype=np.int64)
         found = [index.distances(np.full(len(kept), len(entries)), kept) for index in joined]
         hits = _ordered([entries[place] for place in kept], np.mean(found, axis=0))

@@ -15,7 +15,12 @@ class Matrix:
 
     def __init__(self, matrix):
         self.matrix = np.asarray(matrix)
-        self.vectors = np.zeros((len(matrix), 1), dtype=np.float32)
+
+    def __len__(self):
+        return len(self.matrix)
+
+    def closeness(self, forms):
+        return -self.matrix[forms]
 
     def distances(self, first, second):
         return self.matrix[first, second]
