@@ -9,13 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CANDIDATES", "FEWEST_CANDIDATES", "GalleryIndex", "Nearest", "candidates", "nearest"]
+__all__ = ["CANDIDATES", "FEWEST_CANDIDATES", "GalleryIndex", "Nearest", "among_candidates", "candidates", "nearest"]
 
 Places = NDArray[np.int64]
 
 #: Candidates for each neighbour that is wanted, and how many there are at least; chosen on generated bodies, see
 #: docs/appendix/scale.md.
-CANDIDATES, FEWEST_CANDIDATES = 10, 200
+CANDIDATES, FEWEST_CANDIDATES = 10, 500
 #: Forms that are looked at together.
 ROWS = 64
 
@@ -82,8 +82,8 @@ class Nearest:
 def nearest(index: GalleryIndex, count: int) -> Nearest:
     """Return the nearest shapes of each shape of a gallery.
 
-    Two shapes are compared where either is a candidate of the other. Shapes as far away as the last one wanted are kept
-    as well, so that no order of the gallery decides between them.
+    A shape among the nearest of another is looked at for its own, too. Shapes as far away as the last one wanted
+    are kept as well, so that no order of the gallery decides between them.
 
     Parameters
     ----------
@@ -95,17 +95,26 @@ def nearest(index: GalleryIndex, count: int) -> Nearest:
     from scipy.sparse import coo_array
 
     n_shapes = len(index)
-    found = candidates(index, max(FEWEST_CANDIDATES, CANDIDATES * count))
-    others = np.repeat(np.arange(n_shapes), found.shape[1])
-    pairs = np.unique(np.minimum(others, found.ravel()) * n_shapes + np.maximum(others, found.ravel()))
-    first, second = pairs // n_shapes, pairs % n_shapes
-    distances = index.distances(first, second)
-    rows, columns = np.concatenate([first, second]), np.concatenate([second, first])
-    matrix = coo_array((np.tile(distances, 2), (rows, columns)), shape=(n_shapes, n_shapes)).tocsr()
+    parts = [among_candidates(index, count, range(a, min(a + ROWS, n_shapes))) for a in range(0, n_shapes, ROWS)]
+    rows, columns, distances = (np.concatenate(each) for each in zip(*parts, strict=True))
+    pairs, first = np.unique(np.minimum(rows, columns) * n_shapes + np.maximum(rows, columns), return_index=True)
+    rows, columns = np.divmod(pairs, n_shapes)
+    both = (np.concatenate([rows, columns]), np.concatenate([columns, rows]))
+    matrix = coo_array((np.tile(distances[first], 2), both), shape=(n_shapes, n_shapes)).tocsr()
     kept = [_smallest(matrix.data[a:b], count) for a, b in zip(matrix.indptr[:-1], matrix.indptr[1:], strict=True)]
     order = np.concatenate([start + own for start, own in zip(matrix.indptr, kept, strict=False)])
     offsets = np.concatenate([[0], np.cumsum([len(own) for own in kept])]).astype(np.int64)
     return Nearest(offsets, matrix.indices[order].astype(np.int32), matrix.data[order])
+
+
+def among_candidates(index: GalleryIndex, count: int, forms: range) -> tuple[Places, Places, NDArray[np.float64]]:
+    """Return the nearest of the candidates of some forms: place of the form, place of the other, dissimilarity."""
+    found = candidates(index, max(FEWEST_CANDIDATES, CANDIDATES * count), forms)
+    rows = np.repeat(np.arange(forms.start, forms.stop), found.shape[1])
+    distances = index.distances(rows, found.ravel())
+    kept = [_smallest(own, count) + k * found.shape[1] for k, own in enumerate(distances.reshape(found.shape))]
+    chosen = np.concatenate(kept)
+    return rows[chosen], found.ravel()[chosen], distances[chosen]
 
 
 def candidates(index: GalleryIndex, count: int, forms: range | None = None) -> Places:
