@@ -7,6 +7,7 @@ the candidates for each neighbour were chosen by it on that set, which no table 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from retrieval.clock_index import ClockIndex
 from retrieval.cmbof import CMBOF
 from retrieval.neighbours import candidates
 
+MEASURED = Path(__file__).parents[2] / "results" / "recall.json"
 KEPT = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1)
 NEIGHBOURS = (1, 5, 10, 20)
 CANDIDATES = (2, 5, 10)
@@ -50,7 +52,7 @@ def recalls(index: ClockIndex, exact: np.ndarray) -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and keep it for the page on scale."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("dataset")
     parser.add_argument("--most", type=int, help="shapes of the set, the first ones")
@@ -62,12 +64,15 @@ def main() -> None:
     everybody = np.arange(len(index))
     exact = np.array([index.distances(np.full(len(index), form), everybody) for form in everybody])
     np.fill_diagonal(exact, np.inf)
-    print(f"{len(index)} forms\n")
-    print("| kept | " + " | ".join(f"{k}: {k * each}" for k in NEIGHBOURS for each in CANDIDATES) + " |")
-    print("| ---: |" + " ---: |" * len(NEIGHBOURS) * len(CANDIDATES))
+    table = ["| kept | " + " | ".join(f"{k}: {k * each}" for k in NEIGHBOURS for each in CANDIDATES) + " |"]
+    table.append("| ---: |" + " ---: |" * len(NEIGHBOURS) * len(CANDIDATES))
     for kept in KEPT:
         clock_index.KEPT = kept
-        print(f"| {kept} | " + " | ".join(recalls(ClockIndex.from_arrays(index.to_arrays()), exact)) + " |")
+        table.append(f"| {kept} | " + " | ".join(recalls(ClockIndex.from_arrays(index.to_arrays()), exact)) + " |")
+    known = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
+    known[f"{len(index)} forms of {options.dataset} by {', '.join(options.m)}"] = table
+    MEASURED.write_text(json.dumps(known, indent=1) + "\n")
+    print("\n".join(table))
 
 
 if __name__ == "__main__":

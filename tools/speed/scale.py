@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -25,6 +25,7 @@ from retrieval.neighbours import Nearest
 
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / "results" / "scale.json"
+RECALL = ROOT / "results" / "recall.json"
 PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
 
 #: Sizes of the page; those that were not run are extrapolated.
@@ -59,6 +60,27 @@ NEIGHBOURS = {
     "recall_1": "share of the nearest shapes that was found",
     "recall_k": "share of the 20 nearest that was found",
 }
+BEYOND_HEAD = """
+## Neighbours, and where each stage breaks
+
+`run --neighbours 20`, of made-up signatures as far apart as real ones: 500 bodies in 20 poses at 10 000 shapes. Beyond
+20 000 shapes, neighbours of 2000 were looked for and the seconds multiplied. Shares are over 20 to 200 queries,
+compared with all shapes.
+"""
+BEYOND_FOOT = """
+- **The matrix of all pairs** is the first wall: it outgrows a machine of 64 GiB at 90 000 shapes, and one of 16 GiB,
+  which holds it beside its ranks, near 30 000. With neighbours there is none.
+- **Preparation** is the next: days on one core at 100 000, divided by cores and machines (`--shard`, dask).
+- **Candidates** are chosen by the inner products of all pairs of vectors, a fiftieth of the work of matching, but still
+  of all pairs: at a million shapes days a codebook, where an index that looks at fewer would have to take its place.
+- **Records** hold every query; beyond 32 MiB a file is refused as one, at about 450 000 shapes.
+
+How many candidates, and which words, was chosen on bodies that no table uses, 200 forms by classic MDS and the 200
+bodies themselves (`python -m tools.speed.recall "humans[subjects=20,poses=10]"`). Share of the K nearest that is found
+among
+so many candidates, `K: candidates`, by the share of the entries of the vectors that is kept, the rarest words first;
+0.5 and ten candidates for each neighbour, at least 500, were taken. Other sets chose nothing:
+"""
 #: Neighbours that are looked for; the share that was found is measured on some queries, against all shapes.
 K = 20
 #: Shapes beyond which the neighbours of so many are looked for, and the seconds multiplied.
@@ -265,7 +287,7 @@ def figure_of(measured: dict[str, dict[str, float]], name: str, size: int) -> tu
 
 def page(measured: dict[str, dict[str, Any]]) -> str:
     """The page, from what was measured."""
-    sizes = sorted({*SIZES, *map(int, measured)})
+    sizes = sorted(size for size in {*SIZES, *map(int, measured)} if size <= max(SIZES))
     lines = [
         "# Scale",
         "",
@@ -282,12 +304,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
         "| --- |" + " ---: |" * len(sizes),
     ]
-    for name, title in (RUN | RANKING | NEIGHBOURS).items():
-        cells = []
-        for size in sizes:
-            found = figure_of(measured, name, size)
-            cells.append("--" if found is None else f"{'' if found[1] else '≈ '}{found[0]:.3g}")
-        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    lines += _rows(measured, RUN | RANKING, sizes)
     with_stages = [(int(at), found["stages"]) for at, found in measured.items() if found.get("stages")]
     if with_stages:
         size, stages = max(with_stages, key=lambda pair: pair[0])
@@ -296,7 +313,37 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         lines += ["| job | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(names)]
         for job, found in sorted(stages.items()):
             lines.append(f"| {job} | " + " | ".join(f"{found[n]:.3g}" if n in found else "" for n in names) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_beyond(measured)]) + "\n"
+
+
+def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Iterable[int]) -> Iterator[str]:
+    """Yield a line for each quantity; what follows from other sizes is marked."""
+    for name, title in names.items():
+        found = [figure_of(measured, name, size) for size in sizes]
+        if name in NEIGHBOURS and not name.endswith("seconds"):  # no power of the size
+            found = [each if each and each[1] else None for each in found]
+        cells = ["--" if each is None else f"{'' if each[1] else '≈ '}{each[0]:.3g}" for each in found]
+        yield f"| {title} | " + " | ".join(cells) + " |"
+
+
+def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Yield what becomes of each stage far beyond what was run; nothing before there are neighbours."""
+    sizes = sorted({*BEYOND, *(int(at) for at, found in measured.items() if "nearest_seconds" in found)})
+    if not any("nearest_seconds" in found for found in measured.values()):
+        return
+    yield from BEYOND_HEAD.splitlines()
+    yield "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |"
+    yield "| --- |" + " ---: |" * len(sizes)
+    yield from _rows(measured, {name: RANKING[name] for name in ("matching_seconds", "record_mib")}, sizes)
+    yield from _rows(measured, NEIGHBOURS, sizes)
+    yield "| matrix of all pairs, GiB | " + " | ".join(f"{8 * size**2 / 2**30:.3g}" for size in sizes) + " |"
+    stages = max((found for found in measured.values() if found.get("stages")), key=lambda found: found["run_seconds"])
+    for stage, seconds in stages["stages"]["mesh classic-mds"].items():
+        cells = [f"≈ {seconds * size / 3600:.3g}" for size in sizes]
+        yield f"| {stage} of mesh classic-mds, hours on one core | " + " | ".join(cells) + " |"
+    yield from BEYOND_FOOT.splitlines()
+    for name, table in json.loads(RECALL.read_text()).items() if RECALL.exists() else ():
+        yield from ("", f"{name}:", "", *table)
 
 
 def draw(measured: dict[str, dict[str, Any]]) -> None:
