@@ -21,7 +21,7 @@ ROWS = 64
 
 
 class GalleryIndex(Protocol):
-    """What a scorer keeps of a gallery of N forms, so that some pairs can be compared without all others."""
+    """The part of a gallery of N forms that a scorer keeps to compare some pairs without all others."""
 
     def __len__(self) -> int: ...
 
