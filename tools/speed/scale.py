@@ -68,18 +68,16 @@ BEYOND_HEAD = """
 compared with all shapes.
 """
 BEYOND_FOOT = """
-- **The matrix of all pairs** is the first wall: it outgrows a machine of 64 GiB at 90 000 shapes, and one of 16 GiB,
-  which holds it beside its ranks, near 30 000. With neighbours there is none.
+- **The matrix of all pairs** is the first wall: it alone fills 64 GiB at 92 000 shapes. With neighbours there is none.
 - **Preparation** is the next: days on one core at 100 000, divided by cores and machines (`--shard`, dask).
-- **Candidates** are chosen by the inner products of all pairs of vectors, a fiftieth of the work of matching, but still
-  of all pairs: at a million shapes days a codebook, where an index that looks at fewer would have to take its place.
+- **Candidates** are chosen by the inner products of all pairs of vectors, far less work than matching them,
+  but still of all pairs: at a million shapes an index that looks at fewer would have to take its place.
 - **Records** hold every query; beyond 32 MiB a file is refused as one, at about 450 000 shapes.
 
 How many candidates, and which words, was chosen on bodies that no table uses, 200 forms by classic MDS and the 200
 bodies themselves (`python -m tools.speed.recall "humans[subjects=20,poses=10]"`). Share of the K nearest that is found
-among
-so many candidates, `K: candidates`, by the share of the entries of the vectors that is kept, the rarest words first;
-0.5 and ten candidates for each neighbour, at least 500, were taken. Other sets chose nothing:
+among so many candidates, `K: candidates`, by the share of the entries of the vectors that is kept, the rarest words
+first; 0.5 and ten candidates for each neighbour, at least 500, were taken. Other sets chose nothing:
 """
 #: Neighbours that are looked for; the share that was found is measured on some queries, against all shapes.
 K = 20
