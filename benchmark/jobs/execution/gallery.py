@@ -130,7 +130,7 @@ class RankedGallery:
         self.recipes = {draw: recipes.distances_recipe(forms, scorer, draw) for draw in draws}
 
     def _signed(self, entry: Entry, found: ShapeResult) -> ShapeResult:
-        """Return what was found of a shape with its signature, or where there are neighbours with the facts about it."""
+        """Return what was found of a shape with its signature, of which neighbours need the facts alone."""
         signed = self.method_run.with_signature(entry, found)
         if not self.neighbours or signed.features is None:
             return signed
