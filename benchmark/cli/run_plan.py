@@ -31,7 +31,7 @@ from benchmark.storage.store import Store, sweep_leftovers
 from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores
-from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 #: Seconds between two lines about progress where there is no terminal.
 _SILENCE = 15.0
@@ -163,7 +163,7 @@ class _Display:
     def ended(self, job: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
-            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
+            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in printed_of(record["scores"]))
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
         else:

@@ -60,12 +60,18 @@ def features_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
 
 def distances_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
     """Code between the forms and the distances of a gallery."""
-    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", f"{_STAGES}.distances")
+    index = (scorer.index_module, "retrieval.neighbours") if scorer.neighbours else (f"{_STAGES}.distances",)
+    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", *index)
 
 
 def measures_code() -> fingerprints.Fingerprint:
     """Code between the distances and the measures of a gallery."""
     return fingerprints.fingerprint(f"{_STAGES}.measures")
+
+
+def nearest_code() -> fingerprints.Fingerprint:
+    """Code between the nearest shapes and the measures of a gallery."""
+    return fingerprints.fingerprint(f"{_STAGES}.neighbours")
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
@@ -159,7 +165,13 @@ def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) 
         "scorer": _named(scorer),
         "codebook": draw,
         "code": distances_code(scorer).digest,
+        **_neighbours(scorer),
     }
+
+
+def index_recipe(distances: Recipe) -> Recipe:
+    """Return the recipe of the index that the neighbours of a gallery come from, however many are looked for."""
+    return {name: part for name, part in distances.items() if name != "neighbours"} | {"stage": "index"}
 
 
 def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
@@ -169,7 +181,12 @@ def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
 
 def scorer_recipe(scorer: ScorerSpec) -> Recipe:
     """The scorer as part of the recipe of a job; the draws go by the name that they have for the default one."""
-    return {**_named(scorer), "codebooks": list(range(scorer.info.draws))}
+    return {**_named(scorer), "codebooks": list(range(scorer.info.draws)), **_neighbours(scorer)}
+
+
+def _neighbours(scorer: ScorerSpec) -> Recipe:
+    """Return the part of a recipe that names the neighbours; empty where all pairs are compared."""
+    return {"neighbours": scorer.neighbours} if scorer.neighbours else {}
 
 
 def _named(scorer: ScorerSpec) -> Recipe:
@@ -193,5 +210,5 @@ def job_code(source: str, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -
         "preparation": preparation_code(input_).plain(),
         "method": method_code(spec).plain(),
         "scorer": distances_code(scorer).plain(),
-        "measures": measures_code().plain(),
+        "measures": (nearest_code() if scorer.neighbours else measures_code()).plain(),
     }

@@ -19,6 +19,7 @@ from benchmark.report.statistics.significance import ALPHA, intervals, permutati
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -42,7 +43,7 @@ class Difference:
     where
         What they have in common.
     first, second
-        Scores of each by measure.
+        Scores of each by printed measure that both have.
     intervals
         By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
     probabilities
@@ -50,7 +51,7 @@ class Difference:
     changed
         Queries for which a measure differs.
     better, worse
-        Queries for which the second one has a higher, and a lower, DCG.
+        Queries for which the second one has a higher, and a lower, DCG, or P@K where neighbours alone were looked for.
     n_queries
         Queries that both have.
     is_perturbed
@@ -80,7 +81,12 @@ class Difference:
     @property
     def largest(self) -> float:
         """Largest difference of a printed measure."""
-        return max(abs(self.second[name] - self.first[name]) for name in PRINTED)
+        return max(abs(self.second[name] - self.first[name]) for name in self.first)
+
+    @property
+    def decisive(self) -> str:
+        """Measure by which a query is better or worse: the last one that both have."""
+        return list(self.first)[-1]
 
 
 @dataclass(frozen=True)
@@ -177,27 +183,27 @@ def _over_seeds(
     for where in first:
         seeds = [seed for seed in first[where] if seed in second.get(where, {})]
         if len(seeds) >= _FEWEST_UNITS:
-            here, there = (
-                np.array([[side[where][seed].record["scores"][name] for name in PRINTED] for seed in seeds])
-                for side in (first, second)
-            )
+            scores = [[side[where][seed].record["scores"] for seed in seeds] for side in (first, second)]
+            measures = printed_of(set.intersection(*(set(each) for side in scores for each in side)))
+            here, there = (np.array([[each[name] for name in measures] for each in side]) for side in scores)
             gains = np.rint((there - here) / UNIT)
             told_of = f"{where} over {len(seeds)} seeds"
-            means, others = (dict(zip(PRINTED, part.mean(axis=0).tolist(), strict=True)) for part in (here, there))
+            means, others = (dict(zip(measures, part.mean(axis=0).tolist(), strict=True)) for part in (here, there))
             found.append(replace(_tested(told_of, (means, others), gains, seeds, power=True), of="seeds"))
     return tuple(found)
 
 
 def _difference(where: str, before: Result, after: Result, *, power: bool) -> Difference:
     first, second = before.record, after.record
-    here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
+    measures = printed_of(first["scores"].keys() & second["scores"].keys())
+    here, there = queries_of([first], measures), queries_of([second], measures)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
-    gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
+    gains = np.column_stack([there.values[name] - here.values[name] for name in measures])
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
-    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in PRINTED])
-    scores = {name: first["scores"][name] for name in PRINTED}, {name: second["scores"][name] for name in PRINTED}
+    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in measures])
+    scores = {name: first["scores"][name] for name in measures}, {name: second["scores"][name] for name in measures}
     found = _tested(where, scores, gains, here.labels, noise, power=power)
     return replace(found, is_perturbed=parsed(first["data"]["name"]) is not None)
 
@@ -212,8 +218,9 @@ def _tested(
     power: bool,
 ) -> Difference:
     """Test differences of single queries, or seeds, one column a measure; those of one unit are drawn together."""
-    deviations = np.zeros(len(PRINTED)) if noise is None else noise
-    gain = gains[:, PRINTED.index("DCG")]
+    measures = tuple(scores[0])
+    deviations = np.zeros(len(measures)) if noise is None else noise
+    gain = gains[:, -1]
     means = gains.mean(axis=0) * UNIT
     reach = zip(intervals(gains, units).tolist(), means.tolist(), deviations.tolist(), strict=True)
     ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
@@ -221,13 +228,13 @@ def _tested(
     return Difference(
         where,
         *scores,
-        dict(zip(PRINTED, ends, strict=True)),
-        dict(zip(PRINTED, probabilities.tolist(), strict=True)),
+        dict(zip(measures, ends, strict=True)),
+        dict(zip(measures, probabilities.tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
         len(gains),
-        power={name: power_of(column, units) for name, column in zip(PRINTED, gains.T, strict=True)} if power else {},
+        power={name: power_of(column, units) for name, column in zip(measures, gains.T, strict=True)} if power else {},
         n_units=len(set(units)),
     )
 
@@ -253,9 +260,9 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     for pair in powered or different:
         said.append(
             f"{pair.where}: {pair.changed} of {pair.n_queries} {pair.of} changed, "
-            f"{pair.better} better, {pair.worse} worse in DCG"
+            f"{pair.better} better, {pair.worse} worse in {pair.decisive}"
         )
-        for name in PRINTED:
+        for name in pair.first:
             before, after = pair.first[name], pair.second[name]
             low, high = pair.intervals[name]
             said.append(
@@ -301,6 +308,8 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
         cells = [
             f"{pair.first[name]:.2f} {_signed(pair.second[name] - pair.first[name])}"
             f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
+            if name in pair.first
+            else "--"
             for name in PRINTED
         ]
         said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())

@@ -16,6 +16,7 @@ from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
 from retrieval.measures import PRINTED
+from retrieval.nearest_measures import PRECISION, printed_of
 
 _STYLE = Style("**{}**", "*{}*")
 
@@ -44,7 +45,7 @@ def overview(tables: Sequence[TableContent]) -> str:
         where = [markdown_text(part) for part in (table.identifier, table.data["name"])]
         for row in table.rows:
             found = [row.cells[input_].scores if input_ in row.cells else None for input_ in inputs]
-            figures = [number(scores[metric] if scores else None) for scores in found for metric in PRINTED]
+            figures = [number(scores.get(metric) if scores else None) for scores in found for metric in PRINTED]
             body.append([*where, markdown_text(row.label), *figures])
     return "\n".join(markdown_table(header, body, n_left=3, aligned=True)) + "\n"
 
@@ -80,11 +81,13 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     repeated = ("preparation_mean", "preparation_sd")
     if any("n_preparations" in row for row in made):
         names += ["n_preparations", *(f"{part}_{m}" for part in repeated for m in PRINTED)]
+    if any("neighbours" in row for row in made):
+        names += [*(f"{part}{PRECISION}" for part in ("", "low_", "high_", "p_best_", "spread_")), "neighbours"]
     for row in made:
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread", "p_best"):
-            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
-        flat |= {f"{part}_{metric}": row[part][metric] for part in repeated if part in row for metric in PRINTED}
+            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in (*PRINTED, PRECISION)}
+        flat |= {f"{part}_{metric}": row[part].get(metric) for part in repeated if part in row for metric in PRINTED}
         for metric, ends in (row["interval"] or {}).items():
             flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
         rows.append(flat)
@@ -95,7 +98,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
     record, scores = cell.record, cell.scores
     judged: dict[str, FigureSignificance] = {
         metric: table.significance[row.method, input_, metric]
-        for metric in PRINTED
+        for metric in table.measures
         if (row.method, input_, metric) in table.significance
     }
     return {
@@ -106,7 +109,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "input": input_,
         "method": row.method,
         "title": row.title,
-        **{metric: round(scores[metric], 6) if scores else None for metric in PRINTED},
+        **{metric: round(scores[metric], 6) if scores and metric in scores else None for metric in PRINTED},
         "paper": dict(row.paper) if row.paper else None,
         "chance": {metric: round(_chance(table, cell)[metric], 6) for metric in PRINTED},
         "n_shapes": record.get("n_shapes"),
@@ -116,13 +119,14 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         **_supported(cell),
         "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
         "peak_mib": record.get("peak_mib"),
-        "spread": {metric: round(cell.deviation[metric], 6) for metric in PRINTED} if cell.deviation else None,
+        "spread": {m: round(cell.deviation[m], 6) for m in printed_of(cell.deviation)} if cell.deviation else None,
         "interval": {metric: [round(one.low, 6), round(one.high, 6)] for metric, one in judged.items()} or None,
         "p_best": {metric: one.rounded_probability for metric, one in judged.items()} or None,
         "codebook_deviation": record.get("codebook_deviation"),
         "n_models": len(cell.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
+        **_nearest(cell),
         **_preparations(cell),
         "outdated": cell.outdated or None,
         "status": cell.status,
@@ -142,6 +146,12 @@ def _supported(cell: Cell) -> dict[str, float]:
     return {f"{metric}_supported": round(found[metric], 6) for metric in PRINTED if metric in found}
 
 
+def _nearest(cell: Cell) -> dict[str, float]:
+    """Return what a row with neighbours tells besides; nothing for another."""
+    found = max((record.get("neighbours", 0) for record in cell.records), default=0)
+    return {PRECISION: round((cell.scores or {})[PRECISION], 6), "neighbours": found} if found else {}
+
+
 def _preparations(cell: Cell) -> dict[str, Any]:
     """Mean and spread of the jittered preparations of a row, and their number; nothing where there are none."""
     mean, deviation = cell.preparation_mean, cell.preparation_sd
@@ -149,6 +159,6 @@ def _preparations(cell: Cell) -> dict[str, Any]:
         return {}
     return {
         "n_preparations": len(cell.repeats),
-        "preparation_mean": {metric: round(mean[metric], 6) for metric in PRINTED},
-        "preparation_sd": {metric: round(deviation[metric], 6) for metric in PRINTED},
+        "preparation_mean": {metric: round(mean[metric], 6) for metric in printed_of(mean)},
+        "preparation_sd": {metric: round(deviation[metric], 6) for metric in printed_of(deviation)},
     }

@@ -9,7 +9,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, Row, TableContent
 from benchmark.system.text import brief
-from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 #: Share of the largest loss from which on a table tells how much was lost.
 _WORTH_TELLING = 0.01
@@ -22,6 +22,11 @@ _MARKS = (
 _OF_PREPARATIONS = (
     "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}; intervals and "
     "italics have it in."
+)
+
+_OF_NEIGHBOURS = (
+    "The {0} nearest shapes of each query were looked for by an index, and not all pairs compared: rows may miss some, "
+    "FT, ST and DCG need the whole ranking, and P@K is the share of the class among the first {0}."
 )
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
@@ -40,6 +45,8 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     lines = []
     if table.quick:
         lines.append("Quick run: some poses of each subject were left out.")
+    if table.neighbours:
+        lines.append(_OF_NEIGHBOURS.format(table.neighbours))
     if table.n_galleries > 1:
         lines.append(_OF_MEANS)
     if any(judged.is_inseparable for judged in table.significance.values()):
@@ -77,14 +84,15 @@ def _not_here(table: TableContent) -> Iterable[str]:
 def _preparations(table: TableContent) -> Iterable[str]:
     """Return how far rows move from one preparation to the next, for those that were prepared several times."""
     for input_ in table.inputs:
-        told: dict[int, list[str]] = {}
+        told: dict[tuple[int, tuple[str, ...]], list[str]] = {}
         for row in table.rows:
             cell = row.cells.get(input_)
             if cell and (deviation := cell.preparation_sd):
-                figures = " ".join(f"{deviation[metric]:.3f}" for metric in PRINTED)
-                told.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
-        for number, rows in told.items():
-            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
+                measures = printed_of(deviation)
+                figures = " ".join(f"{deviation[metric]:.3f}" for metric in measures)
+                told.setdefault((len(cell.repeats), measures), []).append(f"{row.title} {figures}")
+        for (number, measures), rows in told.items():
+            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(measures)}", "; ".join(rows))
 
 
 def _left_out(table: TableContent) -> Iterable[str]:

@@ -12,6 +12,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
+from retrieval.nearest_measures import NEAREST_MEASURES
 
 #: A type; a list of one kind; a mapping from names to one kind (``{...: kind}``) or to the kinds of its parts, of which
 #: those whose names end in ``?`` may be missing; or a question to be answered with yes.
@@ -105,7 +106,7 @@ _RECORD: Kind = {
 }  # fmt: skip
 
 #: What it has besides if the job was ok.
-_SCORED: Kind = {
+_SCORED: dict[Any, Any] = {
     "scores": {...: _is_share} | _PRINTED, "chance": {...: _is_share} | _PRINTED,
     "per_query": {...: _are_shares} | _PRINTED,
     "shapes": _are_texts, "labels": _are_texts, "n_shapes": _is_count, "n_classes": _is_count,
@@ -113,6 +114,12 @@ _SCORED: Kind = {
     "supported?": {...: _is_share} | _PRINTED,
     "cost": {"seconds_per_shape": {...: _is_duration}},
     "splits?": {"count": _is_count, "size": _is_count, "quantiles": {...: _quantiles}},
+}  # fmt: skip
+
+#: The same of a job that looked for the nearest shapes alone.
+_NEAREST: dict[Any, Any] = _SCORED | {
+    "neighbours": _is_count, "per_query": {...: _are_shares} | dict.fromkeys(NEAREST_MEASURES, object),
+    "scores": {...: _is_share} | dict.fromkeys(NEAREST_MEASURES, object),
 }  # fmt: skip
 
 #: Large parts whose every number was looked at.
@@ -124,7 +131,7 @@ def fault_of(content: Any) -> str:
     try:
         fault = _fault(content, _RECORD, "")
         if not fault and content["status"] == "ok":
-            fault = _fault(content, _SCORED, "") or _miscount(content)
+            fault = _fault(content, _NEAREST if "neighbours" in content else _SCORED, "") or _miscount(content)
         if not fault and digest(content["recipe"]) != content["key"]:
             fault = "its key is not that of its recipe"
         if not fault:

@@ -1,4 +1,4 @@
-"""How runs grow with the gallery: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --records 10000``.
+"""How runs grow: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --neighbours 100000 --records 10000``.
 
 Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
 measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,12 +20,18 @@ import matplotlib as mpl
 import numpy as np
 import psutil
 
+from retrieval.clock_index import ClockIndex
+from retrieval.neighbours import Nearest
+
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / "results" / "scale.json"
+RECALL = ROOT / "results" / "recall.json"
 PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
 
 #: Sizes of the page; those that were not run are extrapolated.
 SIZES = (100, 1000, 4000, 10_000)
+#: Sizes beyond, in a table of their own.
+BEYOND = (10_000, 100_000, 1_000_000)
 POSES = 20
 METHODS = ("identity", "classic-mds", "learned")
 CORES = 2
@@ -45,6 +52,40 @@ RANKING = {
     "ranking_peak_mib": "memory of matching, keeping and measures, MiB",
     "record_mib": "record of a job, MiB",
 }
+NEIGHBOURS = {
+    "index_seconds": "index of one codebook once words are counted, processor seconds",
+    "nearest_seconds": "neighbours of one codebook, processor seconds",
+    "nearest_peak_mib": "memory of both, MiB",
+    "nearest_disk_mib": "both on disk, MiB",
+    "recall_1": "share of the nearest shapes that was found",
+    "recall_k": "share of the 20 nearest that was found",
+}
+BEYOND_HEAD = """
+## Neighbours, and where each stage breaks
+
+`run --neighbours 20`, of made-up signatures as far apart as real ones: 500 bodies in 20 poses at 10 000 shapes. Beyond
+20 000 shapes, neighbours of 2000 were looked for and the seconds multiplied. Shares are over 20 to 200 queries,
+compared with all shapes.
+"""
+BEYOND_FOOT = """
+- **The matrix of all pairs** is the first wall: it alone fills 64 GiB at 92 000 shapes. With neighbours there is none.
+- **Preparation** is the next: twelve hours on one core at 100 000, five days at a million, divided by cores and
+  machines (`--shard`, dask).
+- **Candidates** are chosen by the inner products of all pairs of vectors, far less work than matching them,
+  but still of all pairs: at a million shapes an index that looks at fewer would have to take its place.
+- **Recall** falls where very many forms are nearly as near: of 100 000 made-up ones 5000 take the same pose, and 500
+  candidates hold six in ten of the nearest.
+- **Records** hold every query; beyond 32 MiB a file is refused as one, at about 450 000 shapes.
+
+How many candidates, and which words, was chosen on bodies that no table uses, 200 forms by classic MDS and the 200
+bodies themselves (`python -m tools.speed.recall "humans[subjects=20,poses=10]"`). Share of the K nearest that is found
+among so many candidates, `K: candidates`, by the share of the entries of the vectors that is kept, the rarest words
+first; 0.5 and ten candidates for each neighbour, at least 500, were taken. Other sets chose nothing:
+"""
+#: Neighbours that are looked for; the share that was found is measured on some queries, against all shapes.
+K = 20
+#: Shapes beyond which the neighbours of so many are looked for, and the seconds multiplied.
+MOST_SHAPES, SOME_SHAPES = 20_000, 2000
 
 
 def gallery(size: int) -> str:
@@ -110,13 +151,71 @@ def ranking(size: int) -> dict[str, Any]:
     found = scores([matrix], labels)
     ended = time.perf_counter()
     made = record("identity") | found | {"labels": labels, "shapes": [f"{label}_standing-1" for label in labels]}
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {
         "matching_seconds": matched - begun,
         "measures_seconds": ended - begun_scoring,
-        "ranking_peak_mib": int(status["VmHWM"].split()[0]) / 1024,
+        "ranking_peak_mib": _peak_mib(),
         "record_mib": len(as_text(made)) / MIB,
     }
+
+
+def neighbours(size: int) -> dict[str, Any]:
+    """Index made-up signatures, find the neighbours of each, and compare them with the exact ones of some queries."""
+    from benchmark.storage.store import Store
+    from retrieval.neighbours import among_candidates, nearest
+    from tools.speed.made_up_gallery import N_WORDS, signatures
+
+    codebook = np.zeros((N_WORDS, 128), dtype=np.uint8)
+    nearest(ClockIndex.counted(codebook, signatures(POSES, POSES)), 1)  # compiles
+    drawing = _processor_seconds(lambda: sum(len(form.words) for form in signatures(size, POSES)))
+    begun = time.process_time()
+    index = ClockIndex.counted(codebook, signatures(size, POSES))
+    indexed = time.process_time()
+    some = range(size if size <= MOST_SHAPES else SOME_SHAPES)
+    index.closeness(slice(0, 1))  # makes the vectors
+    vectors = time.process_time()
+    found = nearest(index, K) if len(some) == size else among_candidates(index, K, some)
+    ended = time.process_time()
+    with TemporaryDirectory() as folder:
+        store = Store.open(Path(folder))
+        store.get_or_compute({"stage": "index"}, index.to_arrays)
+        if isinstance(found, Nearest):
+            store.get_or_compute({"stage": "neighbours"}, found.to_arrays)
+        disk = sum(path.stat().st_size for path in store.artefact_files()) / MIB
+    peak = _peak_mib()
+    shares = [_recall(index, found, int(query)) for query in _queries(len(some), size)]
+    return {
+        "index_seconds": max(indexed - begun - drawing, 0.0) + vectors - indexed,
+        "nearest_seconds": (ended - vectors) * size / len(some),
+        "nearest_peak_mib": peak,
+        "nearest_disk_mib": disk,
+        "recall_1": float(np.mean([first for first, _ in shares])),
+        "recall_k": float(np.mean([first_k for _, first_k in shares])),
+    }
+
+
+def _queries(among: int, size: int) -> np.ndarray:
+    """Some queries whose exact neighbours are looked for: about a million pairs, of 20 to 200 queries."""
+    return np.random.default_rng(1).choice(among, min(among, max(20, min(200, 10**6 // size))), replace=False)
+
+
+def _recall(index: ClockIndex, found: Any, query: int) -> tuple[float, float]:
+    """Share of the nearest form, and of the K nearest, of a query that was found; any of those that tie will do."""
+    others = np.delete(np.arange(len(index)), query)
+    exact = np.sort(index.distances(np.full(len(others), query), others))
+    distances = found.of(query)[1] if isinstance(found, Nearest) else np.sort(found[2][found[0] == query])
+    return float(distances[0] <= exact[0]), float((distances[:K] <= exact[K - 1]).sum() / K)
+
+
+def _processor_seconds(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+def _peak_mib() -> float:
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return int(status["VmHWM"].split()[0]) / 1024
 
 
 def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
@@ -189,7 +288,7 @@ def figure_of(measured: dict[str, dict[str, float]], name: str, size: int) -> tu
 
 def page(measured: dict[str, dict[str, Any]]) -> str:
     """The page, from what was measured."""
-    sizes = sorted({*SIZES, *map(int, measured)})
+    sizes = sorted(size for size in {*SIZES, *map(int, measured)} if size <= max(SIZES))
     lines = [
         "# Scale",
         "",
@@ -206,12 +305,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
         "| --- |" + " ---: |" * len(sizes),
     ]
-    for name, title in (RUN | RANKING).items():
-        cells = []
-        for size in sizes:
-            found = figure_of(measured, name, size)
-            cells.append("--" if found is None else f"{'' if found[1] else '≈ '}{found[0]:.3g}")
-        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    lines += _rows(measured, RUN | RANKING, sizes)
     with_stages = [(int(at), found["stages"]) for at, found in measured.items() if found.get("stages")]
     if with_stages:
         size, stages = max(with_stages, key=lambda pair: pair[0])
@@ -220,7 +314,37 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         lines += ["| job | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(names)]
         for job, found in sorted(stages.items()):
             lines.append(f"| {job} | " + " | ".join(f"{found[n]:.3g}" if n in found else "" for n in names) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_beyond(measured)]) + "\n"
+
+
+def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Iterable[int]) -> Iterator[str]:
+    """Yield a line for each quantity; what follows from other sizes is marked."""
+    for name, title in names.items():
+        found = [figure_of(measured, name, size) for size in sizes]
+        if name in NEIGHBOURS and not name.endswith("seconds"):  # no power of the size
+            found = [each if each and each[1] else None for each in found]
+        cells = ["--" if each is None else f"{'' if each[1] else '≈ '}{each[0]:.3g}" for each in found]
+        yield f"| {title} | " + " | ".join(cells) + " |"
+
+
+def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Yield what becomes of each stage far beyond what was run; nothing before there are neighbours."""
+    sizes = sorted({*BEYOND, *(int(at) for at, found in measured.items() if "nearest_seconds" in found)})
+    if not any("nearest_seconds" in found for found in measured.values()):
+        return
+    yield from (*BEYOND_HEAD.splitlines(), "")
+    yield "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |"
+    yield "| --- |" + " ---: |" * len(sizes)
+    yield from _rows(measured, {name: RANKING[name] for name in ("matching_seconds", "record_mib")}, sizes)
+    yield from _rows(measured, NEIGHBOURS, sizes)
+    yield "| matrix of all pairs, GiB | " + " | ".join(f"{8 * size**2 / 2**30:.3g}" for size in sizes) + " |"
+    stages = max((found for found in measured.values() if found.get("stages")), key=lambda found: found["run_seconds"])
+    for stage, seconds in stages["stages"]["mesh classic-mds"].items():
+        cells = [f"≈ {seconds * size / 3600:.3g}" for size in sizes]
+        yield f"| {stage} of mesh classic-mds, hours on one core | " + " | ".join(cells) + " |"
+    yield from BEYOND_FOOT.splitlines()
+    for name, table in json.loads(RECALL.read_text()).items() if RECALL.exists() else ():
+        yield from ("", f"{name}:", "", *table)
 
 
 def draw(measured: dict[str, dict[str, Any]]) -> None:
@@ -229,10 +353,10 @@ def draw(measured: dict[str, dict[str, Any]]) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 4), dpi=120)
-    for name, title in (RUN | RANKING).items():
+    for name, title in (RUN | RANKING | NEIGHBOURS).items():
         if not name.endswith("seconds") or not any(name in found for found in measured.values()):
             continue
-        sizes = sorted({*SIZES, *map(int, measured)})
+        sizes = sorted({*SIZES, *(int(at) for at, each in measured.items() if name in each)})
         found = [figure_of(measured, name, size) for size in sizes]
         values = [(size, each[0], each[1]) for size, each in zip(sizes, found, strict=True) if each]
         (line,) = axes.plot([v[0] for v in values], [v[1] for v in values], "--", linewidth=0.8)
@@ -241,7 +365,7 @@ def draw(measured: dict[str, dict[str, Any]]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="shapes", ylabel="seconds")
     axes.grid(color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=8)
+    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
     FIGURE.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(FIGURE, bbox_inches="tight", metadata={"Software": None})
     plt.close(figure)
@@ -252,18 +376,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", default="", help="sizes to run, such as 100,1000")
     parser.add_argument("--ranking", default="", help="sizes of the ranking alone")
+    parser.add_argument("--neighbours", default="", help="sizes of the neighbours alone")
     parser.add_argument("--records", default="", help="sizes of plan and tables alone")
     parser.add_argument("--results", type=Path, default=ROOT / "build" / "scale", help="where the runs are kept")
     parser.add_argument("--write", action="store_true", help="only make the page anew")
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        print(json.dumps(ranking(options.one)))
+        work, size = options.one
+        print(json.dumps({"ranking": ranking, "neighbours": neighbours}[work](int(size))))
         return
     measured: dict[str, dict[str, Any]] = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
     for text, name, work in (
         (options.sizes, "run_seconds", lambda size: run(size, options.results)),
-        (options.ranking, "matching_seconds", _ranking_apart),
+        (options.ranking, "matching_seconds", lambda size: _apart("ranking", size)),
+        (options.neighbours, "nearest_seconds", lambda size: _apart("neighbours", size)),
         (options.records, "tables_seconds", lambda size: bookkeeping(size, options.results)),
     ):
         for size in [int(word) for word in text.split(",") if word and not options.write]:
@@ -277,9 +404,9 @@ def main() -> None:
     PAGE.write_text(page(measured))
 
 
-def _ranking_apart(size: int) -> dict[str, Any]:
-    """The ranking in a process of its own, whose memory is its alone."""
-    words = [sys.executable, "-m", "tools.speed.scale", "--one", str(size)]
+def _apart(work: str, size: int) -> dict[str, Any]:
+    """A measurement in a process of its own, whose memory is its alone."""
+    words = [sys.executable, "-m", "tools.speed.scale", "--one", work, str(size)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     return dict(json.loads(done.stdout))
 

@@ -234,9 +234,10 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
 
 
 def _scores(record: Record) -> str:
-    from retrieval.measures import PRINTED
+    from retrieval.nearest_measures import printed_of
 
-    return " ".join(f"{name} {record['scores'][name]:.3f}" for name in PRINTED) if "scores" in record else ""
+    scores = record.get("scores", {})
+    return " ".join(f"{name} {scores[name]:.3f}" for name in printed_of(scores))
 
 
 def _plain(values: dict[str, Any] | None) -> str:

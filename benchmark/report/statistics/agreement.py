@@ -13,6 +13,7 @@ from benchmark.report.results import Result
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
 from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 _Place = tuple[str, str, bool]
 
@@ -60,7 +61,7 @@ def agreements(first: Iterable[Result], second: Iterable[Result]) -> list[TableA
                 continue
             measures = {
                 measure: agreement([ours[m][measure] for m in methods], [theirs[m][measure] for m in methods])
-                for measure in PRINTED
+                for measure in printed_of(set.intersection(*({*each[m]} for each in (ours, theirs) for m in methods)))
             }
             quick = " (quick)" if table.quick else ""
             found.append(TableAgreement(table.identifier, f"{table.data_title}{quick}", input_, methods, measures))
@@ -88,7 +89,7 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
     body = [
         [
             *map(markdown_text, (row.table, row.data, row.input, len(row.methods))),
-            *(_figure(row.measures[measure]) for measure in PRINTED),
+            *(_figure(row.measures.get(measure)) for measure in PRINTED),
         ]
         for row in rows
     ]
@@ -96,5 +97,5 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figure(found: Agreement) -> str:
-    return "--" if math.isnan(found.tau) else f"{found.tau:.2f} ({found.p_value:.4f})"
+def _figure(found: Agreement | None) -> str:
+    return "--" if found is None or math.isnan(found.tau) else f"{found.tau:.2f} ({found.p_value:.4f})"

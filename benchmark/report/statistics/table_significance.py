@@ -13,7 +13,7 @@ from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
-from retrieval.measures import PRINTED
+from retrieval.nearest_measures import printed_of
 
 
 class Row(Protocol):
@@ -85,10 +85,11 @@ def table_significance(rows: Sequence[Row], inputs: Sequence[Input]) -> Signific
 def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     if not rows:
         return {}
-    queries = [queries_of(row.cells[input_].records, PRINTED) for row in rows]
+    measures = printed_of(set.intersection(*({*(row.cells[input_].scores or ())} for row in rows)))
+    queries = [queries_of(row.cells[input_].records, measures) for row in rows]
     names, labels = _union(queries)
     found: dict[tuple[str, Input, str], FigureSignificance] = {}
-    for measure in PRINTED:
+    for measure in measures:
         columns = _columns(queries, names, measure)
         ends = intervals(columns, labels)
         scores = [row.cells[input_].scores or {} for row in rows]

@@ -36,3 +36,28 @@ def test_the_page_marks_what_was_not_measured() -> None:
     page = scale.page({"1000": {"disk_mib": 11.0}, "2000": {"disk_mib": 24.0}})
     (line,) = [line for line in page.splitlines() if line.startswith("| disk at the end")]
     assert [cell.strip() for cell in line.split("|")[2:-1]] == ["≈ 1.01", "11", "24", "≈ 56", "≈ 200"]
+
+
+def test_neighbours_are_measured_and_of_some_shapes_alone_where_there_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = scale.neighbours(60)
+    assert found.keys() == scale.NEIGHBOURS.keys()
+    assert found["recall_1"] == found["recall_k"] == 1.0
+    monkeypatch.setattr(scale, "MOST_SHAPES", 50)
+    monkeypatch.setattr(scale, "SOME_SHAPES", 30)
+    assert scale.neighbours(60)["recall_k"] == 1.0
+
+
+def test_the_page_tells_of_sizes_beyond() -> None:
+    one = {
+        "run_seconds": 9.0,
+        "stages": {"mesh classic-mds": {"prepare": 0.36}},
+        "nearest_seconds": 10.0,
+        "recall_1": 0.9,
+    }
+    page = scale.page({"4000": one, "10000": {"nearest_seconds": 40.0, "recall_1": 0.8, "record_mib": 0.5}})
+    cells = {line.split("|")[1].strip(): line.split("|")[2:-1] for line in page.splitlines() if line.startswith("|")}
+    assert [cell.strip() for cell in cells["share of the nearest shapes that was found"]] == ["0.9", "0.8", "--", "--"]
+    assert [cell.strip() for cell in cells["matrix of all pairs, GiB"]] == ["0.119", "0.745", "74.5", "7.45e+03"]
+    hours = cells["prepare of mesh classic-mds, hours on one core"]
+    assert [cell.strip() for cell in hours] == ["≈ 0.4", "≈ 1", "≈ 10", "≈ 100"]
+    assert cells[scale.NEIGHBOURS["nearest_seconds"]][0].strip() == "10"
