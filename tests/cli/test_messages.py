@@ -68,9 +68,9 @@ def test_what_does_not_exist_is_told_with_what_does(told, line, message):
 @pytest.mark.parametrize(
     ("line", "rest", "most"),
     [
-        ("compare classic-mds gps", "44 more pairs differ; --all shows intervals and tests", 24),
+        ("compare classic-mds gps", "47 more pairs differ; --all shows intervals and tests", 24),
         ("why gps --input mesh", "jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all", 12),
-        ("tables -m gps", "8 tables: -t and -d choose, --all prints them whole", 14),
+        ("tables -m gps", "9 tables: -t and -d choose, --all prints them whole", 14),
     ],
 )
 def test_a_first_screen_says_how_to_see_the_rest(told, line, rest, most):
