@@ -239,7 +239,11 @@ def catalogued(name: str) -> str | None:
     A set with parameters has its own name.
     """
     clean = clean_name(name)
-    if found := parsed_decimation(clean) or parsed(clean):
+    try:
+        found = parsed_decimation(clean) or parsed(clean)
+    except ConfigurationError:  # a stranger may have a program that is not known here
+        return None
+    if found:
         return catalogued(found[0])
     return clean if is_known(clean) else None
 

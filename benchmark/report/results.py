@@ -20,7 +20,7 @@ from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
-from benchmark.report.judgements import Judgements
+from benchmark.report.outdated_cache import OutdatedCache
 from benchmark.storage import keys
 from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
@@ -100,7 +100,7 @@ class Results:
         is_known = all(self._known(record) is not None for rivals in wanted for record in rivals)
         with nullcontext() if is_known else parse_cache():
             results = [self._best(rivals) for rivals in wanted]
-        self._judgements.write()
+        self._outdated_cache.write()
         return with_repeats(result for result in results if not (fresh and result.outdated))
 
     def records(self, *, heads: bool = False) -> list[Record]:
@@ -134,17 +134,17 @@ class Results:
         if (told := self._known(record)) is not None:
             return told
         told = self._outdated(record)
-        return self._judgements.add(record, told) if self._is_of_suite(record) else told
+        return self._outdated_cache.add(record, told) if self._is_of_suite(record) else told
 
     def _known(self, record: Record) -> str | None:
         """Return what earlier processes have found out."""
         if "unavailable" in record["recipe"]:
             return ""
-        return self._judgements.told(record) if self._is_of_suite(record) else None
+        return self._outdated_cache.told(record) if self._is_of_suite(record) else None
 
     @cached_property
-    def _judgements(self) -> Judgements:
-        return Judgements(self.store, self.data_root)
+    def _outdated_cache(self) -> OutdatedCache:
+        return OutdatedCache(self.store, self.data_root)
 
     def _is_of_suite(self, record: Record) -> bool:
         """Return whether no plugin has a part in a record."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.system.arrays import Arrays, packed, unpacked
-from benchmark.system.leavings import Leavings
+from benchmark.system.process_state import ProcessState
 from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import GRACE, Worker, end_like
 
@@ -174,9 +174,9 @@ def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -
     with suppress(EOFError):
         while True:
             facts, arrays = unpacked(connection.recv_bytes())
-            leavings = Leavings()
+            before = ProcessState()
             told, found = _tried(serve, facts, arrays, ask)
-            connection.send_bytes(packed({**told, _LEFT: leavings.clear()}, found))
+            connection.send_bytes(packed({**told, _LEFT: before.restore()}, found))
 
 
 def _tried(serve: Serve, facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:

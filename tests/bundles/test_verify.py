@@ -396,6 +396,7 @@ def test_what_is_said_of_a_method_of_the_suite(ran, tmp_path):
 @pytest.mark.parametrize(
     ("name", "is_withheld"),
     [("tosca", True), ("tosca[noise=3]", True), ("tosca[decimation=libigl]", True), ("faust", True), ("rods", False)]
+    + [("tosca[decimation=unheard-of]", False)]
     + [(name, False) for name in ("animals", "humans[subjects=3,poses=2]", "animals[noise=3]", "camera")],
 )
 def test_forms_of_official_sets_are_never_passed_on(name, is_withheld):

@@ -25,7 +25,7 @@ from benchmark.storage.store import Store
 _WORTH = 100
 
 
-class Judgements:
+class OutdatedCache:
     """Answers by record: what has changed since it was made.
 
     An answer counts for the same code, packages, models and files of data alone.

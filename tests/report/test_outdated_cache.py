@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.methods.registry import methods
-from benchmark.report import judgements
+from benchmark.report import outdated_cache
 from benchmark.report.results import Results
 from benchmark.storage import derived
 from benchmark.storage.records import by_place
@@ -17,8 +17,8 @@ PLUGIN = (record("gps", gallery="animals", code="2", data={"name": "mine"}),)
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     """A store whose answers are written to a folder of their own as soon as there is one."""
-    monkeypatch.setattr(judgements, "__file__", str(tmp_path / "code" / "judgements.py"))
-    monkeypatch.setattr(judgements, "_WORTH", 1)
+    monkeypatch.setattr(outdated_cache, "__file__", str(tmp_path / "code" / "outdated_cache.py"))
+    monkeypatch.setattr(outdated_cache, "_WORTH", 1)
     return Store.open(tmp_path / "results")
 
 
@@ -50,8 +50,8 @@ def test_records_are_compared_once(asked):
 def test_they_are_compared_again_where_something_is_not_the_same(asked, store, tmp_path, monkeypatch, what):
     asked()
     if what == "code":
-        monkeypatch.setattr(judgements, "suite_digest", lambda: "other")
-        monkeypatch.setattr(judgements, "read_suite", lambda: "other")
+        monkeypatch.setattr(outdated_cache, "suite_digest", lambda: "other")
+        monkeypatch.setattr(outdated_cache, "read_suite", lambda: "other")
     elif what == "package":
         monkeypatch.setattr(derived, "installed_names", lambda: "other")
         derived.suite_digest.cache_clear()
@@ -67,7 +67,7 @@ def test_they_are_compared_again_where_something_is_not_the_same(asked, store, t
 
 
 def test_what_is_found_out_while_code_is_edited_is_not_kept(asked, monkeypatch):
-    monkeypatch.setattr(judgements, "read_suite", lambda: "edited since")
+    monkeypatch.setattr(outdated_cache, "read_suite", lambda: "edited since")
     asked()
     assert asked() == ["gps", "pca"]
 

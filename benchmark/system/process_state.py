@@ -11,7 +11,7 @@ from contextlib import suppress
 _TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 
-class Leavings:
+class ProcessState:
     """Signals, timers, threads and children of this process before foreign code is at work in it."""
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Leavings:
         self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
         self._others = _others()
 
-    def clear(self) -> bool:
+    def restore(self) -> bool:
         """Stop all timers and bring back the handlers of signals; returns whether threads or children have come."""
         for timer in _TIMERS:
             signal.setitimer(timer, 0)
