@@ -271,8 +271,7 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
                 + (_sized(pair, pair.power[name]) if powered else "")
             )
     said += _counted(comparison, different)
-    said += [f"only {first}: {where}" for where in comparison.only_first]
-    said += [f"only {second}: {where}" for where in comparison.only_second]
+    said += _alone(comparison, first, second, everything=everything)
     if different or powered:
         said.append(
             "In brackets: 95 % of the differences when classes are drawn anew. "
@@ -317,8 +316,7 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
         f"{first}, and how much {second} is above it; *: p < {_LEVEL:.2f} (paired permutation test over queries)."
     )
     said += _counted(comparison, different)
-    for name, alone in ((first, comparison.only_first), (second, comparison.only_second)):
-        said += [f"only {name}: {len(alone)} more, the first is {alone[0]}"] if alone else []
+    said += _alone(comparison, first, second)
     hidden = len(different) - len(shown)
     said.append(
         f"{f'{hidden} more pairs differ; ' if hidden else ''}--all shows intervals and tests; -d and --input choose"
@@ -329,6 +327,17 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
 def _counted(comparison: Comparison, different: Sequence[Difference]) -> list[str]:
     n_pairs = len(comparison.differences)
     return [f"{n_pairs - len(different)} of {n_pairs} pairs are equal"]
+
+
+def _alone(comparison: Comparison, first: str, second: str, *, everything: bool = False) -> list[str]:
+    """Name what only one side has, or the first of many."""
+    said = []
+    for name, alone in ((first, comparison.only_first), (second, comparison.only_second)):
+        if everything or len(alone) <= _IN_FULL:
+            said += [f"only {name}: {where}" for where in alone]
+        else:
+            said.append(f"only {name}: {len(alone)} more, the first is {alone[0]}; --all names them")
+    return said
 
 
 def _signed(value: float) -> str:

@@ -77,6 +77,15 @@ def test_two_methods_are_compared_wherever_both_have_scores():
     assert (found.only_first, found.only_second) == ((), ("cones mesh",))
 
 
+def test_galleries_of_one_method_alone_are_named_if_they_are_few():
+    records = [FIRST, {**SECOND, "method": "gps", "key": "9" * 32}]
+    records += [{**FIRST, "key": f"{n}" * 32, "gallery": f"gallery {n}"} for n in range(4)]
+    found = compare_methods(records, "classic-mds", "gps")
+    told = "only classic-mds: 4 more, the first is gallery 0 mesh; --all names them"
+    assert told in lines(found, "classic-mds", "gps", everything=False)
+    assert sum(line.startswith("only classic-mds: gallery") for line in lines(found, "classic-mds", "gps")) == 4
+
+
 def test_seeds_are_compared_each_with_itself():
     def seeded(found, seed):
         return {**found, "recipe": {**found["recipe"], "seed": seed}, "key": f"{seed}" * 32}

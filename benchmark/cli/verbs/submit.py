@@ -63,4 +63,4 @@ def submit(method: str, path: Path, author: str, licence: str, with_forms: bool,
         say("--forms says that what is made of your own data may be passed on", err=True)
     if not written.licence:
         say("no licence is stated: nobody else may use the source; pass --licence", err=True)
-    say(f"{path}: {len(written.entries)} records, {written.size / 2**20:.1f} MiB; 'verify {path}' tells what it proves")
+    say(f"{path}: {written.size / 2**20:.1f} MiB; 'verify {path}' tells what it proves")
