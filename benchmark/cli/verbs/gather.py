@@ -21,10 +21,10 @@ def gather(published: bool, results: Path) -> None:
 
     store = Store.open(results)
     records = store.published if published else store.records
-    sweep_leftovers(store)
     with Claims.of(store) as claims:
         if not (published or claims.is_last()):
             raise ConfigurationError(f"a run in {results} writes records", "wait until it has ended")
+        sweep_leftovers(store)
         try:
             count = records.gather()
         except OSError as error:
