@@ -36,6 +36,7 @@ def token() -> str:
         stdin=read,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        env={name: value for name, value in os.environ.items() if name != MARK},  # nor may the reaper of another one
         start_new_session=True,  # what ends the program must not end its reaper
     )
     os.close(read)

@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import shutil
+import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -137,8 +139,71 @@ def test_the_verb_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path
     assert done.output.startswith("4 records gathered; ")
     assert "has 7 files of lines, 0.0 MB" in done.output
     assert texts(Store.open(tmp_path).records) == texts(sorted(MADE, key=lambda each: (each["finished"], each["key"])))
+    left = store.published.folder / "parts" / ".99999999-killed.tmp"
+    write_text(left, "half")
     done = CliRunner().invoke(cli, ["gather", "--published", "--results", str(tmp_path)])
     assert done.output.startswith("0 records gathered; ")
+    assert not left.exists()
+
+
+@pytest.mark.parametrize("work", ["gather", "publish", "remove"])
+def test_what_is_killed_at_any_of_its_files_loses_no_record_and_goes_on(tmp_path, work):
+    """Old records of the places in which work is done may stay until it goes on, and nothing else."""
+    data = {"source": "rods"}
+    old = [record(name, data=data, rekeyed=[{"from": name}]) for name in ("gps", "pca")]
+    new = [record(name, data=data, code="2", finished="2027") for name in ("gps", "pca")]
+    keys = {name: {each["key"] for each in found} for name, found in (("old", old), ("new", new))}
+
+    def put():
+        shutil.rmtree(tmp_path)
+        publish(old, Records(tmp_path))
+        for each in new if work == "gather" else ():
+            Records(tmp_path).write(each)
+
+    def do():
+        {
+            "gather": lambda records: records.gather(),
+            "publish": lambda records: publish(new, records),
+            "remove": lambda records: records.remove(old[0]["key"]),
+        }[work](Records(tmp_path))
+
+    needed = {"gather": keys["old"] | keys["new"], "publish": set(), "remove": {old[1]["key"]}}[work]
+    put()
+    do()
+    wanted, kills = texts(Records(tmp_path)), 0
+    put()
+    while killed(do, at=kills + 1):
+        kills += 1
+        found = Records(tmp_path)
+        left = {each["key"] for each in found}
+        assert left >= needed
+        assert {each["method"] for each in found} >= ({"pca"} if work == "remove" else {"gps", "pca"})
+        assert not found.skipped
+        do()
+        assert texts(Records(tmp_path)) == wanted
+        put()
+    assert kills > 3
+    assert texts(Records(tmp_path)) == wanted
+
+
+def killed(do, at):
+    """Whether a process that does something is killed, before the file of this number gets its name or goes."""
+    count = 0
+
+    def watch(event, arguments):
+        nonlocal count
+        if event in ("os.rename", "os.remove"):
+            count += 1
+            if count == at:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    if (process := os.fork()) == 0:
+        sys.addaudithook(watch)
+        try:
+            do()
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == -signal.SIGKILL
 
 
 def test_published_records_come_back_from_either_form_key_for_key(tmp_path):

@@ -17,13 +17,14 @@ from benchmark.system.text import say
 def gather(published: bool, results: Path) -> None:
     """Bring the records of finished jobs, a file each, into one file for each data set, a line each."""
     from benchmark.jobs.execution.claims import Claims
-    from benchmark.storage.store import StorageError, Store
+    from benchmark.storage.store import StorageError, Store, sweep_leftovers
 
     store = Store.open(results)
     records = store.published if published else store.records
     with Claims.of(store) as claims:
         if not (published or claims.is_last()):
             raise ConfigurationError(f"a run in {results} writes records", "wait until it has ended")
+        sweep_leftovers(store)
         try:
             count = records.gather()
         except OSError as error:

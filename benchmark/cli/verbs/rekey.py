@@ -46,10 +46,11 @@ def rekey(
     """Show by a sample that older code made the same, and give its records the keys of this code; exit 1 if not all."""
     from benchmark.jobs.rekey.moving import Scope
     from benchmark.jobs.rekey.moving import rekey as moved_by
-    from benchmark.storage.store import Store
+    from benchmark.storage.store import Store, sweep_leftovers
     from benchmark.threads import available_cores
 
     store = Store.open(results or Path("results"))
+    sweep_leftovers(store)
     scope = Scope(
         store=store,
         records=store.records if results else store.published,

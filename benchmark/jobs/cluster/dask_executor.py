@@ -9,7 +9,8 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -21,12 +22,13 @@ from distributed import Client
 from distributed import Future as Answer
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.jobs.cluster import dask_worker
+from benchmark.jobs.cluster import dask_worker, supervisor
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.execution.worker import Status, read_status, remove_status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker
 from benchmark.jobs.job_specs import JobSpec, Task, to_json
+from benchmark.jobs.plan import difference
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from benchmark.system.text import brief, say
@@ -232,8 +234,11 @@ class DaskWorkerPool:
         self._nodes: dict[str, WorkerNode] = {}
         self._info: dict[str, Any] = {}
         self._store = Store.open(jobs[0].results)
+        self._suite = supervisor.suite()
         try:
-            self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of versions, which are told worker by worker
+                self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
         except Exception as error:  # what is raised depends on the kind of address
             raise ConfigurationError(
                 f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
@@ -321,7 +326,8 @@ class DaskWorkerPool:
             )
         elif now - self._useful > _NOBODY:
             raise BenchmarkError(
-                f"no worker came to {self.url} in {_NOBODY:g} s", "start workers and run again; finished jobs are kept"
+                f"no worker came to {self.url} in {_NOBODY:g} s",
+                f"start some, of distributed {self._suite['distributed']}, and run again; finished jobs are kept",
             )
 
     def _watch(self) -> None:
@@ -355,12 +361,22 @@ class DaskWorkerPool:
         try:
             answer = json.loads(node.inspection.result())
             problem, hint = str(answer["problem"]), str(answer["hint"])
+            problem, hint = (problem, hint) if problem else (self._other_suite(node, answer), dask_worker.SAME_SUITE)
         except Exception as error:  # the suite is not there, or the worker has gone
             problem, hint = one_line(error), dask_worker.SAME_SUITE
         node.is_ready = not problem
         if problem:
             node.refusal = ConfigurationError(f"worker {node.address}: {brief(problem)}", hint)
             say(f"left out: {node.refusal}", err=True)
+
+    def _other_suite(self, node: WorkerNode, answer: Mapping[str, Any]) -> str:
+        """Say why the tasks of this run are none for the suite of a worker; "" if they are."""
+        if "suite" not in answer:
+            return "another version of this suite"
+        if (there := answer["suite"]["distributed"]) != (here := self._suite["distributed"]):
+            say(f"worker {node.address} has distributed {there}, this machine {here}", err=True)
+        codes = ({"code": {"task": {"code": each["code"], "packages": {}}}} for each in (self._suite, answer["suite"]))
+        return "" if answer["suite"]["code"] == self._suite["code"] else difference(*codes)
 
 
 def _aside(call: Callable[[], T]) -> futures.Future[T]:

@@ -64,7 +64,7 @@ def do(message: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def inspect(message: Mapping[str, Any]) -> dict[str, str]:
+def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
     """Look why this machine would do other work than was planned.
 
     Parameters
@@ -76,7 +76,7 @@ def inspect(message: Mapping[str, Any]) -> dict[str, str]:
     Returns
     -------
     dict
-        ``problem`` and ``hint``; both empty if this machine will do.
+        ``problem`` and ``hint``, both empty if this machine will do; and ``suite``, as :func:`suite` gives it.
     """
     from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
@@ -104,7 +104,15 @@ def inspect(message: Mapping[str, Any]) -> dict[str, str]:
             problems[str(error)] = None
         except Exception as error:  # a plugin may raise anything
             problems[one_line(error)] = None
-    return {"problem": "; ".join(problems), "hint": SAME_SUITE if problems else ""}
+    return {"problem": "; ".join(problems), "hint": SAME_SUITE if problems else "", "suite": suite()}
+
+
+def suite() -> dict[str, Any]:
+    """Return the ``code`` by which this machine takes tasks, and its version of ``distributed``."""
+    from benchmark.system.fingerprints import fingerprint
+
+    found = fingerprint("benchmark.jobs.cluster.supervisor")
+    return {"code": dict(found.code), "distributed": found.packages["distributed"]}
 
 
 def _is_shared(marker: Path, written: str) -> bool:

@@ -19,6 +19,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.storage.environment import ROOT, commit, git
 from benchmark.system.fingerprints import FIRST_PARTY
 from benchmark.system.kernels import compiled_files, drop_stale_kernels
+from benchmark.system.process_reaper import MARK, mark_of_this
 
 #: Seconds between two looks at how far the processes of a tree are.
 _INTERVAL = 0.3
@@ -145,7 +146,7 @@ def ask(
 ) -> list[dict[str, Any]]:
     """Let a tree answer requests, each in a process of its own; what was answered before is not asked again.
 
-    A process that ends by itself is started once more without the rows at which it was.
+    A process that ends by itself is started once more without the rows at which it was; none outlives this program.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ class _Asked:
     def start(self) -> None:
         self._question.write_text(json.dumps(self._request), encoding="utf-8")
         words = [sys.executable, "-m", "benchmark", VERB, str(self._question.resolve()), str(self._answer.resolve())]
-        environment = os.environ | {"PYTHONPATH": str(self._tree.root), **self._variables}
+        environment = os.environ | {"PYTHONPATH": str(self._tree.root), MARK: mark_of_this(), **self._variables}
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(words, cwd=self._tree.root, env=environment, stdout=log, stderr=log)
 

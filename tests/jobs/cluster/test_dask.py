@@ -1,5 +1,6 @@
 """Jobs on a dask cluster of real processes: killed, hung, foreign workers cost nobody anything but time."""
 
+import json
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent import futures
 from pathlib import Path
 
 import psutil
@@ -67,8 +69,6 @@ class Cluster:
         self.url = self._address()
 
     def _address(self):
-        import json
-
         try:
             return json.loads((self.folder / "scheduler.json").read_text())["address"]
         except ValueError:
@@ -230,6 +230,44 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
     assert done.exit_code == 0, done.output
     assert "left out: worker tcp" in done.stderr
     assert "No module named 'benchmark'" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_each(place, cluster, tmp_path):
+    other = tmp_path / "other"
+    for package in ("benchmark", "baselines", "retrieval", "learned"):
+        shutil.copytree(ROOT / package, other / package, ignore=shutil.ignore_patterns("__pycache__", "models"))
+    supervisor = other / "benchmark" / "jobs" / "cluster" / "supervisor.py"
+    supervisor.write_text(supervisor.read_text().replace('message["status_file"]', 'message["progress_file"]'))
+    cluster.worker(other)
+    said = "tcp.*: code of benchmark.jobs.cluster.supervisor changed; install there the suite"
+    with pytest.raises(ConfigurationError, match=said):
+        run(*selection(place, "results"), *on(cluster))
+
+
+@pytest.mark.parametrize(
+    ("answer", "problem", "told"),
+    [
+        ({}, "another version of this suite", False),
+        ({"suite": {"code": {}, "distributed": "1"}}, "code of benchmark.jobs.cluster.supervisor changed", True),
+        ({"suite": None}, "", False),
+    ],
+    ids=["a suite that does not tell", "another one", "the same"],
+)
+def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, told):
+    from benchmark.jobs.cluster import dask_executor
+
+    pool = object.__new__(dask_executor.DaskWorkerPool)
+    pool._suite = {"code": {"benchmark.jobs.cluster.supervisor": "a"}, "distributed": "2"}
+    node = dask_executor.WorkerNode("tcp://a", "a", 1, futures.Future())
+    found = {"problem": "", "hint": ""} | answer
+    if "suite" in answer:
+        found["suite"] = answer["suite"] or pool._suite
+    node.inspection.set_result(json.dumps(found))
+    pool._admit(node)
+    assert node.is_ready == (not problem)
+    assert problem in str(node.refusal or "")
+    assert ("worker tcp://a has distributed 1, this machine 2" in capsys.readouterr().err) == told
 
 
 @pytest.mark.slow
