@@ -7,10 +7,15 @@ import signal
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from benchmark.threads import pin_threads
 
 pin_threads()
+
+# How long an example takes says nothing of the code on a machine that has other work, too.
+settings.register_profile("suite", deadline=None)
+settings.load_profile("suite")
 
 # Runs that the tests interrupt inherit what is ignored here, as under nohup and in the background of a script.
 for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):

@@ -57,7 +57,7 @@ def test_eigenpairs_agree_with_double_centring_and_arpack(n):
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(4), atol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(4, 140))
 def test_eigenvalues_agree_on_any_symmetric_matrix(seed, n):
     distances = np.random.default_rng(seed).random((n, n))

@@ -33,7 +33,7 @@ def evaluation(distances):
     return evaluate
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(1, 40))
 def test_quasi_newton_steps_never_raise_the_stress(seed, iterations):
     generator = np.random.default_rng(seed)

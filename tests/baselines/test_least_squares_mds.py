@@ -50,7 +50,7 @@ def test_positions_agree_with_scikit_learn_step_by_step(seed):
         assert found.stress[-1] == pytest.approx(raw / (distances**2).sum() * 2, rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.booleans())
 def test_the_stress_never_rises_with_or_without_weights(seed, weighted):
     distances, start = random_problem(seed, 30)

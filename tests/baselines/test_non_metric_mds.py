@@ -33,7 +33,7 @@ def test_isotonic_regression_by_hand():
     np.testing.assert_allclose(isotonic_regression(np.array([1.0, 4, 2, 5]), np.array([1, 3, 4])), [1, 3, 3, 5])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(1, 1000), st.sampled_from([0.0, 0.1, 1.0, 10.0]))
 def test_isotonic_regression_agrees_with_scipy(seed, length, trend):
     values = np.random.default_rng(seed).standard_normal(length) + trend * np.linspace(0, 1, length)
@@ -41,7 +41,7 @@ def test_isotonic_regression_agrees_with_scipy(seed, length, trend):
     np.testing.assert_allclose(found, scipy_isotonic_regression(values).x, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(2, 1000), st.integers(1, 200))
 def test_ties_agree_with_scikit_learn(seed, length, levels):
     generator = np.random.default_rng(seed)
@@ -94,7 +94,7 @@ def test_one_iteration_agrees_with_scipy_and_the_definition():
     assert course[0] == pytest.approx(np.linalg.norm(disparities - distances) / np.linalg.norm(disparities), rel=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_the_stress_never_rises(seed):
     dissimilarities, start = random_problem(seed, 30)

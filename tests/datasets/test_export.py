@@ -108,7 +108,7 @@ def test_exporting_twice_gives_the_same_bytes(tmp_path):
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9),
     st.sampled_from([".obj", ".off"]),

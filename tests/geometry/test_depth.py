@@ -55,7 +55,6 @@ def test_axes_are_right_up_and_towards_the_camera() -> None:
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 6))
-@settings(deadline=None)
 def test_any_camera_is_a_rotation(numbers: tuple[float, ...]) -> None:
     direction, up = numbers[:3], numbers[3:]
     if np.linalg.norm(np.cross(direction, up)) < 1e-3:
@@ -100,7 +99,7 @@ def test_a_sphere_has_its_analytic_depth() -> None:
 
 
 @given(st.tuples(*[st.floats(-100, 100)] * 3))
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 def test_the_shape_is_centred(shift: tuple[float, float, float]) -> None:
     mesh = joined(rectangle(1.0, 1.0), rectangle(0.3, 1.4, z=0.6))
     here = render_depth(mesh, TOWARDS, 1.0, 64)

@@ -46,7 +46,7 @@ def test_any_degree_of_a_vertex(surface, sides):
 
 
 @pytest.mark.usefixtures("interpreted")
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     sides=st.integers(3, 40),
     budget=st.integers(-1, 60),

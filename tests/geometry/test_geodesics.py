@@ -166,7 +166,7 @@ def test_relabelling_vertices_relabels_distances(solver):
     np.testing.assert_allclose(moved, matrix, rtol=1e-6, atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(exponent=st.integers(-40, 40), seed=st.integers(0, 9))
 def test_scale_and_rigid_motion(exponent, seed):
     generator = np.random.default_rng(seed)

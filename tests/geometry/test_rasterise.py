@@ -62,7 +62,7 @@ def test_agrees_with_ray_casting() -> None:
     assert np.quantile(np.abs(image - expected)[both], 0.999) < 1e-3
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10_000), snap=st.sampled_from([0.0, 0.5, 1.0]))
 def test_no_cracks_inside_a_triangulated_square(seed: int, snap: float) -> None:
     # Vertices on pixel centres and corners are the hard case: the centre lies on edges and vertices exactly.

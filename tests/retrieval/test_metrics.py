@@ -117,7 +117,7 @@ def test_queries_whose_ties_matter_are_counted() -> None:
     )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), ties=st.booleans())
 def test_renaming_and_reordering_change_nothing(seed: int, ties: bool) -> None:
     distances, labels = gallery(seed, ties)
@@ -129,7 +129,7 @@ def test_renaming_and_reordering_change_nothing(seed: int, ties: bool) -> None:
     assert again.lone_queries == scores.lone_queries
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), ties=st.booleans())
 def test_any_increasing_function_of_the_distances_scores_the_same(seed: int, ties: bool) -> None:
     distances, labels = gallery(seed, ties)
