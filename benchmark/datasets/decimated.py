@@ -6,17 +6,15 @@ import importlib.util
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.changed import ChangedDataset
 from benchmark.errors import DatasetError, did_you_mean
-from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean, make_manifold
 from benchmark.geometry.mesh import Mesh
-from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["DECIMATIONS", "N_VERTICES", "Decimated", "decimated", "decimated_name", "is_installed", "parsed_decimation"]
 
@@ -109,18 +107,15 @@ def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
 
 
 @dataclass(frozen=True)
-class Decimated:
+class Decimated(ChangedDataset):
     """All shapes of a data set, decimated; the complete surfaces alone, for a camera sees the mesh of the file.
 
     Parameters
     ----------
-    clean
-        The data set.
     program
         A key of :data:`DECIMATIONS`.
     """
 
-    clean: Dataset
     program: str
     inputs: tuple[Input, ...] = ("mesh",)
 
@@ -141,35 +136,10 @@ class Decimated:
         """Name in captions."""
         return f"{self.clean.title}, decimated by {self.program}"
 
-    @property
-    def stand_in_for(self) -> str:
-        """Return what the clean set stands in for."""
-        return self.clean.stand_in_for
-
-    @property
-    def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the clean set."""
-        return self.clean.half_width
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """The shapes of the clean set; none has a file of its own."""
-        return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
-
-    @cached_property
-    def _clean_entries(self) -> dict[str, Entry]:
-        return {entry.identifier: entry for entry in self.clean.entries}
-
     def load(self, entry: Entry) -> Mesh:
         """Return the decimated mesh; errors are those of the clean set and of :func:`decimated`."""
-        return decimated(self.clean.load(self._clean_entries[entry.identifier]), self.program)
+        return decimated(self._clean_mesh(entry), self.program)
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
-        clean_recipe = self.clean.recipe(self._clean_entries[entry.identifier])
-        code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
-        return f"{clean_recipe} {fingerprint(code).digest} {self.program} {N_VERTICES}"
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the camera of the clean set."""
-        return self.clean.camera(self._clean_entries[entry.identifier])
+        return f"{self._clean_recipe(entry)} {self.program} {N_VERTICES}"

@@ -5,15 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.perturbations.surface import noise
-from benchmark.geometry.camera import Camera, DepthSensor
+from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["AMOUNT", "Jittered", "clean_dataset", "clean_name", "jittered", "jittered_name", "parsed_jitter"]
 
@@ -51,18 +50,15 @@ def jittered(mesh: Mesh, seed: int, amount: float = AMOUNT) -> Mesh:
 
 
 @dataclass(frozen=True)
-class Jittered:
+class Jittered(ChangedDataset):
     """All shapes of a data set, jittered.
 
     Parameters
     ----------
-    clean
-        The data set.
     number
         Which jitter, from 1; each draws its own noise.
     """
 
-    clean: Dataset
     number: int
 
     @property
@@ -75,43 +71,18 @@ class Jittered:
         """Name in captions."""
         return f"{self.clean.title}, jitter {self.number}"
 
-    @property
-    def stand_in_for(self) -> str:
-        """Return what the clean set stands in for."""
-        return self.clean.stand_in_for
-
-    @property
-    def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the clean set."""
-        return self.clean.half_width
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """The shapes of the clean set; none has a file of its own."""
-        return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
-
-    @cached_property
-    def _clean_entries(self) -> dict[str, Entry]:
-        return {entry.identifier: entry for entry in self.clean.entries}
-
     def load(self, entry: Entry) -> Mesh:
         """Return the jittered mesh; errors are those of the clean set."""
-        return jittered(self.clean.load(self._clean_entries[entry.identifier]), self._seed(entry))
+        return jittered(self._clean_mesh(entry), self._seed(entry))
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
-        clean = self.clean.recipe(self._clean_entries[entry.identifier])
-        code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
-        return f"{clean} {fingerprint(code).digest} {AMOUNT!r} {self._seed(entry)}"
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the camera of the clean set."""
-        return self.clean.camera(self._clean_entries[entry.identifier])
+        return f"{self._clean_recipe(entry)} {AMOUNT!r} {self._seed(entry)}"
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
         """Return what the depth camera of the clean set adds to its image; None for one without faults."""
         found = getattr(self.clean, "sensor", None)
-        return found(self._clean_entries[entry.identifier]) if found else None
+        return found(self._clean_entry(entry)) if found else None
 
     def _seed(self, entry: Entry) -> int:
         name = f"jitter|{self.number}|{entry.identifier}".encode("utf-8", "surrogatepass")

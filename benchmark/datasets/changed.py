@@ -1,0 +1,60 @@
+"""A data set whose meshes are those of another one, changed when they are loaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.mesh import Mesh
+from benchmark.system.fingerprints import fingerprint
+
+__all__ = ["ChangedDataset"]
+
+
+@dataclass(frozen=True)
+class ChangedDataset:
+    """All that a changed data set has of the clean one.
+
+    Parameters
+    ----------
+    clean
+        The data set.
+    """
+
+    clean: Dataset
+
+    @property
+    def stand_in_for(self) -> str:
+        """Return what the clean set stands in for."""
+        return self.clean.stand_in_for
+
+    @property
+    def half_width(self) -> float | None:
+        """Half the width of the camera's frame, that of the clean set."""
+        return self.clean.half_width
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The shapes of the clean set; none has a file of its own."""
+        return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
+
+    def camera(self, entry: Entry) -> Camera:
+        """Return the camera of the clean set."""
+        return self.clean.camera(self._clean_entry(entry))
+
+    @cached_property
+    def _clean_entries(self) -> dict[str, Entry]:
+        return {entry.identifier: entry for entry in self.clean.entries}
+
+    def _clean_entry(self, entry: Entry) -> Entry:
+        return self._clean_entries[entry.identifier]
+
+    def _clean_mesh(self, entry: Entry) -> Mesh:
+        return self.clean.load(self._clean_entry(entry))
+
+    def _clean_recipe(self, entry: Entry) -> str:
+        """Name what determines the mesh of the clean set, its code with it."""
+        code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
+        return f"{self.clean.recipe(self._clean_entry(entry))} {fingerprint(code).digest}"
