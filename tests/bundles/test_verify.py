@@ -28,7 +28,7 @@ from tests.toy import write_rods
 
 
 def outcome(path: Path, *, data: Path | None = None, results: Path = Path("nowhere"), run: bool = False) -> Outcome:
-    """What a bundle is, found out in this process."""
+    """Outcome of a bundle, found out in this process."""
     known = Known(results, None, {"rods": data} if data else {})
     return Outcome.from_plain(json.loads(json.dumps(_verified(Request(path, known, run), lambda line: None))))
 

@@ -1,4 +1,4 @@
-"""What earlier processes found out of records counts while code, packages, models and data are the same."""
+"""Answers of earlier processes about records count while code, packages, models and data are the same."""
 
 import pytest
 

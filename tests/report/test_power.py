@@ -1,4 +1,4 @@
-"""How many classes or seeds would tell two methods apart, where the answer is known."""
+"""Numbers of classes or seeds that would tell two methods apart, where the answer is known."""
 
 import numpy as np
 import pytest

@@ -187,7 +187,7 @@ def test_what_is_killed_at_any_of_its_files_loses_no_record_and_goes_on(tmp_path
 
 
 def killed(do, at):
-    """Whether a process that does something is killed, before the file of this number gets its name or goes."""
+    """Return whether a process that does something is killed, before the file of this number gets its name or goes."""
     count = 0
 
     def watch(event, arguments):
@@ -242,7 +242,7 @@ def right_heads(folder):
 
 
 def read_in_full(folder, monkeypatch):
-    """How many records are read in full to list their heads, which are the right ones."""
+    """Number of records that are read in full to list their heads, which are the right ones."""
     count = []
     real = Records._record
     with monkeypatch.context() as patch:

@@ -15,7 +15,7 @@ _LARGE, _SMALL, _COLUMNS = 2**23, 2000, 200
 
 @dataclass(frozen=True)
 class Rates:
-    """What one core of this machine does in a second at best.
+    """Rates that one core of this machine reaches at best.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How runs grow: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --neighbours 100000 --records 10000``.
+"""Growth of runs: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --neighbours 100000 --records 10000``.
 
 Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
 measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.

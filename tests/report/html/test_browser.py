@@ -266,7 +266,7 @@ def rod_picture():
 
 
 def processor_seconds(driver):
-    """What all processes of the browser have taken so far."""
+    """Processor time that all processes of the browser have taken so far."""
     processes = psutil.Process(driver.service.process.pid).children(recursive=True)
     return sum(sum(each.cpu_times()[:2]) for each in processes if each.is_running())
 
