@@ -221,7 +221,7 @@ def _is_in(path: Path, folder: Path) -> bool:
 def _signature(run: MethodRun, entry: Any, arrays: Arrays) -> Arrays:
     """The signature of a form: the one that is kept, or made from it again."""
     recipe = features_recipe(run.recipe(entry), run.scorer_spec)
-    kept = run.store.find(recipe, scratch=True) or run.store.find(recipe)
+    kept = run.store.find_anywhere(recipe)
     if kept is not None:
         return require_arrays(kept)
     return features.extract(run.scorer, form.form_mesh(arrays, _triangles(arrays)))

@@ -139,7 +139,7 @@ class MethodRun:
         if found.features is not None:
             return found
         recipe = features_recipe(self.recipe(entry), self.scorer_spec)
-        signature = self.store.find(recipe, scratch=True) or self.store.find(recipe)
+        signature = self.store.find_anywhere(recipe)
         if signature is None:
             return self.treat(entry)
         require_arrays(signature)

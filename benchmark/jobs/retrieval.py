@@ -269,7 +269,7 @@ class GallerySearch:
                 yield entry, answer.arrays, True
                 continue
             wanted = features_recipe(recipe, self.scorer)
-            kept = self.store.find(wanted, scratch=True) or self.store.find(wanted)
+            kept = self.store.find_anywhere(wanted)
             if kept is None:
                 made = form.form_mesh(answer.arrays, preparation.shape(entry, self.seed).mesh)
                 signed = partial(attempted, partial(features.extract, scorer, made))

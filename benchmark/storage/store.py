@@ -172,6 +172,10 @@ class Store:
         key = digest(recipe)
         return _load(self._path(key, scratch=scratch), key, wanted)
 
+    def find_anywhere(self, recipe: Mapping[str, Any]) -> Artefact | None:
+        """Return the arrays of a recipe if they are there, among those that may go or those that stay."""
+        return self.find(recipe, scratch=True) or self.find(recipe)
+
     def has(self, key: str) -> bool:
         """Return whether there is a file of arrays that stay under a key, whole or not."""
         return self._path(key).is_file()
