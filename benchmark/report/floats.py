@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from benchmark.report.escaping import latex_prose
+from benchmark.system.text import clean
 
 #: Points between two columns of figures.
 SEPARATION = 3.0
@@ -145,19 +146,24 @@ def table_floats(
         _add_rows(floats, [blocks[k] for k in shown], lines, shown, page)
     said: list[str] = []
     for note in notes:
-        said.append(latex_prose(note if note.endswith(".") else f"{note}."))
+        said.append(clean(note if note.endswith(".") else f"{note}."))
         if floats[-1].used + 1 + points(" ".join(said)) / page.text > page.lines:
             if len(said) > 1:
-                floats[-1].parts.append(rf"\tablenotes{{{' '.join(said[:-1])}}}")
+                floats[-1].parts.append(_table_notes(said[:-1]))
             floats.append(_Float(_CONTINUED))
             said = said[-1:]
     if said:
-        floats[-1].parts.append(rf"\tablenotes{{{' '.join(said)}}}")
+        floats[-1].parts.append(_table_notes(said))
     written: list[str] = []
     environment = "table" if max(made.width for made in floats) <= page.column else "table*"
     for number, made in enumerate(floats):
         written += _framed(made, environment, name, caption, number)
     return "\n".join(written) + "\n"
+
+
+def _table_notes(said: Sequence[str]) -> str:
+    """Sentences below a tabular."""
+    return rf"\tablenotes{{{' '.join(map(latex_prose, said))}}}"
 
 
 def _framed(made: _Float, environment: str, name: str, caption: str, number: int) -> Iterator[str]:

@@ -179,6 +179,7 @@ def hostile_tables(text):
 
 @given(TEXT)
 @example(HOSTILE)
+@example("000000" + "\x1b" * 5 + "\x08^\U00011cb7\U00012544\U00012544\U00018cd6\U0002ebe1\U0002ebe1")
 def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     (table,) = hostile_tables(text)
     files = render([table], ("latex", "markdown", "csv", "json"))
