@@ -42,19 +42,25 @@ class ChangedDataset:
 
     def camera(self, entry: Entry) -> Camera:
         """Return the camera of the clean set."""
-        return self.clean.camera(self._clean_entry(entry))
+        return self.clean.camera(self.clean_entry(entry))
 
     @cached_property
     def _clean_entries(self) -> dict[str, Entry]:
         return {entry.identifier: entry for entry in self.clean.entries}
 
-    def _clean_entry(self, entry: Entry) -> Entry:
+    def clean_entry(self, entry: Entry) -> Entry:
+        """Return the shape of the clean set."""
         return self._clean_entries[entry.identifier]
 
-    def _clean_mesh(self, entry: Entry) -> Mesh:
-        return self.clean.load(self._clean_entry(entry))
+    def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
+        """Return the mesh of the clean set as this set has it."""
+        raise NotImplementedError
+
+    def load(self, entry: Entry) -> Mesh:
+        """Return the changed mesh; errors are those of the clean set and of :meth:`changed`."""
+        return self.changed(self.clean.load(self.clean_entry(entry)), entry)
 
     def _clean_recipe(self, entry: Entry) -> str:
         """Name what determines the mesh of the clean set, its code with it."""
         code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
-        return f"{self.clean.recipe(self._clean_entry(entry))} {fingerprint(code).digest}"
+        return f"{self.clean.recipe(self.clean_entry(entry))} {fingerprint(code).digest}"

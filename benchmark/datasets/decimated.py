@@ -136,9 +136,9 @@ class Decimated(ChangedDataset):
         """Name in captions."""
         return f"{self.clean.title}, decimated by {self.program}"
 
-    def load(self, entry: Entry) -> Mesh:
-        """Return the decimated mesh; errors are those of the clean set and of :func:`decimated`."""
-        return decimated(self._clean_mesh(entry), self.program)
+    def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
+        """Return the decimated mesh; errors are those of :func:`decimated`."""
+        return decimated(mesh, self.program)
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""

@@ -71,9 +71,9 @@ class Jittered(ChangedDataset):
         """Name in captions."""
         return f"{self.clean.title}, jitter {self.number}"
 
-    def load(self, entry: Entry) -> Mesh:
-        """Return the jittered mesh; errors are those of the clean set."""
-        return jittered(self._clean_mesh(entry), self._seed(entry))
+    def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
+        """Return the jittered mesh."""
+        return jittered(mesh, self._seed(entry))
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
@@ -82,7 +82,7 @@ class Jittered(ChangedDataset):
     def sensor(self, entry: Entry) -> DepthSensor | None:
         """Return what the depth camera of the clean set adds to its image; None for one without faults."""
         found = getattr(self.clean, "sensor", None)
-        return found(self._clean_entry(entry)) if found else None
+        return found(self.clean_entry(entry)) if found else None
 
     def _seed(self, entry: Entry) -> int:
         name = f"jitter|{self.number}|{entry.identifier}".encode("utf-8", "surrogatepass")

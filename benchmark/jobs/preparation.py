@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
@@ -91,6 +92,9 @@ class Preparation:
 
     def mesh(self, entry: Entry) -> Mesh:
         """The mesh of the data set; generated ones are kept for the while of a run, for some take seconds to make."""
+        if isinstance(self.dataset, ChangedDataset):  # what is changed is quickly changed anew
+            clean = Preparation(self.dataset.clean, self.input, self.store)
+            return self.dataset.changed(clean.mesh(self.dataset.clean_entry(entry)), entry)
         if entry.path is not None:
             return self.dataset.load(entry)
 

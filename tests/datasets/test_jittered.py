@@ -10,7 +10,9 @@ from benchmark.datasets.jittered import AMOUNT, Jittered, clean_dataset, clean_n
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import extent_of
 from benchmark.jobs import recipes
+from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.galleries import galleries
+from benchmark.storage.store import Store
 from tests.toy import write_rods
 
 
@@ -78,3 +80,14 @@ def test_a_plan_has_repeats_where_they_are_asked_for(folder, tmp_path):
     assert "1 of 1 jobs to run" in planned().output
     assert "rods[jitter=2] mesh pca" in planned("--repeat", "2").output
     assert planned("--repeat", "1").exit_code == 2  # one is no spread
+
+
+def test_a_generated_shape_is_made_once_for_all_its_jitters(monkeypatch, tmp_path):
+    clean = open_dataset("animals", None)
+    load, loaded = type(clean).load, []
+    monkeypatch.setattr(type(clean), "load", lambda self, entry: loaded.append(entry) or load(self, entry))
+    entry, store = clean.entries[0], Store.open(tmp_path)
+    for found in (clean, Jittered(clean, 1), Jittered(clean, 2)):
+        mesh = Preparation(found, "mesh", store).mesh(entry)
+        np.testing.assert_array_equal(mesh.vertices, found.load(entry).vertices)
+    assert len(loaded) == 4  # one of the preparations, and three to compare with
