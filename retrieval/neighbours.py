@@ -118,7 +118,7 @@ def among_candidates(index: GalleryIndex, count: int, forms: range) -> tuple[Pla
 
 
 def candidates(index: GalleryIndex, count: int, forms: range | None = None) -> Places:
-    """Return the places of the forms that are closest to some by their vectors, in no order.
+    """Return the places of the forms that are closest to some by their vectors, the closest first.
 
     Parameters
     ----------
@@ -141,8 +141,7 @@ def candidates(index: GalleryIndex, count: int, forms: range | None = None) -> P
         rows = np.arange(start, min(start + ROWS, wanted.stop))
         close = index.closeness(slice(start, rows[-1] + 1))
         close[np.arange(len(rows)), rows] = -np.inf
-        closest = np.argpartition(-close, max(most - 1, 0), axis=1)[:, :most]
-        found[rows - wanted.start] = closest
+        found[rows - wanted.start] = [_smallest(-row, most)[:most] for row in close]  # of equals the first, everywhere
     return found
 
 

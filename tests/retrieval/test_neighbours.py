@@ -151,3 +151,9 @@ def test_candidates_are_the_closest_others(monkeypatch, rows):
     assert np.sort(candidates(index, 2)).tolist() == [[1, 2], [0, 2], [0, 1], [1, 2], [2, 3]]
     assert candidates(index, 1, range(3, 5)).tolist() == [[2], [3]]
     assert np.sort(candidates(index, 9))[4].tolist() == [0, 1, 2, 3]
+
+
+def test_of_candidates_that_are_equally_close_the_first_are_taken():
+    energies = np.random.default_rng(0).integers(0, 2, (1000, 1)).astype(float)
+    found = candidates(EnergyIndex(energies), 90, range(1))
+    assert found.tolist() == [np.flatnonzero(energies[:, 0] == energies[0])[1:91].tolist()]
