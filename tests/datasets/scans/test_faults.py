@@ -126,7 +126,7 @@ def test_a_scan_tells_where_its_vertices_belong(body: Mesh) -> None:
         made = scan(body, height, np.random.default_rng(seed))
         again = scan(body, height, np.random.default_rng(seed))
         assert made.mesh.vertices.tobytes() == again.mesh.vertices.tobytes()
-        assert made.mesh.n_vertices <= 1.05 * sampler.PREPARED
+        assert made.mesh.n_vertices <= sampler.SMALL
         assert made.weights.sum(axis=1) == pytest.approx(1)
         places = np.einsum("nc,nck->nk", made.weights, body.vertices[made.corners])
         distances = np.linalg.norm(places - made.mesh.vertices, axis=1)
@@ -149,9 +149,9 @@ def test_every_fault_comes_and_none_always(body: Mesh, monkeypatch: pytest.Monke
     monkeypatch.setattr(sampler, "decimate", lambda mesh, _: mesh)
     monkeypatch.setattr(sampler, "nearest_on_surface", lambda mesh, *_: type("P", (), {"corners": 0, "weights": 0}))
     small, drawn = sphere(4), np.random.default_rng(3)
-    for _ in range(200):
+    for _ in range(300):
         scan(small, HEIGHT, drawn)
-    assert all(5 <= count <= 140 for count in seen.values()), seen
+    assert all(8 <= count <= 220 for count in seen.values()), seen
 
 
 # None of it is what methods are tested on -------------------------------------------------------------------------
@@ -205,4 +205,4 @@ def test_no_subject_of_a_set_and_no_body_of_another_stream_is_scanned(monkeypatc
     ]
     for of_body in made.scans:
         for each in of_body:
-            assert 600 < each.mesh.n_vertices < 2100
+            assert 600 < each.mesh.n_vertices <= sampler.SMALL
