@@ -1,10 +1,10 @@
 """``python -m tools.studies.field_scans [FOLDER]``: whether the field finds people again in scans of another kind.
 
 20 validation bodies in five poses each are scanned by :mod:`tools.studies.range_scanning`, which no training sees, and
-prepared as in a comparison. They are ranked by the forms of the field whose model is in FOLDER (the shipped one if
-there is none), and by some rows of the tables. No subject of any set that methods are tested on is looked at. Writes
-``results/field-scans.json``. Scans, and what is seen of the forms, are kept in ``build/field-scans``: a run that was
-stopped goes on where it was, and another model costs its own forms alone.
+prepared as in a comparison. They are ranked by the forms of the field whose model is in FOLDER (the shipped one if none
+is named; of a training that has not ended its newest weights), and by some rows of the tables. No subject of any set
+that methods are tested on is looked at. Writes ``results/field-scans.json``. Scans, and what is seen of the forms, are
+kept in ``build/field-scans``: a run that was stopped goes on where it was, and another model costs its own forms alone.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ from typing import Any  # noqa: E402
 
 import click  # noqa: E402
 import numpy as np  # noqa: E402
+from safetensors import safe_open  # noqa: E402
+from safetensors.torch import save  # noqa: E402
 
 from baselines.classic_mds import ClassicMDS  # noqa: E402
 from baselines.gps import GPS  # noqa: E402
 from baselines.wks_mean import MeanWKS  # noqa: E402
 from benchmark.api.contracts import Shape  # noqa: E402
-from benchmark.api.learning import read_card  # noqa: E402
+from benchmark.api.learning import CARD, WEIGHTS, read_card  # noqa: E402
 from benchmark.api.streaming import MakesSurfaces, Surfaces  # noqa: E402
 from benchmark.datasets.scans.bodies import WideBodies  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
@@ -39,10 +41,11 @@ from benchmark.jobs.stages.measures import scores  # noqa: E402
 from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.field.methods import DeformationField  # noqa: E402
 from learned.field.model import configuration_of  # noqa: E402
+from learned.training.checkpoint import SNAPSHOTS  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
 from tools.studies.field_detail import RANKED  # noqa: E402
-from tools.studies.people import interval  # noqa: E402
+from tools.studies.people import interval, keep_newest  # noqa: E402
 from tools.studies.range_scanning import range_scan  # noqa: E402
 
 BODIES, POSES = 20, 5
@@ -60,10 +63,32 @@ def main(folder: Path | None, bodies: int) -> None:
     """Rank what is not ranked yet, and print all rows."""
     field = DeformationField()
     if folder:
+        folder = folder if (folder / CARD).is_file() else unfinished(folder, KEPT)
         field = DeformationField(configuration=configuration_of(read_card(folder), folder).name).load(folder)
     shapes, subjects = gallery(WideBodies(seed=RANKED, poses=POSES).surfaces, bodies, KEPT)
     compare((field, MeanWKS(), GPS(), ClassicMDS()), shapes, subjects, KEPT, FIGURES)
     print(table(json.loads(FIGURES.read_text())))
+
+
+def unfinished(training: Path, kept: Path) -> Path:
+    """Folder of a model with the newest weights of a training that has not ended, as half precision stores them."""
+    keep_newest(training)
+    path = max((training / SNAPSHOTS).glob("*.safetensors"))
+    with safe_open(str(path), framework="pt") as file:
+        told = file.metadata()
+        content = save({name: file.get_tensor(name) for name in file.keys()})  # noqa: SIM118
+    seen = [f"{told['bodies']} bodies of a training that has not ended"]
+    card = {
+        "digest": hashlib.sha256(content).hexdigest(),
+        "field": json.loads(told["recipe"])["configuration"],
+        "data": DeformationField.default_training,
+        "subjects": seen,
+        "identifiers": seen,
+    }
+    folder = kept / "models" / path.stem
+    write_atomically(folder / WEIGHTS, lambda file: file.write(content))
+    write_text(folder / CARD, json.dumps(card))
+    return folder
 
 
 def gallery(make: MakesSurfaces, bodies: int, folder: Path) -> tuple[list[Shape], list[str]]:

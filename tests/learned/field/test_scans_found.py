@@ -8,12 +8,21 @@ from pathlib import Path
 import igl
 import numpy as np
 import pytest
+from safetensors import safe_open
 
 from baselines.surface_area import SurfaceArea
 from benchmark.api.contracts import MethodInfo, Shape, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+from learned.field import configuration, training
+from learned.field.fitting import fit
+from learned.field.methods import DeformationField
+from learned.field.model import load_field
+from learned.training import loop
+from learned.training.checkpoint import CHECKPOINT
 from tests.geometry.surfaces import limbed_body, sphere
-from tests.learned.field.toy import Paddles
+from tests.learned.field.toy import OPTIONS, TOY, Paddles
+from tests.learned.streamed.toy import Ellipsoids, toy_stream
+from tests.learned.toy import quiet
 from tools.studies import field_scans
 from tools.studies.range_scanning import RANGE_NOISE, STEP, range_scan
 
@@ -29,6 +38,31 @@ def test_a_range_scan_is_one_surface_near_the_body_of_other_triangles() -> None:
     a, b, c = (made.vertices[made.faces[:, k]] for k in range(3))
     assert np.einsum("mk,mk->", a, np.cross(b, c)) > 0, "it looks outward"
     assert made.area == pytest.approx(body.area, rel=0.15)
+
+
+class Stopped(Ellipsoids):
+    """Ellipsoids of which Ctrl-C stops the sixth batch."""
+
+    def surfaces(self, number, bodies):
+        if number == 6:
+            raise KeyboardInterrupt
+        return super().surfaces(number, bodies)
+
+
+def test_a_training_that_runs_has_a_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(configuration.FIELDS, TOY.name, TOY)
+    monkeypatch.setattr(training, "LOOKED_AT", 2)
+    monkeypatch.setattr(loop, "ROW", 4)
+    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
+    with pytest.raises(KeyboardInterrupt):
+        fit("toy", 0, toy_stream(Stopped()), tmp_path / "training", OPTIONS, quiet)
+    folder = field_scans.unfinished(tmp_path / "training", tmp_path)
+    assert folder.name == f"{4 * OPTIONS['bodies']:010}"
+    made = DeformationField(configuration="toy").load(folder).canonicalise(Shape(identifier="x", mesh=limbed_body(3)))
+    assert made.mesh.area == pytest.approx(1)
+    with safe_open(str(tmp_path / "training" / CHECKPOINT), framework="pt") as file:
+        weights = file.get_tensor("weights.gathered.weight").half().float()
+    assert (load_field(folder).gathered.weight == weights).all()
 
 
 class Named:
