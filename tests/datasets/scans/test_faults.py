@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from types import SimpleNamespace
+from typing import Any
 
 import igl
 import numpy as np
@@ -24,6 +26,9 @@ from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.pairs import stream
+from benchmark.jobs.pairs.stream import varied_data
+from benchmark.protocols.trainings import TRAININGS
 from tests.geometry.surfaces import joined, limbed_body, sphere
 from tools.studies import range_scanning
 
@@ -178,6 +183,16 @@ def test_no_recipe_of_a_scan_is_shared() -> None:
 def test_poses_are_those_without_an_authored_one() -> None:
     assert WideBodies.angles is WideSampler.angles
     assert WideBodies._posed is WideSampler._posed
+
+
+def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: Any = SimpleNamespace(training=TRAININGS["humans-varied"])
+    data = varied_data(asked, iter)
+    assert data.scanned.scans == ScanSampler(seed=0)
+    assert data.scanned.validation == ScanSampler(seed=1)
+    assert len({data.digest, data.wide.digest, data.scanned.digest}) == 3
+    monkeypatch.setattr(stream, "source_code", lambda _: SimpleNamespace(digest="other"))
+    assert varied_data(asked, iter).scanned.digest != data.scanned.digest
 
 
 @pytest.mark.exhaustive
