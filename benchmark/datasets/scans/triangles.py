@@ -29,7 +29,11 @@ def clustered(mesh: Mesh, n_vertices: int) -> Mesh:
         Vertices to come near to.
     """
     cell = SIDE / 2 * (mesh.area / n_vertices) ** 0.5
-    return _changed(mesh, "meshing_decimation_clustering", threshold=pymeshlab.PureValue(cell))
+    made = _changed(mesh, "meshing_decimation_clustering", threshold=pymeshlab.PureValue(cell))
+    # The filter gives the triangles in an order that hangs on where they lay in memory.
+    first = made.faces.argmin(axis=1)[:, None]
+    faces = np.take_along_axis(made.faces, (first + np.arange(3)) % 3, axis=1)
+    return Mesh(made.vertices, faces[np.lexsort(faces.T[::-1])])
 
 
 def collapsed(mesh: Mesh, n_vertices: int) -> Mesh:

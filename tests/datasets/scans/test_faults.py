@@ -98,6 +98,11 @@ def test_other_triangulations_are_of_the_same_surface() -> None:
     assert kept <= {tuple(vertex) for vertex in np.round(ball.vertices, 6)}
 
 
+def test_clusters_are_the_same_wherever_they_lie_in_memory() -> None:
+    held = [(clustered(sphere(3), 300), np.empty(each * 1000)) for each in range(4)]
+    assert len({(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh, _ in held}) == 1
+
+
 def test_noise_and_slips_are_as_large_as_said() -> None:
     ball = sphere(4)
     moved = noisy(ball, 0.01, random()).vertices - ball.vertices
