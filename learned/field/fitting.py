@@ -88,7 +88,7 @@ def fit(
 
 
 def _stream_for(plan: FieldPlan, data: TrainingData) -> StreamedData | ScannedData:
-    """What a plan trains on, or a ``ConfigurationError``."""
+    """Stream that a plan trains on; raises ``ConfigurationError`` if the data has none."""
     stream = stream_of(data)
     if plan.shapes == "bodies":
         return stream
