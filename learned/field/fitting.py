@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import TrainingData
+from benchmark.api.scans import ScannedData, StreamedAndScannedData
+from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
 from learned.field.configuration import Field, field_named
 from learned.field.model import load_field
@@ -64,9 +66,11 @@ def fit(
         If training cannot go on.
     """
     chosen, plan, machine = checked_plan(name, options)
-    stream = stream_of(data)
+    stream = _stream_for(plan, data)
 
     def train(run: TrainingRun) -> Trained[FieldNetwork]:
+        if isinstance(stream, ScannedData):
+            return train_field(chosen, plan, stream.scans, stream.validation, run)
         return train_field(chosen, plan, stream.surfaces, stream.validation_surfaces, run)
 
     fitting = Fitting(
@@ -74,10 +78,27 @@ def fit(
         name=name,
         described=chosen.described(),
         plan=plan,
-        words=f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} fresh bodies",
+        words=_in_words(chosen, plan),
         training_data=stream,
         seed=seed,
         train=train,
         load=load_field,
     )
     fitting.into(folder, machine, say)
+
+
+def _stream_for(plan: FieldPlan, data: TrainingData) -> StreamedData | ScannedData:
+    """Stream that a plan trains on; raises ``ConfigurationError`` if the data has none."""
+    stream = stream_of(data)
+    if plan.shapes == "bodies":
+        return stream
+    if not isinstance(stream, StreamedAndScannedData):
+        raise ConfigurationError(f"training '{data.name}' has no scans", "pass -o shapes=bodies")
+    return stream.scanned
+
+
+def _in_words(chosen: Field, plan: FieldPlan) -> str:
+    """Network and plan in one clause."""
+    shown = "fresh bodies" if plan.shapes == "bodies" else f"scanned bodies, each scan {plan.uses} times"
+    begun = "" if plan.start == "random" else ", from the shipped weights"
+    return f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} {shown}{begun}"

@@ -1,20 +1,26 @@
-"""The field learns where the points of fresh bodies lie in the canonical pose."""
+"""The field learns where the points of fresh bodies, or of scans of them, lie in the canonical pose."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, cast
 
 import torch
 from torch import Tensor
 
 from benchmark.api.contracts import Interval
+from benchmark.api.learning import read_card
+from benchmark.api.scans import MakesScans
 from benchmark.api.streaming import MakesSurfaces
+from benchmark.errors import ConfigurationError
 from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field
 from learned.field.losses import NAMES, losses, weighted
+from learned.field.methods import DeformationField
+from learned.field.model import load_field
 from learned.field.network import FieldNetwork, Unbent, build_field
+from learned.field.scans import MakesScanBatches, bodies_made
 from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies
 
 LOOKED_AT = 16
@@ -23,18 +29,43 @@ LOOKED_AT = 16
 
 @dataclass(frozen=True, kw_only=True)
 class FieldPlan(Plan):
-    """Plan of the training of a field; see :class:`learned.training.loop.Plan`."""
+    """Plan of the training of a field; see :class:`learned.training.loop.Plan` for the other parameters.
+
+    Parameters
+    ----------
+    shapes
+        ``"bodies"``: surfaces of fresh bodies. ``"scans"``: the same as scanners leave them, each several times.
+    uses
+        Steps that show each scan; a divisor of ``bodies``. Of a body that is not scanned it is 1.
+    start
+        ``"random"``: random weights. ``"shipped"``: those of the model of this configuration that is shipped.
+    """
 
     steps: Annotated[int, Interval(1)] = 12_000
     bodies: Annotated[int, Interval(2)] = 8
     learning_rate: Annotated[float, Interval(0, closed="neither")] = 5e-4
+    shapes: Literal["bodies", "scans"] = "bodies"
+    uses: Annotated[int, Interval(1, 64)] = 1
+    start: Literal["random", "shipped"] = "random"
+
+    def __post_init__(self) -> None:
+        """Raise ``ConfigurationError`` if batches cannot be made of whole bodies, or bodies are to come twice."""
+        super().__post_init__()
+        if self.bodies % self.uses or (self.shapes == "bodies" and self.uses > 1):
+            raise ConfigurationError(
+                f"{self.bodies} {self.shapes} a step cannot be shown {self.uses} times each",
+                "take -o shapes=scans and a divisor of the bodies, such as -o bodies=8 -o uses=8",
+            )
+
+
+Makes = MakesSurfaces | MakesScans
 
 
 def train_field(
     configuration: Field,
-    plan: Plan,
-    make: MakesSurfaces,
-    validation: MakesSurfaces | None,
+    plan: FieldPlan,
+    make: Makes,
+    validation: Makes | None,
     run: TrainingRun,
 ) -> Trained[FieldNetwork]:
     """Train a field, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
@@ -44,9 +75,9 @@ def train_field(
     configuration, plan
         What is trained, and how.
     make
-        Makes the bodies.
+        Makes the bodies, or the scans if the plan says so.
     validation
-        Makes bodies for the curves; None for no curves.
+        Makes others for the curves; None for no curves.
     run
         Where; its seed is that of the weights.
 
@@ -56,12 +87,26 @@ def train_field(
         If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
         the last step that was done.
     """
-    network = build_field(configuration, run.seed).to(run.device)
-    looked = MakesSurfaceBatches(validation, configuration, LOOKED_AT, perturbed=False)(0) if validation else None
+    network, told = build_field(configuration, run.seed), {}
+    if plan.start == "shipped":
+        folder = DeformationField(configuration=configuration.name).model_folder
+        network.load_state_dict(load_field(folder).state_dict())
+        told["started_from"] = read_card(folder)["digest"]
+    network.to(run.device)
+    looked = _batches(replace(plan, bodies=LOOKED_AT, uses=1), configuration, validation)(0) if validation else None
     objective = _Objective(network, configuration, run.device, looked)
-    batches = MakesSurfaceBatches(make, configuration, plan.bodies)
+    batches = _batches(plan, configuration, make, perturbed=True)
     progress, precision = TrainingLoop(network, objective, batches, plan, run).train()
-    return Trained(network, progress, precision, fresh_bodies(plan, progress))
+    seen = fresh_bodies(plan, progress) | {"bodies": bodies_made(plan.steps, plan.bodies, plan.uses)}
+    return Trained(network, progress, precision, seen, told)
+
+
+def _batches(
+    plan: FieldPlan, configuration: Field, make: Makes, perturbed: bool = False
+) -> Callable[[int], SurfaceBatch]:
+    if plan.shapes == "scans":
+        return MakesScanBatches(cast(MakesScans, make), configuration, plan.bodies, plan.uses, perturbed)
+    return MakesSurfaceBatches(cast(MakesSurfaces, make), configuration, plan.bodies, perturbed)
 
 
 @dataclass

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from benchmark.api.learning import MakesPairs, TrainingPair
+from benchmark.api.scans import ScannedData, StreamedAndScannedData
 from benchmark.api.streaming import StreamedData
+from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
@@ -25,7 +27,7 @@ SAMPLE = 1024
 """Pairs for a learner that keeps all of its pairs in memory."""
 
 
-def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedData:
+def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedAndScannedData:
     """The streams of one protocol.
 
     Parameters
@@ -53,16 +55,32 @@ def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedData:
     )
     wide = WideSampler(seed=TRAINED, views=VIEWS)
     code = source_code("benchmark.datasets.varied.wide").digest
-    return replace(
+    wide_stream = replace(
         plain,
-        wide=replace(
-            plain,
-            title="fresh bodies in free poses from several sides, no subject and no authored pose of a generated set",
-            digest=keys.digest([repr(wide), repr(validation), SAMPLE, code]),
-            subjects=(f"wide-{TRAINED}-0-0 and all that follow",),
-            identifiers=(f"wide-{TRAINED}-0-0 and all that follow",),
-            fresh=wide,
-        ),
+        title="fresh bodies in free poses from several sides, no subject and no authored pose of a generated set",
+        digest=keys.digest([repr(wide), repr(validation), SAMPLE, code]),
+        subjects=(f"wide-{TRAINED}-0-0 and all that follow",),
+        identifiers=(f"wide-{TRAINED}-0-0 and all that follow",),
+        fresh=wide,
+    )
+    return StreamedAndScannedData(**vars(plain) | {"wide": wide_stream, "scanned": _scanned(plain)})
+
+
+def _scanned(plain: StreamedData) -> ScannedData:
+    """The stream of scans; the pairs are those of the plain one, for nobody who trains on scans looks at them."""
+    scans, validation = ScanSampler(seed=TRAINED), ScanSampler(seed=VALIDATED)
+    code = source_code("benchmark.datasets.scans.sampler").digest
+    return ScannedData(
+        name=plain.name,
+        title="fresh bodies as scanners leave them, no subject, no authored pose and no scan of a generated set",
+        digest=keys.digest([repr(scans), repr(validation), code]),
+        subjects=(f"scanned-{TRAINED}-0-0 and all that follow",),
+        identifiers=(f"scanned-{TRAINED}-0-0 and all that follow",),
+        n_pairs=plain.n_pairs,
+        pairs=plain.pairs,
+        unseen=plain.unseen,
+        scans=scans,
+        validation=validation,
     )
 
 

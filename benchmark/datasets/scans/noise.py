@@ -1,0 +1,54 @@
+"""Errors of a scanner: views that do not lie together, noise of the points, and points that are far off."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmark.datasets.scans.surfaces import face_normals
+from benchmark.geometry.mesh import Mesh
+
+SHARPNESS = 4.0
+"""How fast one view gives way to the next as the surface turns: weights are exponentials of it times a cosine."""
+
+FAR_SHARE, FAR = 0.002, 5.0
+"""Share of the vertices that are far off, and how much farther than the others."""
+
+
+def misaligned(mesh: Mesh, views: int, deviation: float, random: np.random.Generator) -> Mesh:
+    """Surface put together from views each of which has slipped by a vector of its own.
+
+    Parameters
+    ----------
+    mesh
+        A surface that looks outward.
+    views
+        How many.
+    deviation
+        Standard deviation of each coordinate of a slip, in units of the vertices.
+    random
+        Source of directions and slips.
+    """
+    directions = random.normal(size=(views, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    normals = np.zeros_like(mesh.vertices)
+    np.add.at(normals, mesh.faces.ravel(), np.repeat(face_normals(mesh), 3, axis=0))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-12)
+    weights = np.exp(SHARPNESS * normals @ directions.T)
+    slips = random.normal(scale=deviation, size=(views, 3))
+    return mesh.with_vertices(mesh.vertices + weights / weights.sum(axis=1, keepdims=True) @ slips)
+
+
+def noisy(mesh: Mesh, deviation: float, random: np.random.Generator) -> Mesh:
+    """Surface whose vertices are moved in all directions, a few of them far.
+
+    Parameters
+    ----------
+    mesh
+        A surface.
+    deviation
+        Standard deviation of each coordinate, in units of the vertices.
+    random
+        Source of the noise.
+    """
+    far = 1 + (FAR - 1) * (random.random(mesh.n_vertices) < FAR_SHARE)
+    return mesh.with_vertices(mesh.vertices + random.normal(scale=deviation, size=(mesh.n_vertices, 3)) * far[:, None])

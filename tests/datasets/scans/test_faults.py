@@ -1,0 +1,228 @@
+"""Each fault of a scan does what it says, on shapes whose answer is known; a scan tells where its vertices belong."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from types import SimpleNamespace
+from typing import Any
+
+import igl
+import numpy as np
+import pytest
+
+from benchmark.datasets import scans
+from benchmark.datasets.scans import sampler
+from benchmark.datasets.scans.bodies import WideBodies
+from benchmark.datasets.scans.holes import blind, patched
+from benchmark.datasets.scans.noise import misaligned, noisy
+from benchmark.datasets.scans.sampler import ScanSampler, scan
+from benchmark.datasets.scans.surfaces import face_normals
+from benchmark.datasets.scans.triangles import clustered, collapsed, subdivided
+from benchmark.datasets.scans.welding import welded
+from benchmark.datasets.scans.wrapping import wrapped
+from benchmark.datasets.varied.wide import WideSampler
+from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.edges import edges_of
+from benchmark.geometry.interpolation import vertex_normals
+from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.pairs import stream
+from benchmark.jobs.pairs.stream import varied_data
+from benchmark.protocols.trainings import TRAININGS
+from tests.geometry.surfaces import joined, limbed_body, sphere
+from tools.studies import range_scanning
+
+HEIGHT = 2.0
+
+
+def slotted(gap: float) -> Mesh:
+    """A beam with a slot from above, .8 deep and in the middle, whose ends are open; it looks outward."""
+    half, side = gap / 2, 0.3 + gap / 2
+    around = np.array([[-side, 1], [-side, 0], [side, 0], [side, 1], [half, 1], [half, 0.2], [-half, 0.2], [-half, 1]])
+    profile = np.concatenate(
+        [
+            np.linspace(start, end, max(2, round(np.linalg.norm(end - start) / 0.02)), endpoint=False)
+            for start, end in zip(around, np.roll(around, -1, axis=0), strict=True)
+        ]
+    )
+    rows, count = 21, len(profile)
+    vertices = np.concatenate([np.insert(profile, 1, y, axis=1) for y in np.linspace(0, 0.4, rows)])
+    row, place = (each.ravel() for each in np.indices((rows - 1, count)))
+    a, b = row * count + place, row * count + (place + 1) % count
+    return Mesh(vertices, np.concatenate([np.stack([a, a + count, b], 1), np.stack([b, a + count, b + count], 1)]))
+
+
+def random() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def wall_area(mesh: Mesh, gap: float) -> float:
+    """Area within the slot, below its mouth."""
+    centres = mesh.vertices[mesh.faces].mean(axis=1)
+    return float(mesh.face_areas[(np.abs(centres[:, 0]) < gap) & (centres[:, 2] > 0.1) & (centres[:, 2] < 0.95)].sum())
+
+
+def test_walls_of_a_narrow_gap_go_and_those_of_a_wide_one_stay() -> None:
+    beam = slotted(0.04)
+    assert face_normals(beam)[np.abs(beam.vertices[beam.faces][:, :, 0] + 0.32).max(axis=1) < 1e-9, 0].max() < -0.99
+    assert welded(beam, 0.03).area == beam.area
+    narrow = welded(beam, 0.08)
+    assert wall_area(beam, 0.04) == pytest.approx(2 * 0.75 * 0.4 + 0.04 * 0.4, rel=0.03)
+    assert wall_area(narrow, 0.04) < 0.02
+    rim = narrow.vertices[np.unique(edges_of(narrow.faces).boundary)]
+    mouth = rim[(np.abs(rim[:, 0]) < 0.1) & (np.abs(rim[:, 1] - 0.2) < 0.15)]
+    assert len(mouth) > 10
+    assert np.abs(mouth[:, 0]).max() < 1e-9, "either side meets halfway"
+
+
+def test_a_skin_spans_what_its_ball_does_not_enter() -> None:
+    ball = sphere(3)
+    balls, apart = (joined(ball, ball.with_vertices(ball.vertices + np.array([x, 0, 0]))) for x in (2.04, 3.0))
+    skin = wrapped(balls, 0.06, 0.005)
+    assert len(edges_of(skin.faces).boundary) == 0
+    assert connected_components(skin).max() == 0
+    distances = np.sqrt(igl.point_mesh_squared_distance(skin.vertices, balls.vertices, balls.faces.astype(np.int64))[0])
+    assert np.median(distances) < 1e-9, "it lies on the body elsewhere"
+    beyond = skin.vertices[skin.faces][:, :, 0] > 1.02
+    assert (beyond.any(axis=1) & ~beyond.all(axis=1)).any(), "it spans the gap"
+    assert connected_components(wrapped(apart, 0.06, 0.005)).max() == 1
+
+
+def test_other_triangulations_are_of_the_same_surface() -> None:
+    ball = sphere(4)
+    assert subdivided(ball, 1).n_faces == 4 * ball.n_faces
+    for coarse in (clustered(ball, 1000), collapsed(ball, 1000)):
+        assert 700 < coarse.n_vertices < 1400
+        assert coarse.area == pytest.approx(ball.area, rel=0.03)
+    kept = {tuple(vertex) for vertex in np.round(collapsed(ball, 1000).vertices, 6)}
+    assert kept <= {tuple(vertex) for vertex in np.round(ball.vertices, 6)}
+
+
+def test_clusters_are_the_same_wherever_they_lie_in_memory() -> None:
+    held = [(clustered(sphere(3), 300), np.empty(each * 1000)) for each in range(4)]
+    assert len({(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh, _ in held}) == 1
+
+
+def test_noise_and_slips_are_as_large_as_said() -> None:
+    ball = sphere(4)
+    moved = noisy(ball, 0.01, random()).vertices - ball.vertices
+    assert np.quantile(np.abs(moved), 0.683) == pytest.approx(0.01, rel=0.03)
+    slip = misaligned(ball, 1, 0.1, random()).vertices - ball.vertices
+    assert np.ptp(slip, axis=0).max() < 1e-12, "one view slips as a whole"
+    assert np.ptp(misaligned(ball, 5, 0.1, random()).vertices - ball.vertices, axis=0).min() > 0.05
+
+
+def test_holes_are_where_they_are_said_to_be() -> None:
+    ball = sphere(4)
+    one = patched(ball, np.array([0.5]), random())
+    # A cap of radius r on a unit sphere, measured along its chord, has the area pi r^2.
+    assert ball.area - one.area == pytest.approx(np.pi * 0.25, rel=0.05)
+    flat = Mesh(ball.vertices * [1, 1, 0.01], ball.faces)
+    assert flat.area - patched(flat, np.array([0.3]), random()).area < 1.2 * np.pi * 0.09, "one side alone"
+    below = blind(ball, np.array([0, 0, -1.0]), 0.1)
+    assert below.vertices[:, 2].min() == pytest.approx(-0.9, abs=0.05)
+    assert below.vertices[:, 2].max() == ball.vertices[:, 2].max()
+    assert patched(ball, np.full(20, 1.5), random()) is ball, "too little would be left"
+
+
+@pytest.fixture(scope="module")
+def body() -> Mesh:
+    return limbed_body(4)
+
+
+def test_a_scan_tells_where_its_vertices_belong(body: Mesh) -> None:
+    height = float(np.ptp(body.vertices[:, 2]))
+    for seed in range(6):
+        made = scan(body, height, np.random.default_rng(seed))
+        again = scan(body, height, np.random.default_rng(seed))
+        assert made.mesh.vertices.tobytes() == again.mesh.vertices.tobytes()
+        assert made.mesh.n_vertices <= sampler.SMALL
+        assert made.weights.sum(axis=1) == pytest.approx(1)
+        places = np.einsum("nc,nck->nk", made.weights, body.vertices[made.corners])
+        distances = np.linalg.norm(places - made.mesh.vertices, axis=1)
+        assert np.quantile(distances, 0.9) < 0.02 * height
+        normals = vertex_normals(body)[made.corners].sum(axis=1)
+        agree = np.einsum("nk,nk->n", normals, vertex_normals(made.mesh)) > 0
+        assert agree.mean() > 0.9
+
+
+def test_every_fault_comes_and_none_always(body: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("welded", "wrapped", "subdivided", "clustered", "collapsed", "misaligned", "patched", "blind")
+    seen = dict.fromkeys(names, 0)
+    for name in names:
+
+        def counted(mesh: Mesh, *_: object, name: str = name) -> Mesh:
+            seen[name] += 1
+            return mesh
+
+        monkeypatch.setattr(sampler, name, counted)
+    monkeypatch.setattr(sampler, "decimate", lambda mesh, _: mesh)
+    monkeypatch.setattr(sampler, "nearest_on_surface", lambda mesh, *_: type("P", (), {"corners": 0, "weights": 0}))
+    small, drawn = sphere(4), np.random.default_rng(3)
+    for _ in range(300):
+        scan(small, HEIGHT, drawn)
+    assert all(8 <= count <= 220 for count in seen.values()), seen
+
+
+# None of it is what methods are tested on -------------------------------------------------------------------------
+
+
+def modules() -> list:
+    return [importlib.import_module(f"{scans.__name__}.{each.name}") for each in pkgutil.iter_modules(scans.__path__)]
+
+
+def test_no_recipe_of_a_scan_is_shared() -> None:
+    foreign = ("benchmark.datasets.scanning", "benchmark.datasets.humans", "benchmark.datasets.camera")
+    foreign += ("benchmark.datasets.perturbations",)
+    third = range_scanning.__name__
+    found = [(module.__name__, each) for module in modules() for each in vars(module).values()]
+    assert len(modules()) >= 8
+    for name, each in found:
+        assert not str(getattr(each, "__module__", "")).startswith((*foreign, third)), (name, each)
+    names = {name for module in modules() for name in vars(module)}
+    assert not names & {"scan_like", "membrane", "sheltered_vertices", "isotropic_remesh", "POSES", "SUBJECTS", "FRONT"}
+    for each in vars(range_scanning).values():
+        assert not str(getattr(each, "__module__", "")).startswith((*foreign, scans.__name__))
+
+
+def test_poses_are_those_without_an_authored_one() -> None:
+    assert WideBodies.angles is WideSampler.angles
+    assert WideBodies._posed is WideSampler._posed
+
+
+def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: Any = SimpleNamespace(training=TRAININGS["humans-varied"])
+    data = varied_data(asked, iter)
+    assert data.scanned.scans == ScanSampler(seed=0)
+    assert data.scanned.validation == ScanSampler(seed=1)
+    assert len({data.digest, data.wide.digest, data.scanned.digest}) == 3
+    monkeypatch.setattr(stream, "source_code", lambda _: SimpleNamespace(digest="other"))
+    assert varied_data(asked, iter).scanned.digest != data.scanned.digest
+
+
+@pytest.mark.exhaustive
+def test_no_subject_of_a_set_and_no_body_of_another_stream_is_scanned(monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmark.datasets.varied import sampler as bodies
+    from benchmark.datasets.varied.bodies import CLEARANCE, clearance, varied_body
+
+    drawn = []
+
+    def noted(source: np.random.Generator):
+        drawn.append(varied_body(source))
+        return drawn[-1]
+
+    monkeypatch.setattr(bodies, "varied_body", noted)
+    made = ScanSampler(seed=0)(5, 4)
+    assert min(clearance(each.subject) for each in drawn) >= CLEARANCE
+    ours = set(drawn)
+    drawn.clear()
+    WideSampler(seed=0)(5, 4, 32)
+    ScanSampler(seed=1)(5, 4)
+    assert not ours & set(drawn)
+    again = ScanSampler(seed=0)(5, 4)
+    assert [each.mesh.vertices.tobytes() for of in made.scans for each in of] == [
+        each.mesh.vertices.tobytes() for of in again.scans for each in of
+    ]
+    for of_body in made.scans:
+        for each in of_body:
+            assert 600 < each.mesh.n_vertices <= sampler.SMALL
