@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -62,11 +61,11 @@ def queries_of(records: Sequence[Mapping[str, Any]], measures: Iterable[str]) ->
     for record in records:
         columns = [record["per_query"][measure] for measure in wanted]
         table = np.array(columns, dtype=np.float64).reshape(len(wanted), len(record["shapes"])).T
-        is_query = np.isfinite(table).all(axis=1).tolist()
-        chosen = [(record["gallery"], shape) for shape in compress(record["shapes"], is_query)]
-        labels |= zip(chosen, compress(record["labels"], is_query), strict=True)
-        found.append(table[is_query])
-        names += chosen
+        rows = np.flatnonzero(np.isfinite(table).all(axis=1)).tolist()
+        here = [(record["gallery"], record["shapes"][k]) for k in rows]
+        labels |= zip(here, (record["labels"][k] for k in rows), strict=True)
+        found.append(table[rows])
+        names += here
     place = {name: k for k, name in enumerate(labels)}
     places = [place[name] for name in names]
     means = np.zeros((len(place), len(wanted)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
+from benchmark.report.statistics.remembered import remembered
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
 from retrieval.nearest_measures import printed_of
 
@@ -89,12 +90,14 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     cells = [row.cells[input_] for row in rows]
     measures = printed_of(set.intersection(*({*(cell.scores or ())} for cell in cells)))
     columns, labels = _columns([queries_of(cell.records, measures) for cell in cells])
-    low, high = intervals(columns, labels).T.reshape(2, len(measures), len(rows)).tolist()
     scores = [[(cell.scores or {})[measure] for cell in cells] for measure in measures]
     noise = [[(cell.preparation_sd or {}).get(measure, 0.0) for cell in cells] for measure in measures]
     contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
     best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
-    probabilities = _against(columns.reshape(len(labels), len(measures), len(rows)), contest, best, np.array(noise))
+    low, high, found = remembered(
+        [columns, np.array(noise)], [labels, contest, best], lambda: _judged(columns, labels, contest, best, noise)
+    )
+    probabilities = {(m, k): value for m, k, value in found}
     return {
         (row.method, input_, measure): FigureSignificance(
             *widened(low[m][k], high[m][k], scores[m][k], noise[m][k]),
@@ -106,10 +109,23 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     }
 
 
+def _judged(
+    columns: NDArray[np.float64],
+    labels: Sequence[str],
+    contest: Sequence[int],
+    best: Sequence[int],
+    noise: Sequence[Sequence[float]],
+) -> tuple[Any, Any, list[tuple[int, int, float]]]:
+    """Return lower and upper ends by measure and row, and the probability of each pair of a measure and a row."""
+    shape = len(noise), len(columns[0]) // len(noise)
+    low, high = intervals(columns, labels).T.reshape(2, *shape).tolist()
+    return low, high, _against(columns.reshape(len(labels), *shape), contest, best, np.array(noise))
+
+
 def _against(
     columns: NDArray[np.float64], contest: Sequence[int], best: Sequence[int], noise: NDArray[np.float64]
-) -> dict[tuple[int, int], float]:
-    """Adjusted probability of each other row of the contest against the best of a measure, by measure and row.
+) -> list[tuple[int, int, float]]:
+    """Measure, row, and the adjusted probability of that row against the best one, for all other rows of the contest.
 
     Parameters
     ----------
@@ -124,13 +140,14 @@ def _against(
     """
     pairs = [(m, k) for m, first in enumerate(best) for k in contest if k != first]
     if not pairs:
-        return {}
+        return []
     measure, other = np.array(pairs).T
     first = np.array(best)[measure]
     differences = columns[:, measure, other] - columns[:, measure, first]
     of_sums = np.hypot(noise[measure, other], noise[measure, first]) / UNIT * len(columns)
     found = permutation_test(differences, of_sums if of_sums.any() else None).reshape(len(best), -1)
-    return dict(zip(pairs, chain.from_iterable(holm(of_rows) for of_rows in found.tolist()), strict=True))
+    adjusted = chain.from_iterable(holm(of_rows) for of_rows in found.tolist())
+    return [(m, k, value) for (m, k), value in zip(pairs, adjusted, strict=True)]
 
 
 def _columns(queries: Sequence[Queries]) -> tuple[NDArray[np.float64], list[str]]:
