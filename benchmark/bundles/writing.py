@@ -21,7 +21,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.foreign.serving import folded
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import require_arrays
-from benchmark.jobs.recipes import distances_recipe, draws_of, features_recipe, source_recipe
+from benchmark.jobs.recipes import distances_recipe, draws_of, features_recipe, source_data
 from benchmark.jobs.stages import features, form
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
@@ -167,7 +167,7 @@ def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[En
     if not set(record["shapes"]) <= by_name.keys():
         raise StorageError("its data changed", "run it again here")
     chosen = [by_name[name] for name in record["shapes"]]
-    sources = {entry.identifier: str(source_recipe(dataset, entry)["data"]) for entry in chosen}
+    sources = {entry.identifier: str(source_data(dataset, entry)) for entry in chosen}
     if digest([(e.identifier, e.subject, sources[e.identifier]) for e in chosen]) != record["recipe"]["gallery"]:
         raise StorageError("its data changed", "run it again here")
     withheld = "" if run.describes else _withheld(record, artefacts.data_root, offer)

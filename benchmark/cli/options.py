@@ -213,6 +213,8 @@ class RunOptions:
         Base seed of all methods.
     quick
         Whether to leave out poses, and methods that the paper does not have.
+    paper
+        Whether the rows of the paper are meant alone.
     everything
         Whether all tables are meant where none is named.
     published
@@ -240,6 +242,7 @@ class RunOptions:
     data_root: Path | None = None
     seed: int = 0
     quick: bool = False
+    paper: bool = False
     everything: bool = False
     published: bool = False
     repeat: int | None = None
@@ -319,10 +322,28 @@ class RunOptions:
         )
         name_skipped(store)
         require_jobs(planned)
+        planned = self._of_paper(planned) if self.paper else planned
         if self.shard is None:
             return planned
         say(self.shard.told(planned))
         return self.shard.of(planned)
+
+    def _of_paper(self, planned: list[Job]) -> list[Job]:
+        """Return the jobs that rows of the paper are made of; raises ``ConfigurationError`` if there are none."""
+        from benchmark.reference import paper
+        from benchmark.report.content import row_of
+
+        tables = [job.gallery.table for job in planned]
+        found = [
+            job
+            for job, table in zip(planned, tables, strict=True)
+            if row_of(table, job.facts) in paper.rows(table.identifier)
+        ]
+        if not found:
+            raise ConfigurationError(
+                "no row of the paper is selected", "drop --paper, or select of Tables I to IV and their methods"
+            )
+        return found
 
     def scorer_spec(self) -> ScorerSpec:
         """The scorer; raises ``ConfigurationError`` if there is none of this name."""
@@ -491,6 +512,7 @@ selection_options = _together(
 plan_options = _together(
     click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs; 'plan' does so by itself."),
     selection_options,
+    click.option("--paper", is_flag=True, help="The rows of the paper alone: Tables I to IV without further methods."),
     click.option("--repeat", type=click.IntRange(min=2), metavar="N",
                  help="Prepare each gallery N more times, its vertices jittered, and tell the spread."),
     click.option("--shard", type=ShardOption(), metavar="I/N",

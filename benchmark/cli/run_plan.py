@@ -7,22 +7,11 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from typing import TYPE_CHECKING
 
 from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.executors import Executor, ProcessExecutor, SerialExecutor
 from benchmark.jobs.job_specs import JobSpec
 from benchmark.jobs.plan import Job, unavailable_record
 from benchmark.storage.environment import ROOT, environment_text
@@ -32,6 +21,9 @@ from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores
 from retrieval.nearest_measures import printed_of
+
+if TYPE_CHECKING:
+    from benchmark.jobs.execution.executors import Executor
 
 #: Seconds between two lines about progress where there is no terminal.
 _SILENCE = 15.0
@@ -72,20 +64,28 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
             made = {"environment": environment_text(), "artefacts": 0}
             store.write_record({**unavailable_record(job), "environments": [made]})
     sweep_leftovers(store)
-    if to_run:
-        drop_stale_kernels(ROOT)
     passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    with Claims.of(store) as claims, _Display(to_run) as display:
-        for job in to_run:
-            if claims.take(job.key):
-                store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
-                claims.release(job.key)
-        for done, record in make_executor(options, claims).execute(to_run, display.watch):
-            display.ended(done, record)
-            fine &= record["status"] == "ok"
+    _check_executor(options)
+    with Claims.of(store) as claims:
+        fine &= not to_run or _carry_out(to_run, store, options, claims)
         if claims.is_last():
             store.drop_scratch()
+    return fine
+
+
+def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
+    """Run jobs; returns whether every one is ok."""
+    drop_stale_kernels(ROOT)
+    for job in jobs:
+        if claims.take(job.key):
+            store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
+            claims.release(job.key)
+    fine = True
+    with _Display(jobs) as display:
+        for done, record in make_executor(options, claims).execute(jobs, display.watch):
+            display.ended(done, record)
+            fine &= record["status"] == "ok"
     return fine
 
 
@@ -107,36 +107,53 @@ def make_executor(options: RunOptions, claims: Claims) -> Executor:
     ConfigurationError
         If the name is unknown, dask is not installed, or a scheduler is missing or not asked for.
     """
+    _check_executor(options)
     if options.executor == "dask":
-        if not options.scheduler:
-            raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
-        if importlib.util.find_spec("distributed") is None:
-            raise ConfigurationError(
-                "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
-            )
         from benchmark.jobs.cluster.dask_executor import DaskExecutor
 
         return DaskExecutor(options.scheduler, claims, options.timeout, options.workers)
-    if options.scheduler:
-        raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
+    from benchmark.jobs.execution.executors import ProcessExecutor, SerialExecutor
+
     if options.executor == "serial":
         return SerialExecutor(claims)
-    if options.executor == "processes":
-        return ProcessExecutor(options.workers or available_cores(), claims, options.timeout)
-    raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
+    return ProcessExecutor(options.workers or available_cores(), claims, options.timeout)
+
+
+def _check_executor(options: RunOptions) -> None:
+    """Raise ``ConfigurationError`` where :func:`make_executor` can make none, without importing what works."""
+    if options.executor not in ("serial", "processes", "dask"):
+        raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
+    if options.executor != "dask" and options.scheduler:
+        raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
+    if options.executor == "dask" and not options.scheduler:
+        raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
+    if options.executor == "dask" and importlib.util.find_spec("distributed") is None:
+        raise ConfigurationError(
+            "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
+        )
 
 
 class _Display:
     """A progress bar over shapes; plain lines when there is no terminal."""
 
     def __init__(self, jobs: Sequence[JobSpec]) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )  # fmt: skip
+
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
         )  # fmt: skip
         self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
-        self._task: TaskID = self._bar.add_task("starting", total=self._total)
+        self._task = self._bar.add_task("starting", total=self._total)
         self._begun = self._said = self._moved = time.monotonic()
         self._done = 0
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from benchmark.api.contracts import Input
+from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
@@ -147,6 +148,10 @@ def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
     return chance_levels(subjects)
 
 
+#: The scorer that the jobs of descriptors name, whatever compares the forms.
+_NO_OTHER = ScorerSpec()
+
+
 @dataclass(frozen=True)
 class JobSettings:
     """Settings that all jobs of a plan share.
@@ -187,12 +192,13 @@ def make_plan(
     plan = _Planning(store, settings or JobSettings(), store.records.heads())
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
+    known: dict[tuple[str, str], str] = {}
     with parse_cache():
         for gallery in galleries:
             rows = gallery.rows(specs, store.models)
             for input_ in wanted_inputs:
                 if rows and input_ in gallery.inputs:
-                    data = data_recipe(gallery, input_)
+                    data = data_recipe(gallery, input_, known)
                     jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
     return jobs
 
@@ -238,7 +244,8 @@ class _Planning:
         store, retry, seed = self.store, self.settings.retry, self.settings.seed
         models: dict[str, Model] = {}
         # A descriptor compares its descriptors itself: one job, whatever compares the forms.
-        scorer = ScorerSpec() if not spec.missing_packages() and spec.describes else self.settings.scorer
+        missing = spec.missing_packages()
+        scorer = _NO_OTHER if not missing and spec.describes else self.settings.scorer
 
         def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
             return Job(
@@ -247,7 +254,7 @@ class _Planning:
                 ranks_again=ranks_again,
             )  # fmt: skip
 
-        if missing := spec.missing_packages():
+        if missing:
             return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
         if input_ not in spec.info.inputs:
             return job("unsupported", f"does not take the {input_} input")
@@ -328,12 +335,23 @@ def job_recipe(
     return dict(keys.plain(recipe))
 
 
-def data_recipe(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Input, digest of the shapes and their labels, and of the camera's frame for the view input."""
-    dataset = gallery.dataset
+def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], str] | None = None) -> dict[str, Any]:
+    """Input, digest of the shapes and their labels, and of the camera's frame for the view input.
 
-    def data(entry: Any) -> str:
-        return str(recipes.source_recipe(dataset, entry)["data"])
+    Parameters
+    ----------
+    gallery, input_
+        The shapes.
+    known
+        What is known of the data of shapes, by source and identifier, to which this adds; None for nothing.
+    """
+    dataset, told = gallery.dataset, {} if known is None else known
+
+    def data(entry: Entry) -> str:
+        name = (gallery.source, entry.identifier)
+        if name not in told:
+            told[name] = str(recipes.source_data(dataset, entry))
+        return told[name]
 
     recipe: dict[str, Any] = {
         "input": input_,

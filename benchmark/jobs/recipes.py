@@ -76,11 +76,16 @@ def nearest_code() -> fingerprints.Fingerprint:
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
     """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
+    code = source_code(dataset_module(dataset)).digest
+    return {"stage": "source", "data": source_data(dataset, entry), "code": code}
+
+
+def source_data(dataset: Dataset, entry: Entry) -> str:
+    """Return what a data set tells of the data of a shape; for one that cannot be read, the kind of error."""
     try:
-        data = dataset.recipe(entry)
+        return dataset.recipe(entry)
     except ShapeError as error:
-        data = type(error).__name__
-    return {"stage": "source", "data": data, "code": source_code(dataset_module(dataset)).digest}
+        return type(error).__name__
 
 
 def frame_recipe(dataset: Dataset) -> Recipe:

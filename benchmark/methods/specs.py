@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast
 
@@ -161,6 +162,10 @@ class PluginSpec(Generic[Info, Made]):
 
     def resolved_parameters(self) -> dict[str, Any]:
         """All parameters, defaults included, normalised."""
+        return dict(self._resolved)
+
+    @cached_property
+    def _resolved(self) -> Mapping[str, Any]:
         return parameter_values(self.create())
 
     def missing_packages(self) -> tuple[str, ...]:

@@ -98,7 +98,7 @@ def find_models(
     ConfigurationError
         If the learner names a training that does not exist.
     """
-    method = spec.create()
+    method = spec.create() if spec.learns else None
     if not isinstance(method, Learner):
         return {}
     of_shape = trainings_by_shape(method, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from benchmark.api.learning import Learner
 from benchmark.datasets.base import Dataset, Entry
@@ -291,8 +292,14 @@ def trainings_by_shape(
     found = trainings_on(learner, dataset.name, data_root)
     if len(found) == 1:
         return dict.fromkeys((entry.identifier for entry in entries), found[0])
-    of_shape = {entry.identifier: training for training in found for entry in training.tested.of(dataset)}
-    return {entry.identifier: of_shape[entry.identifier] for entry in entries}
+    place = tuple((entry.identifier, entry.subject) for entry in dataset.entries), *(each.name for each in found)
+    if place not in _OF_SHAPE:
+        _OF_SHAPE[place] = {entry.identifier: each for each in found for entry in each.tested.of(dataset)}
+    return {entry.identifier: _OF_SHAPE[place][entry.identifier] for entry in entries}
+
+
+#: Training that is tested on each shape, by the shapes of a set and the names of the trainings: many rows share it.
+_OF_SHAPE: dict[tuple[Any, ...], Mapping[str, Training]] = {}
 
 
 def only_training(learner: Learner) -> Training | None:

@@ -71,6 +71,7 @@ class Results:
     known_scorers: Mapping[str, ScorerSpec] = field(default_factory=scorers)
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
+    _shapes: dict[tuple[str, str], str] = field(default_factory=dict, repr=False)
     _work: dict[tuple[str, str, str, Input], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(
@@ -112,7 +113,7 @@ class Results:
     def whole(self, head: Record) -> Record:
         """Return the record of a head, or the head itself where it has gone meanwhile."""
         key = head["key"]
-        return self.store.records.read(key) or self.store.published.read(key) or head
+        return self.store.records.read(key, again=True) or self.store.published.read(key, again=True) or head
 
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]
@@ -172,7 +173,7 @@ class Results:
             return now
         place = (gallery.source, gallery.quick, gallery.name, record["input"])
         if place not in self._data:  # all methods share it
-            self._data[place] = data_recipe(gallery, record["input"])
+            self._data[place] = data_recipe(gallery, record["input"], self._shapes)
         now |= self._data[place]
         if "models" in record["recipe"]:
             try:

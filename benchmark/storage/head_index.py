@@ -7,7 +7,7 @@ it was made of, so that no record changes unnoticed, and a file that is damaged 
 from __future__ import annotations
 
 import hashlib
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,10 @@ class HeadIndex:
         self._seen[digest] = line
         return unpacked(line, self._parts)
 
+    def knows(self, text: bytes) -> bool:
+        """Return whether a text was found to be a record before."""
+        return _digest(text) in self._before
+
     def add(self, text: bytes, record: dict[str, Any]) -> dict[str, Any]:
         """Return the head of the record that was read from a text, and keep it."""
         head = {name: part for name, part in record.items() if name not in LARGE}
@@ -69,6 +73,15 @@ class HeadIndex:
 
 
 def _read(path: Path) -> tuple[dict[str, dict[str, Any]], SharedParts]:
+    try:
+        facts = path.stat()
+    except OSError:
+        return {}, SharedParts()
+    return _read_once(path, (facts.st_ino, facts.st_size, facts.st_mtime_ns))
+
+
+@lru_cache(maxsize=4)
+def _read_once(path: Path, state: tuple[int, ...]) -> tuple[dict[str, dict[str, Any]], SharedParts]:
     parts, found = SharedParts(), read_derived(path, _version()) or {"heads": {}, "parts": {}}
     for kind, text in found["parts"].items():
         parts.read(kind, text.encode())

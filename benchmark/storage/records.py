@@ -89,10 +89,14 @@ class Records:
         """
         write_text(self._path(record["key"]), as_text(record), durable=True)
 
-    def read(self, key: str) -> Record | None:
-        """Return the record of a job; None when there is none that can be read."""
+    def read(self, key: str, *, again: bool = False) -> Record | None:
+        """Return the record of a job; None when there is none that can be read.
+
+        ``again`` says that its head has been read: what was found to be a record then is not looked through once more.
+        """
+        index = HeadIndex(self.folder / INDEX) if again else None
         sources = (self._file(self._path(key)), self._lines.get(key))
-        return next((record for source in sources if source and (record := self._record(source))), None)
+        return next((record for source in sources if source and (record := self._record(source, index))), None)
 
     def remove(self, *keys: str) -> None:
         """Remove the records of jobs."""
@@ -252,10 +256,10 @@ class Records:
             self.skipped[path.name] = f"it cannot be read: {error.strerror}"
         return None
 
-    def _record(self, source: _Source) -> Record | None:
-        """Record of a text; None, with a note why, where it holds none."""
+    def _record(self, source: _Source, index: HeadIndex | None = None) -> Record | None:
+        """Record of a text; None, with a note why, where it holds none: an index tells what needs no look."""
         content, fault = _parsed(source)
-        fault = fault or fault_of(content)
+        fault = fault or ("" if index and index.knows(source.text) else fault_of(content))
         if not fault and content["key"] != source.key:
             fault = "it has the name of another job"
         if fault:

@@ -101,7 +101,7 @@ def import_cache(known: ImportCache) -> None:
 
 def clear_cache() -> None:
     """Read all sources again at the next call: they may have changed since."""
-    for cached in (_fingerprint, _source, _read):
+    for cached in (_fingerprint, _known_as, _source, _read):
         cached.cache_clear()
     _KEPT.clear()
 
@@ -193,7 +193,7 @@ def _fingerprint(modules: tuple[str, ...], without: tuple[str, ...]) -> Fingerpr
             if name not in IGNORED:
                 code[path.name if name.endswith(".py") else name] = imported.digest
                 for target in imported.names:
-                    found = _known_as(target, root)
+                    found = _known_as(target, root if root.endswith(".py") else root.partition(".")[0])
                     pending.extend(found)
                     if not found and (top := target.partition(".")[0]) not in sys.stdlib_module_names:
                         packages.add(top)
@@ -201,13 +201,14 @@ def _fingerprint(modules: tuple[str, ...], without: tuple[str, ...]) -> Fingerpr
     return Fingerprint(dict(sorted(code.items())), dict(sorted(versions)))
 
 
-def _known_as(name: str, root: str) -> list[str]:
+@cache
+def _known_as(name: str, root: str) -> tuple[str, ...]:
     """The local modules that an imported name stands for, with the packages around them; none for a foreign one."""
     if not _is_local(name, root):
-        return []
+        return ()
     parts = name.split(".")
     names = [".".join(parts[: k + 1]) for k in range(len(parts))]
-    return [module for module in names if _source(module, _folder(root)) is not None]
+    return tuple(module for module in names if _source(module, _folder(root)) is not None)
 
 
 def _is_local(name: str, root: str) -> bool:

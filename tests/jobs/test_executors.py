@@ -15,11 +15,12 @@ import psutil
 import pytest
 
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import make_executor
+from benchmark.cli.run_plan import make_executor, run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import LARGEST_BATCH, JobSpec, shape_batches
 from benchmark.methods.registry import methods, select
+from benchmark.storage.store import Store
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
@@ -358,3 +359,5 @@ def test_dask_without_a_scheduler_and_a_scheduler_without_dask_are_refused(tmp_p
         make_executor(RunOptions(executor="dask"), Claims(tmp_path / "claims"))
     with pytest.raises(ConfigurationError, match="a scheduler is for dask alone; pass --executor dask"):
         make_executor(RunOptions(scheduler="tcp://127.0.0.1:8786"), Claims(tmp_path / "claims"))
+    with pytest.raises(ConfigurationError, match="dask needs the address"):  # also where there is nothing to run
+        run_plan([], Store.open(tmp_path), RunOptions(executor="dask"))

@@ -91,6 +91,17 @@ def test_queries_that_a_pair_lacks_change_nothing_but_the_draw():
     assert permutation_test(np.vstack([few, np.zeros((30, 1))])) == pytest.approx(permutation_test(few), abs=0.02)
 
 
+def test_a_figure_is_judged_alike_alone_and_beside_others():
+    generator = np.random.default_rng(4)
+    values, noise = np.rint(ONE * generator.normal(0.03, 0.2, (40, 3))), ONE * np.array([0.0, 1.0, 3.0])
+    values[:20, 1] = np.nan
+    alone = [intervals(values[:, [k]], np.arange(40) // 5)[0].tolist() for k in range(3)]
+    assert intervals(values, np.arange(40) // 5).tolist() == alone
+    gains = np.nan_to_num(values)
+    alone = [float(permutation_test(gains[:, [k]], noise[[k]] if k else None)[0]) for k in range(3)]
+    assert permutation_test(gains, noise).tolist() == alone
+
+
 def test_holm_by_hand():
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.6, 0.7]) == [1.0, 1.0]

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.storage import head_index
+from benchmark.storage import records as records_module
 from benchmark.storage.head_index import INDEX, LARGE
 from benchmark.storage.lines import KINDS
 from benchmark.storage.merging import publish
@@ -250,6 +251,20 @@ def read_in_full(folder, monkeypatch):
         found = heads_of(folder)
     assert found == right_heads(folder)
     return len(count)
+
+
+def test_what_was_a_record_is_not_looked_through_again_until_it_changes(many, monkeypatch):
+    heads_of(many.folder)
+    expected = {each["key"]: each for each in Records(many.folder)}
+    looked = []
+    monkeypatch.setattr(records_module, "fault_of", lambda content: looked.append(content["key"]) or "it is odd")
+    records = Records(many.folder)
+    assert {key: records.read(key, again=True) for key in expected} == expected
+    assert not looked
+    assert records.read(MADE[0]["key"]) is None, "nobody asked for less"
+    many.write({**MADE[3], "reason": "killed"})
+    assert records.read(MADE[3]["key"], again=True) is None
+    assert looked == [MADE[0]["key"], MADE[3]["key"]]
 
 
 def test_a_record_is_read_in_full_once_and_again_when_it_changes(many, monkeypatch):

@@ -23,7 +23,8 @@ def run(**given: Any) -> None:
     from benchmark.storage.store import Store
 
     options = RunOptions.of(given)
-    if not (options.everything or options.tables or options.methods or options.datasets or options.plugins):
+    chosen_by = (options.tables, options.methods, options.datasets, options.plugins)
+    if not (options.everything or options.paper or any(chosen_by)):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     store = Store.open(options.results)
     plan = options.jobs(store)

@@ -55,15 +55,20 @@ def queries_of(records: Sequence[Mapping[str, Any]], measures: Iterable[str]) ->
         Names of measures.
     """
     wanted = tuple(measures)
-    found: dict[tuple[str, str], list[Sequence[float]]] = {}
     labels: dict[tuple[str, str], str] = {}
+    found: list[NDArray[np.float64]] = []
+    names: list[tuple[str, str]] = []
     for record in records:
         columns = [record["per_query"][measure] for measure in wanted]
-        for shape, label, *values in zip(record["shapes"], record["labels"], *columns, strict=True):
-            if None not in values:
-                name = (record["gallery"], shape)
-                found.setdefault(name, []).append(values)
-                labels[name] = label
-    means = [each[0] if len(each) == 1 else np.mean(each, axis=0) for each in found.values()]
-    table = np.rint(np.array(means).reshape(len(means), len(wanted)) / UNIT)
-    return Queries(tuple(found), tuple(labels.values()), dict(zip(wanted, table.T, strict=True)))
+        table = np.array(columns, dtype=np.float64).reshape(len(wanted), len(record["shapes"])).T
+        rows = np.flatnonzero(np.isfinite(table).all(axis=1)).tolist()
+        here = [(record["gallery"], record["shapes"][k]) for k in rows]
+        labels |= zip(here, (record["labels"][k] for k in rows), strict=True)
+        found.append(table[rows])
+        names += here
+    place = {name: k for k, name in enumerate(labels)}
+    places = [place[name] for name in names]
+    means = np.zeros((len(place), len(wanted)))
+    np.add.at(means, places, np.concatenate(found))
+    means /= np.bincount(places, minlength=len(place))[:, None]
+    return Queries(tuple(labels), tuple(labels.values()), dict(zip(wanted, np.rint(means / UNIT).T, strict=True)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from itertools import chain
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
+from benchmark.report.statistics.remembered import remembered
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
 from retrieval.nearest_measures import printed_of
 
@@ -85,53 +87,82 @@ def table_significance(rows: Sequence[Row], inputs: Sequence[Input]) -> Signific
 def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     if not rows:
         return {}
-    measures = printed_of(set.intersection(*({*(row.cells[input_].scores or ())} for row in rows)))
-    queries = [queries_of(row.cells[input_].records, measures) for row in rows]
-    names, labels = _union(queries)
-    found: dict[tuple[str, Input, str], FigureSignificance] = {}
-    for measure in measures:
-        columns = _columns(queries, names, measure)
-        ends = intervals(columns, labels)
-        scores = [row.cells[input_].scores or {} for row in rows]
-        noise = np.array([(row.cells[input_].preparation_sd or {}).get(measure, 0.0) for row in rows])
-        contest = [k for k, row in enumerate(rows) if row.family != CONTROL and row.cells[input_].is_complete]
-        best = max(contest, key=lambda k: (scores[k][measure], -k), default=None)
-        probabilities = _against(columns, contest, best, noise)
-        for k, row in enumerate(rows):
-            low, high = widened(float(ends[k, 0]), float(ends[k, 1]), scores[k][measure], float(noise[k]))
-            found[row.method, input_, measure] = FigureSignificance(low, high, k == best, probabilities.get(k))
-    return found
+    cells = [row.cells[input_] for row in rows]
+    measures = printed_of(set.intersection(*({*(cell.scores or ())} for cell in cells)))
+    columns, labels = _columns([queries_of(cell.records, measures) for cell in cells])
+    scores = [[(cell.scores or {})[measure] for cell in cells] for measure in measures]
+    noise = [[(cell.preparation_sd or {}).get(measure, 0.0) for cell in cells] for measure in measures]
+    contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
+    best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
+    low, high, found = remembered(
+        [columns, np.array(noise)], [labels, contest, best], lambda: _judged(columns, labels, contest, best, noise)
+    )
+    probabilities = {(m, k): value for m, k, value in found}
+    return {
+        (row.method, input_, measure): FigureSignificance(
+            *widened(low[m][k], high[m][k], scores[m][k], noise[m][k]),
+            is_best=[k] == best[m : m + 1],
+            probability=probabilities.get((m, k)),
+        )
+        for m, measure in enumerate(measures)
+        for k, row in enumerate(rows)
+    }
+
+
+def _judged(
+    columns: NDArray[np.float64],
+    labels: Sequence[str],
+    contest: Sequence[int],
+    best: Sequence[int],
+    noise: Sequence[Sequence[float]],
+) -> tuple[Any, Any, list[tuple[int, int, float]]]:
+    """Return lower and upper ends by measure and row, and the probability of each pair of a measure and a row."""
+    shape = len(noise), len(columns[0]) // len(noise)
+    low, high = intervals(columns, labels).T.reshape(2, *shape).tolist()
+    return low, high, _against(columns.reshape(len(labels), *shape), contest, best, np.array(noise))
 
 
 def _against(
-    columns: NDArray[np.float64], contest: Sequence[int], best: int | None, noise: NDArray[np.float64]
-) -> dict[int, float]:
-    """Adjusted probability of each other row of the contest against the best, over all queries and preparations."""
-    others = [k for k in contest if k != best]
-    if best is None or not others:
-        return {}
-    differences = columns[:, others] - columns[:, [best]]
-    of_sums = np.hypot(noise[others], noise[best]) / UNIT * len(columns)
-    return dict(
-        zip(others, holm(permutation_test(differences, of_sums if of_sums.any() else None).tolist()), strict=True)
-    )
+    columns: NDArray[np.float64], contest: Sequence[int], best: Sequence[int], noise: NDArray[np.float64]
+) -> list[tuple[int, int, float]]:
+    """Measure, row, and the adjusted probability of that row against the best one, for all other rows of the contest.
+
+    Parameters
+    ----------
+    columns
+        Shape (queries, measures, rows).
+    contest
+        The rows.
+    best
+        The best of them, by measure.
+    noise
+        Shape (measures, rows): standard deviations over preparations.
+    """
+    pairs = [(m, k) for m, first in enumerate(best) for k in contest if k != first]
+    if not pairs:
+        return []
+    measure, other = np.array(pairs).T
+    first = np.array(best)[measure]
+    differences = columns[:, measure, other] - columns[:, measure, first]
+    of_sums = np.hypot(noise[measure, other], noise[measure, first]) / UNIT * len(columns)
+    found = permutation_test(differences, of_sums if of_sums.any() else None).reshape(len(best), -1)
+    adjusted = chain.from_iterable(holm(of_rows) for of_rows in found.tolist())
+    return [(m, k, value) for (m, k), value in zip(pairs, adjusted, strict=True)]
 
 
-def _union(queries: Sequence[Queries]) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
-    """Names and classes of all queries that some row has."""
+def _columns(queries: Sequence[Queries]) -> tuple[NDArray[np.float64], list[str]]:
+    """A column for each measure and each row of the table within it, and the classes of all queries that some row has.
+
+    A query without a result finds nothing.
+    """
     labels: dict[tuple[str, str], str] = {}
     for each in queries:
         labels |= zip(each.names, each.labels, strict=True)
-    return list(labels), tuple(labels.values())
-
-
-def _columns(queries: Sequence[Queries], names: Sequence[tuple[str, str]], measure: str) -> NDArray[np.float64]:
-    """One column a row of the table; a query without a result finds nothing."""
-    place = {name: k for k, name in enumerate(names)}
-    columns = np.zeros((len(names), len(queries)))
-    for column, each in enumerate(queries):
-        columns[[place[name] for name in each.names], column] = each.values[measure]
-    return columns
+    place = {name: k for k, name in enumerate(labels)}
+    columns = np.zeros((len(labels), len(queries[0].values), len(queries)))
+    for row, each in enumerate(queries):
+        columns[[place[name] for name in each.names], :, row] = np.stack([*each.values.values()], axis=1)
+    return columns.reshape(len(labels), -1), list(labels.values())
 
 
 def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
