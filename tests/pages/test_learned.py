@@ -15,7 +15,7 @@ from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
 from tests.rows import is_form
-from tools.studies import field_detail, field_scans, learning_curve, strict_training
+from tools.studies import field_detail, field_scans, learning_curve, printed_network, strict_training
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
@@ -53,6 +53,7 @@ def records() -> pd.DataFrame:
         (strict_training.table, "strict.json"),
         (field_detail.table, "field-detail.json"),
         (field_scans.table, "field-scans.json"),
+        (printed_network.table, "printed-network.json"),
     ],
 )
 def test_tables_are_those_that_were_measured(table, figures: str) -> None:
