@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import forkserver
+from multiprocessing.reduction import DupFd
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,24 +21,28 @@ from benchmark.system import workers
 _SERVER = forkserver._forkserver
 
 
-class _Environment:
-    """The environment of whoever sends it, at that time: that of a forked process is that of its server."""
+class _Inherited:
+    """Environment and streams of whoever sends it, at that time: a forked process has those of its server."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return dict, (dict(os.environ),)
+        return tuple, ((dict(os.environ), DupFd(1), DupFd(2)),)
 
 
-def _begin(address: str, environment: dict[str, str], begin: Callable[..., None], *arguments: Any) -> None:
+def _begin(address: str, inherited: tuple[Any, ...], begin: Callable[..., None], *arguments: Any) -> None:
     """Begin like a process that starts afresh; the last argument is its parent."""
+    environment, *streams = inherited
     os.environ.clear()
     os.environ.update(environment)
+    for number, stream in enumerate(streams, 1):
+        os.dup2(given := stream.detach(), number)
+        os.close(given)
     _SERVER._forkserver_address, _SERVER.ensure_running = address, lambda: None
     workers.multiprocessing = _forking()
     begin(*arguments[:-1], os.getppid())
 
 
 def _process(context: Any, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
-    return context.Process(target=_begin, args=(_SERVER._forkserver_address, _Environment(), target, *args))
+    return context.Process(target=_begin, args=(_SERVER._forkserver_address, _Inherited(), target, *args))
 
 
 def _forking() -> Any:
