@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -21,6 +23,43 @@ settings.load_profile("suite")
 for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _published_lines_are_checked_once() -> Iterator[None]:
+    """Check each line of the published records once: they are a second's work, and most tests of tables read them."""
+    from benchmark.storage.records import Records
+
+    published, checked = Path(__file__).parents[1] / "results" / "records", Records._record
+    known: dict[bytes, dict[str, Any]] = {}
+
+    def record(self: Records, source: Any) -> dict[str, Any] | None:
+        if source.parts is None or self.folder.resolve() != published:
+            return checked(self, source)
+        if source.text not in known and (found := checked(self, source)):
+            known[source.text] = found
+        return dict(known[source.text]) if source.text in known else None
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Records, "_record", record)
+        yield
+
+
+@pytest.fixture(scope="session")
+def server_of_workers() -> Iterator[Any]:
+    """What stands for ``multiprocessing`` in :mod:`benchmark.system.workers` where workers are forked."""
+    from tests.forked_workers import server
+
+    with server() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def forked_workers(server_of_workers: Any) -> Iterator[None]:
+    """Fork the workers of all runs of a module, whose tests are not about processes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmark.system.workers.multiprocessing", server_of_workers)
+        yield
 
 
 @pytest.fixture(scope="session")

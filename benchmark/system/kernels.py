@@ -48,8 +48,11 @@ def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> in
     """
     known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
     callees = cache(lambda source: _callees(source, known))
+    last_edit = max((path.stat().st_mtime_ns for path in known.values()), default=0)
     count = 0
     for source, kept in compiled_files(root):
+        if changed is None and all(path.stat().st_mtime_ns >= last_edit for path in kept):
+            continue  # newer than everything, so that no source need be parsed
         behind = _compiled_together(source, callees)
         newest = max(path.stat().st_mtime_ns for path in behind)
         for path in kept:

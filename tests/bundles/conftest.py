@@ -10,10 +10,12 @@ from tests.bundles.made import SCORER, command, run, where
 
 
 @pytest.fixture(scope="session")
-def ran(tmp_path_factory) -> Path:
+def ran(tmp_path_factory, server_of_workers) -> Path:
     """A folder with a data set, a plug-in, results, and the bundle of its method."""
     folder = tmp_path_factory.mktemp("bundles")
-    run(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmark.system.workers.multiprocessing", server_of_workers)
+        run(folder)
     words = ("submit", "flat", "--scorer", SCORER, "--forms", "--author", "Ada <b>", *where(folder))
     made = command(*words, "-o", folder / "flat.zip")
     assert made.exit_code == 0, made.output

@@ -18,6 +18,8 @@ from tests.bundles.made import Forgery, command
 from tests.bundles.test_verify import edit_score_and_queries, outcome
 from tools.browser import CHROMIUM, DESK, DRIVER, PHONE, Browser, chromium
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 

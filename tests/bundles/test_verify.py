@@ -26,6 +26,8 @@ from benchmark.system.fingerprints import fingerprint
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
 from tests.toy import write_rods
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 def outcome(path: Path, *, data: Path | None = None, results: Path = Path("nowhere"), run: bool = False) -> Outcome:
     """Outcome of a bundle, found out in this process."""

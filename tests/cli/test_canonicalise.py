@@ -14,6 +14,8 @@ from benchmark.system.calls import BrokenCall
 from tests.geometry.surfaces import sphere
 from tests.toy import files_of_at_most, rod, write_off
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 PLUGIN = """
 import os
 from benchmark.api.contracts import CanonicalForm, canonical_form

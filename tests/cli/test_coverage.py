@@ -9,6 +9,8 @@ from benchmark.cli.main import cli
 from benchmark.results import open_results
 from tests.toy import write_rods
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 #: Returns the mesh as it is, but for shapes that are bent.
 REFUSING = """
 from benchmark.api.contracts import UnsupportedShape, canonical_form

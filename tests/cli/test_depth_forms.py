@@ -17,6 +17,8 @@ from benchmark.storage.store import Store
 from tests.datasets.test_depth_folder import write_frames
 from tests.depth.scenes import frame, in_millimetres
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory):

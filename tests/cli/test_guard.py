@@ -19,6 +19,8 @@ from tests.records import record
 from tests.system.test_workers import is_alive, wait_until
 from tests.toy import rod, write_off, write_rods
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -19,6 +19,8 @@ from benchmark.storage.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 #: Width and bends of each class: the smallest set that looks like TOSCA.
 CLASSES = {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}
 

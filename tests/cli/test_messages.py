@@ -7,6 +7,8 @@ from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
 from tests.test_results import ROOT
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 PLUGIN = """
 from benchmark.api.contracts import canonical_form
 

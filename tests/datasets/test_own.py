@@ -14,6 +14,8 @@ from benchmark.methods import conformance, inspection
 from benchmark.methods.inspection import inspect
 from tests.toy import write_rods
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 PLUGIN = """
 import os, random, time
 from dataclasses import dataclass

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import multiprocessing
 import os
 import platform
 import re
@@ -16,7 +17,10 @@ from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
 from benchmark.methods.conformance import checks, processes, shapes
 from benchmark.methods.registry import MethodSpec
+from benchmark.system import workers
 from benchmark.system.text import DATA_VARIABLE
+
+pytestmark = pytest.mark.usefixtures("forked_workers")
 
 METHOD = """
 import os
@@ -256,6 +260,7 @@ def test_a_method_that_reads_the_data_folder_is_found(findings, monkeypatch, tmp
     ],
 )
 def test_another_process_must_answer_the_same(body, message, findings, monkeypatch):
+    monkeypatch.setattr(workers, "multiprocessing", multiprocessing)
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"fresh process": checks.OF_THE_ANSWER["fresh process"]})
     found = findings(body=FORM + body)
     assert failed(found) == ["fresh process"]
@@ -304,6 +309,7 @@ def test_a_warning_does_not_fail_the_report():
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="kernels are chosen on x86-64")
 def test_the_other_kernel_is_really_another(findings, monkeypatch):
+    monkeypatch.setattr(workers, "multiprocessing", multiprocessing)  # libraries choose their kernels when they load
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
     monkeypatch.delenv(processes.KERNEL, raising=False)
     body = (

@@ -12,6 +12,8 @@ from benchmark.methods.inspection import describe, inspect
 from benchmark.system import plugins
 from tests.plugins import write_plugin
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 @pytest.mark.parametrize(
     ("faults", "message"),

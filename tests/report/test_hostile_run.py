@@ -11,6 +11,8 @@ from benchmark.cli.main import cli
 from benchmark.storage.store import Store
 from tests.toy import RADII, rod, write_off
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 NAMES = {"thin": "=th\udcffin |$_{", "thick": "<b>th\x1b[31mick\n&amp;"}
 
 PLUGIN = """

@@ -15,6 +15,8 @@ from benchmark.system.text import LONGEST_REASON
 from tests.records import record
 from tests.toy import files_of_at_most, write_rods
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 @pytest.fixture(scope="module")
 def rods(tmp_path_factory):

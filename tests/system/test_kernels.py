@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+from benchmark.system import kernels
 from benchmark.system.kernels import compiled_files, drop_stale_kernels
 
 KERNEL = """from numba import njit
@@ -61,3 +62,8 @@ def test_what_was_compiled_from_older_code_goes(suite, edited, expected):
 def test_a_caller_may_say_what_changed(suite):
     drop_stale_kernels(suite, changed=frozenset({suite / "baselines" / "inner.py"}))
     assert kept(suite) == {"alone"}
+
+
+def test_nothing_is_parsed_where_nothing_was_edited(suite, monkeypatch):
+    monkeypatch.setattr(kernels, "_callees", lambda *_: pytest.fail("a source was parsed"))
+    assert drop_stale_kernels(suite) == 0
