@@ -33,9 +33,9 @@ def _published_lines_are_checked_once() -> Iterator[None]:
     published, checked = Path(__file__).parents[1] / "results" / "records", Records._record
     known: dict[bytes, dict[str, Any]] = {}
 
-    def record(self: Records, source: Any) -> dict[str, Any] | None:
+    def record(self: Records, source: Any, index: Any = None) -> dict[str, Any] | None:
         if source.parts is None or self.folder.resolve() != published:
-            return checked(self, source)
+            return checked(self, source, index)
         if source.text not in known and (found := checked(self, source)):
             known[source.text] = found
         return dict(known[source.text]) if source.text in known else None

@@ -52,7 +52,7 @@ def _file() -> Path:
 
 @cache
 def _known(path: Path) -> dict[str, Any]:
-    """What earlier processes have found."""
+    """Statistics that earlier processes have found."""
     return read_derived(path, _version()) or {}
 
 
