@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -60,4 +61,5 @@ def server() -> Iterator[Any]:
     forkserver.set_forkserver_preload(["tests.forked_imports"])
     forkserver.ensure_running()  # before it could inherit the mark of a worker
     yield _forking()
+    os.kill(_SERVER._forkserver_pid, signal.SIGTERM)  # it would wait for all that hold its pipe
     _SERVER._stop()
