@@ -47,7 +47,7 @@ def _published_lines_are_checked_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def server_of_workers() -> Iterator[Any]:
-    """What stands for ``multiprocessing`` in :mod:`benchmark.system.workers` where workers are forked."""
+    """Stand-in for ``multiprocessing`` in :mod:`benchmark.system.workers` where workers are forked."""
     from tests.forked_workers import server
 
     with server() as found:

@@ -47,7 +47,7 @@ def _process(context: Any, target: Callable[..., None], args: tuple[Any, ...]) -
 
 
 def _forking() -> Any:
-    """What stands for ``multiprocessing`` where workers are started."""
+    """Stand-in for ``multiprocessing`` where workers are started."""
     context = multiprocessing.get_context("forkserver")
     return SimpleNamespace(
         get_context=lambda _: SimpleNamespace(Process=partial(_process, context)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,7 @@ __all__ = ["ChangedDataset"]
 
 
 @dataclass(frozen=True)
-class ChangedDataset:
+class ChangedDataset(ABC):
     """All that a changed data set has of the clean one.
 
     Parameters
@@ -52,9 +53,9 @@ class ChangedDataset:
         """Return the shape of the clean set."""
         return self._clean_entries[entry.identifier]
 
+    @abstractmethod
     def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
         """Return the mesh of the clean set as this set has it."""
-        raise NotImplementedError
 
     def load(self, entry: Entry) -> Mesh:
         """Return the changed mesh; errors are those of the clean set and of :meth:`changed`."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -62,6 +63,24 @@ class SurfaceBatch:
     heights: Tensor
     drawn_again: Mapping[str, int]
 
+    @classmethod
+    def of(
+        cls, number: int, identifiers: tuple[str, ...], rows: Iterable[Sequence[Any]], drawn_again: Mapping[str, int]
+    ) -> SurfaceBatch:
+        """Stack rows, each the arrays of one pose from ``points`` to ``heights``."""
+        points, normals, positions, position_normals, targets, target_normals, heights = (
+            torch.from_numpy(np.stack(column).astype(np.float32)) for column in zip(*rows, strict=True)
+        )
+        return cls(
+            number, identifiers, points, normals, positions, position_normals, targets, target_normals, heights,
+            dict(drawn_again),
+        )  # fmt: skip
+
+
+def noised(places: Points, random: np.random.Generator) -> Points:
+    """Return points or positions with the noise of training."""
+    return places + random.normal(scale=NOISE, size=places.shape)
+
 
 @dataclass(frozen=True)
 class MakesSurfaceBatches:
@@ -96,21 +115,7 @@ class MakesSurfaceBatches:
             for vertices in posed:
                 seen, asked = self._of_pose(Mesh(vertices, surfaces.faces), over, random)
                 rows.append((*seen, target.vertices[asked], over.normals(target, asked), height))
-        points, normals, positions, position_normals, targets, target_normals, heights = (
-            torch.from_numpy(np.stack(column).astype(np.float32)) for column in zip(*rows, strict=True)
-        )
-        return SurfaceBatch(
-            number=number,
-            identifiers=surfaces.identifiers,
-            points=points,
-            normals=normals,
-            positions=positions,
-            position_normals=position_normals,
-            targets=targets,
-            target_normals=target_normals,
-            heights=heights,
-            drawn_again=dict(surfaces.drawn_again),
-        )
+        return SurfaceBatch.of(number, surfaces.identifiers, rows, surfaces.drawn_again)
 
     def _of_pose(
         self, mesh: Mesh, over: _Over, random: np.random.Generator
@@ -118,11 +123,11 @@ class MakesSurfaceBatches:
         """Points and positions with their normals in the frame of a body, and which vertices the positions are."""
         inside = frame_of(mesh, random if self.perturbed else None).seen(mesh)
         samples = random_samples(inside, self.configuration.points, random)
-        starts = random.choice(mesh.n_vertices, EDGES, p=_shares(inside))
+        starts = random.choice(mesh.n_vertices, EDGES, p=shares(inside))
         asked = np.concatenate([starts, over.walked(starts, random)])
         points, positions = samples.points, inside.vertices[asked]
         if self.perturbed:
-            points, positions = (each + random.normal(scale=NOISE, size=each.shape) for each in (points, positions))
+            points, positions = noised(points, random), noised(positions, random)
         return (points, samples.normals, positions, over.normals(inside, asked)), asked
 
 
@@ -165,7 +170,7 @@ class _Over:
         return np.asarray(summed / np.linalg.norm(summed, axis=1, keepdims=True).clip(min=np.finfo(float).tiny))
 
 
-def _shares(mesh: Mesh) -> NDArray[np.float64]:
+def shares(mesh: Mesh) -> NDArray[np.float64]:
     """Share of the area that belongs to each vertex, shape (n,)."""
     areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.face_areas, 3), minlength=mesh.n_vertices)
     return np.asarray(areas / areas.sum())

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from benchmark.api.scans import MakesScans, Scan
@@ -19,7 +18,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points
-from learned.field.batches import EDGES, NOISE, SurfaceBatch
+from learned.field.batches import EDGES, SurfaceBatch, noised, shares
 from learned.field.configuration import Field
 from learned.field.sampling import random_samples
 from learned.frame import centred, frame_of
@@ -77,8 +76,7 @@ class Seen:
         asked = true_lengths <= LONGEST * lengths / mesh.area**0.5 + SLACK
         ends = ends[asked] if asked.any() else ends
         # As if a vertex were drawn by its share of the area, and then one of its neighbours.
-        shares = np.bincount(mesh.faces.ravel(), np.repeat(mesh.face_areas, 3), minlength=mesh.n_vertices)
-        chances = (shares / np.bincount(ends.ravel(), minlength=mesh.n_vertices).clip(min=1))[ends].sum(axis=1)
+        chances = (shares(mesh) / np.bincount(ends.ravel(), minlength=mesh.n_vertices).clip(min=1))[ends].sum(axis=1)
         return cls(
             vertices=mesh.vertices.astype(np.float32),
             faces=mesh.faces,
@@ -147,21 +145,8 @@ class MakesScanBatches:
         rows = []
         for place, seen in enumerate(each for group in groups for each in group.seen):
             rows.append(self._row(seen, np.random.default_rng([number, place])))
-        points, normals, positions, position_normals, targets, target_normals, heights = (
-            torch.from_numpy(np.stack(column).astype(np.float32)) for column in zip(*rows, strict=True)
-        )
-        return SurfaceBatch(
-            number=number,
-            identifiers=tuple(name for group in groups for name in group.identifiers),
-            points=points,
-            normals=normals,
-            positions=positions,
-            position_normals=position_normals,
-            targets=targets,
-            target_normals=target_normals,
-            heights=heights,
-            drawn_again=groups[-1].drawn_again,
-        )
+        names = tuple(name for group in groups for name in group.identifiers)
+        return SurfaceBatch.of(number, names, rows, groups[-1].drawn_again)
 
     def _groups(self, number: int) -> Iterator[Group]:
         """Groups of a batch, the newest last."""
@@ -193,7 +178,7 @@ class MakesScanBatches:
         asked = seen.edges[random.choice(len(seen.edges), EDGES, p=seen.chances)].T.ravel()
         points, positions = samples.points, inside.vertices[asked]
         if self.perturbed:
-            points, positions = (each + random.normal(scale=NOISE, size=each.shape) for each in (points, positions))
+            points, positions = noised(points, random), noised(positions, random)
         normals = seen.normals[asked] @ frame.axes.T
         targets, target_normals = seen.targets[asked], seen.target_normals[asked]
         return points, samples.normals, positions, normals, targets, target_normals, seen.height

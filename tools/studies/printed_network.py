@@ -127,13 +127,13 @@ def images() -> dict[str, dict[str, Tensor]]:
 
 
 def _is_cut(poses: Iterable[Tensor]) -> bool:
-    """Whether a body reaches the rim of the frame, which the models were trained in."""
+    """Return whether a body reaches the rim of the frame, which the models were trained in."""
     rims = (image[1][edge] for image in poses for edge in ((0,), (-1,), (slice(None), 0), (slice(None), -1)))
     return any(bool(rim.any()) for rim in rims)
 
 
 def predictions(model: Path, seen: Mapping[str, Mapping[str, Tensor]]) -> dict[str, Tensor]:
-    """What a model predicts of each body in all poses, shape (20, 2, r, r)."""
+    """Predictions of a model for each body in all poses, shape (20, 2, r, r)."""
     network, _ = load_model(model)
     return {
         body: torch.stack([predict(network, image[:1]).float() for image in poses.values()])

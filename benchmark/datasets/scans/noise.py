@@ -8,7 +8,7 @@ from benchmark.datasets.scans.surfaces import face_normals
 from benchmark.geometry.mesh import Mesh
 
 SHARPNESS = 4.0
-"""How fast one view gives way to the next as the surface turns: weights are exponentials of it times a cosine."""
+"""Sharpness of the seams between views: weights are exponentials of it times the cosine between view and surface."""
 
 FAR_SHARE, FAR = 0.002, 5.0
 """Share of the vertices that are far off, and how much farther than the others."""

@@ -1,4 +1,4 @@
-"""What of a prediction is put right before it is ranked, by hand."""
+"""Parts of a prediction that are put right before it is ranked, by hand."""
 
 import pytest
 import torch
