@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmark.datasets.scans.surfaces import face_normals
+from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh
 
 SHARPNESS = 4.0
@@ -30,9 +30,8 @@ def misaligned(mesh: Mesh, views: int, deviation: float, random: np.random.Gener
     """
     directions = random.normal(size=(views, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    normals = np.zeros_like(mesh.vertices)
-    np.add.at(normals, mesh.faces.ravel(), np.repeat(face_normals(mesh), 3, axis=0))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-12)
+    normals = vertex_normals(mesh)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=np.finfo(float).tiny)
     weights = np.exp(SHARPNESS * normals @ directions.T)
     slips = random.normal(scale=deviation, size=(views, 3))
     return mesh.with_vertices(mesh.vertices + weights / weights.sum(axis=1, keepdims=True) @ slips)
