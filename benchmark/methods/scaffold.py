@@ -6,7 +6,8 @@ import ast
 import keyword
 import re
 import sys
-from collections.abc import Container
+from collections.abc import Collection, Container
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import NamedTuple
@@ -124,10 +125,16 @@ def _check_python(name: str, module: str, class_name: str, plugin: str) -> None:
     """Raise ``ConfigurationError`` if a name would hide another one in the file, or the file another module."""
     if keyword.iskeyword(module) or keyword.iskeyword(class_name) or class_name in _imported(plugin):
         raise ConfigurationError(f"'{name}' has a meaning of its own in the file", f"choose another name: my-{name}")
-    if module in sys.stdlib_module_names or module in packages_distributions():
+    if module in sys.stdlib_module_names or module in _installed():
         raise ConfigurationError(
             f"{module}.py would hide the Python module '{module}'", f"choose another name: my-{name}"
         )
+
+
+@cache
+def _installed() -> Collection[str]:
+    """Names of the modules of all installed packages."""
+    return packages_distributions()
 
 
 def _imported(source: str) -> set[str]:

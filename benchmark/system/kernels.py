@@ -6,6 +6,8 @@ numba keeps a kernel until its own file changes; the kernels of other files that
 from __future__ import annotations
 
 import ast
+import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
@@ -49,6 +51,7 @@ def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> in
     known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
     callees = cache(lambda source: _callees(source, known))
     last_edit = max((path.stat().st_mtime_ns for path in known.values()), default=0)
+    looked_at = min(last_edit, time.time_ns())  # no edit to come is older, whatever the clock of the last one
     count = 0
     for source, kept in compiled_files(root):
         if changed is None and all(path.stat().st_mtime_ns >= last_edit for path in kept):
@@ -56,10 +59,12 @@ def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> in
         behind = _compiled_together(source, callees)
         newest = max(path.stat().st_mtime_ns for path in behind)
         for path in kept:
-            if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
-                with suppress(OSError):
+            with suppress(OSError):
+                if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
                     path.unlink()
                     count += 1
+                elif changed is None:  # later edits alone need be looked at
+                    os.utime(path, ns=(looked_at, looked_at))
     return count
 
 

@@ -32,7 +32,7 @@ def shown(name):
     training = TRAININGS[name]
     dataset = SETS[training.dataset]
     inputs = training.trained.of(dataset)
-    return inputs, {canonical_entry(dataset, entry.subject) for entry in inputs}
+    return inputs, {canonical_entry(dataset, subject) for subject in {entry.subject for entry in inputs}}
 
 
 def unseen_of(name):
