@@ -18,7 +18,7 @@ from tests.learned.streamed.test_architectures import Many
 from tests.learned.streamed.test_training import OPEN
 from tests.learned.streamed.toy import TOY, toy_stream
 from tests.learned.toy import quiet
-from tools.studies import people
+from tools.studies import continued, people
 
 POSES = 4
 
@@ -86,3 +86,20 @@ def test_the_interval_is_that_of_a_mean_over_bodies() -> None:
     assert low == pytest.approx(0.4, abs=0.02)
     assert high == pytest.approx(0.6, abs=0.02)
     assert people.interval([0.3] * 5) == pytest.approx((0.3, 0.3))
+
+
+def test_an_idea_is_trained_on_from_what_was_kept_and_measured_once(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(continued, "FOLDER", trained / "continued")
+    monkeypatch.setattr(continued, "FIGURES", trained / "continued.json")
+    monkeypatch.setattr(continued, "STREAMED", {TOY.name: TOY})
+    gallery = Many(seed=5)(0, 3, people.SIZE)
+    for name in (continued.AS_BEFORE, "`one_form` .05", continued.AS_BEFORE):
+        continued.compare(name, trained, 6, Many(seed=6), gallery)
+    before, plain, idea = continued.found()
+    assert [before["weights"], plain["weights"], idea["weights"]] == ["not trained on", "as before", "`one_form` .05"]
+    assert (before["bodies"], plain["bodies"], idea["bodies"]) == (80, 104, 104)
+    assert before["form loss"] == plain["form loss"] == 0 < idea["form loss"]  # where it weighs nothing
+    assert len({row["mask loss"] for row in (before, plain, idea)}) == 3
+    assert continued.table([before, plain, idea]).splitlines()[-1].endswith("| 0.000 (0.000 to 0.000) |")
