@@ -41,7 +41,7 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
     )
     kind: ClassVar[str] = "streamed"
 
-    configuration: Annotated[str, OneOf(STREAMED.keys())] = "two-sided"
+    configuration: Annotated[str, OneOf(STREAMED.keys())] = "people"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Train the model; see :class:`learned.training.steps.Plan`."""
