@@ -6,7 +6,7 @@ import ast
 import keyword
 import re
 import sys
-from collections.abc import Collection, Container
+from collections.abc import Container
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -29,6 +29,9 @@ _EXAMPLES = {
     "scorer": "distance-distribution",
     "dataset": "bent-ellipsoids",
 }
+
+#: The packages of each installed module; to ask takes half a second.
+_installed = cache(packages_distributions)
 
 KINDS = tuple(_EXAMPLES)
 """What can be written."""
@@ -129,12 +132,6 @@ def _check_python(name: str, module: str, class_name: str, plugin: str) -> None:
         raise ConfigurationError(
             f"{module}.py would hide the Python module '{module}'", f"choose another name: my-{name}"
         )
-
-
-@cache
-def _installed() -> Collection[str]:
-    """Names of the modules of all installed packages."""
-    return packages_distributions()
 
 
 def _imported(source: str) -> set[str]:

@@ -1,6 +1,6 @@
 """``python -m tools.studies.continued``: what an idea adds to a training that is well under way.
 
-The shipped `people` weights are trained on, with and without each idea, on the same bodies for as many steps, and
+The shipped weights are trained on, with and without each idea, on the same bodies for as many steps, and
 measured on the validation bodies of :mod:`tools.studies.people`. Differences to going on as before are taken body by
 body. A run that was stopped goes on where it was. Writes ``results/continued.json``.
 """
@@ -46,7 +46,7 @@ say = partial(print, flush=True)
 
 
 class Idea(NamedTuple):
-    """What is changed in the configuration and in the plan."""
+    """Fields of the configuration and of the plan that differ."""
 
     configuration: Mapping[str, Any] = {}
     plan: Mapping[str, Any] = {}
@@ -70,7 +70,7 @@ def main(steps: int, only: Sequence[str]) -> None:
     gallery = ArtefactReader(Sampler(RANKED, poses=POSES), GALLERY)(0, BODIES, SIZE)
     fresh = WideSampler(seed=TRAINED, views=VIEWS)
     for name in only or IDEAS:
-        compare(name, StreamedLearner(configuration="people").model_folder, steps, fresh, gallery)
+        compare(name, StreamedLearner().model_folder, steps, fresh, gallery)
     print(table(found()))
 
 
@@ -98,11 +98,12 @@ def compare(name: str, shipped: Path, steps: int, fresh: MakesFresh, gallery: Fr
     configuration = replace(base, **idea.configuration)
     plan = replace(Plan(**recipe["plan"]), falling=0, **idea.plan)
     plan = replace(plan, steps=bodies // plan.bodies + steps)
-    if not any(row["weights"] == BEFORE for row in found()):
+    done = {row["weights"] for row in found()}
+    if BEFORE not in done:
         network = build_streamed(base)
         network.load_state_dict(weights)
         keep(Weights(BEFORE, bodies, network.eval(), base), gallery)
-    if any(row["weights"] == name for row in found()):
+    if name in done:
         return
     folder = FOLDER / "".join(letter if letter.isalnum() else "-" for letter in name)
     own = {"configuration": configuration.described(), "plan": asdict(plan), "fresh": repr(fresh)}
