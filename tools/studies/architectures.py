@@ -28,6 +28,7 @@ from benchmark.api.streaming import Fresh, MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
+from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED  # noqa: E402
 from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
@@ -210,6 +211,19 @@ class _Repeated:
 
 def measure(network: StreamedNetwork, configuration: Streamed, images, names: Sequence[str]) -> Row:
     """Scores of the forms of a gallery, of bodies in poses; one that cannot be made is a query that finds nothing."""
+    forms, subjects, refused = forms_of(network, configuration, images, names)
+    share = len(forms) / (len(forms) + refused)
+    scores = (
+        ranked(forms, subjects) if forms else dict.fromkeys([*PRINTED, *(f"chance {name}" for name in PRINTED)], 0.0)
+    )
+    scores |= {name: scores[name] * share for name in PRINTED}
+    return {name: round(value, 4) for name, value in scores.items()} | {"refused": refused}
+
+
+def forms_of(
+    network: StreamedNetwork, configuration: Streamed, images, names: Sequence[str]
+) -> tuple[list[Mesh], list[str], int]:
+    """Forms of a gallery, of bodies in poses, with the subject of each, and how many could not be made."""
     forms, subjects, refused = [], [], 0
     for name, of_body in zip(names, images, strict=True):
         for image in of_body:
@@ -218,12 +232,7 @@ def measure(network: StreamedNetwork, configuration: Streamed, images, names: Se
                 subjects.append(name)
             except UnsupportedShape:
                 refused += 1
-    share = len(forms) / (len(forms) + refused)
-    scores = (
-        ranked(forms, subjects) if forms else dict.fromkeys([*PRINTED, *(f"chance {name}" for name in PRINTED)], 0.0)
-    )
-    scores |= {name: scores[name] * share for name in PRINTED}
-    return {name: round(value, 4) for name, value in scores.items()} | {"refused": refused}
+    return forms, subjects, refused
 
 
 def table(found: Iterable[Mapping[str, float | str]]) -> str:

@@ -30,7 +30,6 @@ from safetensors import safe_open  # noqa: E402
 from benchmark.api.learning import read_card  # noqa: E402
 from benchmark.api.streaming import Fresh, MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
-from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.jobs.stages.distances import form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
@@ -38,13 +37,13 @@ from learned.streamed.configuration import Streamed, from_card  # noqa: E402
 from learned.streamed.images import batch_of  # noqa: E402
 from learned.streamed.losses import NAMES, losses  # noqa: E402
 from learned.streamed.methods import StreamedLearner  # noqa: E402
-from learned.streamed.model import form_of, load_streamed, predicted  # noqa: E402
+from learned.streamed.model import load_streamed  # noqa: E402
 from learned.streamed.network import StreamedNetwork, build_streamed  # noqa: E402
 from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS, keep_snapshot  # noqa: E402
 from learned.training.measures import measures  # noqa: E402
 from retrieval.cmbof import CMBOF  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
-from tools.studies.architectures import RANKED, ArtefactReader  # noqa: E402
+from tools.studies.architectures import RANKED, ArtefactReader, forms_of  # noqa: E402
 
 BODIES, POSES = 60, 5
 DRAWS = 2000
@@ -134,14 +133,7 @@ def measured(weights: Weights, gallery: Fresh) -> Row:
     """Losses on a gallery, and scores of its forms; one that cannot be made is a query that finds nothing."""
     began = time.process_time()
     found = _losses(weights, gallery)
-    forms, subjects, refused = [], [], 0
-    for name, of_body in zip(gallery.identifiers, gallery.images, strict=True):
-        for image in of_body:
-            try:
-                forms.append(form_of(predicted(weights.network, weights.configuration, image))[0])
-                subjects.append(name)
-            except UnsupportedShape:
-                refused += 1
+    forms, subjects, refused = forms_of(weights.network, weights.configuration, gallery.images, gallery.identifiers)
     scorer = CMBOF()
     signatures = [scorer.signature(form) for form in forms]
     ranked = scores((form_distances(scorer, signatures, draw) for draw in range(scorer.info.draws)), subjects)

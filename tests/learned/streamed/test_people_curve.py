@@ -18,7 +18,7 @@ from tests.learned.streamed.test_architectures import Many
 from tests.learned.streamed.test_training import OPEN
 from tests.learned.streamed.toy import TOY, toy_stream
 from tests.learned.toy import quiet
-from tools.studies import continued, people
+from tools.studies import architectures, continued, people
 
 POSES = 4
 
@@ -44,7 +44,7 @@ def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     monkeypatch.setattr(people, "POSES", POSES)
     monkeypatch.setattr(people, "CMBOF", Perfect)
-    monkeypatch.setattr(people, "form_of", lambda _: (sphere(1), {}))
+    monkeypatch.setattr(architectures, "form_of", lambda _: (sphere(1), {}))
     fit("toy", 0, toy_stream(), tmp_path, {**OPEN, "steps": 24}, quiet)
     return tmp_path
 
@@ -73,7 +73,7 @@ def test_a_form_that_cannot_be_made_is_a_query_that_finds_nothing(
             raise UnsupportedShape("nothing is predicted", "train longer")
         return sphere(1), {}
 
-    monkeypatch.setattr(people, "form_of", refused)
+    monkeypatch.setattr(architectures, "form_of", refused)
     weights = people.snapshot(next((trained / "snapshots").iterdir()))
     row = people.measured(weights, Many(seed=5)(0, 3, 500))
     assert row["refused"] == POSES
