@@ -273,6 +273,7 @@ class TrainingLoop(Generic[B]):
     def _run(self, progress: Progress, half: bool) -> Progress:
         plan = self.plan
         stream = batches(self.make, range(progress.epoch * plan.unit, plan.steps), self.run.workers, self.run.say)
+        start = progress
         began, kept, processor = time.perf_counter() - progress.seconds, time.perf_counter(), 0.0
         terms: list[Tensor] = []
         again: Counter[str] = Counter()
@@ -296,7 +297,7 @@ class TrainingLoop(Generic[B]):
                 if time.perf_counter() - kept > CHECKPOINT_SECONDS or step == plan.steps:
                     self._keep(progress)
                     kept = time.perf_counter()
-                    self.run.say(self._told(progress))
+                    self.run.say(self._told(progress, start))
         except TrainingError:
             done, partial = divmod(len(terms), plan.unit)
             done += progress.epoch
@@ -381,13 +382,13 @@ class TrainingLoop(Generic[B]):
             found = self.objective.measured(half)
         return {f"{self.objective.held_out} {name}": value for name, value in found.items() if math.isfinite(value)}
 
-    def _told(self, progress: Progress) -> str:
+    def _told(self, progress: Progress, start: Progress) -> str:
         row, watched = progress.history[-1], f"{self.objective.held_out} {self.objective.watched}"
         looked = next((each[watched] for each in reversed(progress.history) if watched in each), None)
         terms = "  ".join(f"{name} {row[name]:.5f}" for name in self.objective.terms[:2])
         seen = f", {watched} {looked:.3f}" if looked is not None else ""
         count = self.plan.steps // self.plan.unit
-        left = progress.seconds / progress.epoch * (count - progress.epoch)
+        left = (progress.seconds - start.seconds) / (progress.epoch - start.epoch) * (count - progress.epoch)
         done = f"{self.plan.counted} {progress.epoch}/{count}"
         return f"{done}  {terms}{seen}  {progress.seconds:.0f} s, about {left:.0f} s left"
 
