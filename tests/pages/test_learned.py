@@ -90,6 +90,17 @@ def test_the_field_is_above_every_form_of_complete_surfaces_of_table_one_and_bel
     assert told(field) in PAGE
 
 
+@pytest.mark.parametrize("galleries", [FOLDS, ["humans"]])
+def test_bodies_without_end_and_one_view_are_above_every_classical_form_of_complete_surfaces(
+    records: pd.DataFrame, galleries: list[str]
+) -> None:
+    rows = records[records["gallery"].isin(galleries)]
+    means = {name: found.groupby("method")[list(PRINTED)].mean() for name, found in rows.groupby("input")}
+    forms = means["mesh"][[is_form(name) for name in means["mesh"].index]]
+    assert len(forms) >= 20
+    assert (means["view"].loc["learned-streamed"] > forms).all(axis=None)
+
+
 @pytest.mark.parametrize("galleries", [FOLDS, ["humans"], ["humans-scanlike"]])
 def test_sampled_bodies_and_one_view_are_above_every_form_of_complete_surfaces(
     records: pd.DataFrame, galleries: list[str]
