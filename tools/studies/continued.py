@@ -121,7 +121,8 @@ def found() -> list[Row]:
 
 def keep(weights: Weights, gallery: Fresh) -> None:
     """Measure weights and keep the row."""
-    write_text(FIGURES, json.dumps([*found(), measured(weights, gallery)], indent=1) + "\n")
+    row = measured(weights, gallery)  # before the others are read, to which another process may add meanwhile
+    write_text(FIGURES, json.dumps([*found(), row], indent=1) + "\n")
 
 
 def table(rows: Sequence[Row]) -> str:
