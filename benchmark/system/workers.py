@@ -71,14 +71,18 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=_main, args=(task, arguments, memory, quiet, os.getpid()))
         before = os.environ.get(process_reaper.MARK)
-        with _without_interrupts(), _without_main():
-            os.environ[process_reaper.MARK] = self._mark
-            try:
-                self._process.start()
-            finally:
-                del os.environ[process_reaper.MARK]
-                if before is not None:
-                    os.environ[process_reaper.MARK] = before
+        try:
+            with _without_interrupts(), _without_main():
+                os.environ[process_reaper.MARK] = self._mark
+                try:
+                    self._process.start()
+                finally:
+                    del os.environ[process_reaper.MARK]
+                    if before is not None:
+                        os.environ[process_reaper.MARK] = before
+        except KeyboardInterrupt:  # heard once the process has started, which nobody would know of
+            self.end()
+            raise
 
     @property
     def sentinel(self) -> int:

@@ -3,8 +3,10 @@
 import atexit
 import builtins
 import ctypes
+import multiprocessing
 import os
 import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -79,6 +81,22 @@ def test_what_it_started_ends_with_it(tmp_path):
     worker.end()
     wait_until(lambda: not any(map(is_alive, children)))
     assert [child for child in children if is_alive(child)] == []
+
+
+def test_an_interrupt_while_it_starts_leaves_no_process(monkeypatch):
+    started = []
+    original = multiprocessing.get_context("spawn").Process.start
+
+    def start(process):
+        original(process)
+        started.append(process.pid)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", start)
+    with pytest.raises(KeyboardInterrupt):
+        Worker(time.sleep, 600)
+    wait_until(lambda: not is_alive(started[0]))
+    assert not is_alive(started[0])
 
 
 def test_one_that_can_say_nothing_ends_without_a_traceback(capfd):

@@ -23,7 +23,7 @@ from tools.profile.report import Profile  # noqa: E402
 
 def main() -> None:
     """Run the command line with workers that keep account, then print the profile; ends as the command ends."""
-    worker._do = account.do
+    worker._do_in_turn = account.do_in_turn
     sizes: list[int] = []
     begin = worker_pool.LocalWorkerPool.__init__
 

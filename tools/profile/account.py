@@ -1,4 +1,4 @@
-"""Time of a worker by stage and method; a worker writes one line about its task when it ends."""
+"""Time of a worker by stage and method; a worker writes one line about a task when it ends."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import psutil
 
 from benchmark.jobs import method_run, preparation
 from benchmark.jobs.execution import runner, worker
+from benchmark.jobs.job_specs import Task
 from benchmark.jobs.stages import measures
 from benchmark.storage import store
 from benchmark.storage.costs import Meter
@@ -80,6 +81,12 @@ class Account:
             self._turn()
             self._open.pop()
 
+    def restart(self) -> None:
+        """Forget what was booked so far."""
+        self._turn()
+        self.seconds.clear()
+        self.processor.clear()
+
     def _turn(self) -> None:
         now = time.perf_counter(), time.process_time()
         self.seconds[self._open[-1]] += now[0] - self._since[0]
@@ -120,21 +127,30 @@ def _book(owner: object, name: str, within: Callable[[Any], Any]) -> None:
     setattr(owner, name, booked)
 
 
-def do(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
-    """Do the task of a worker and write where its time went."""
+def do_in_turn(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
+    """Do the tasks of a worker and write where the time of each went."""
     account = Account()
-    began = psutil.Process().create_time()
-    account.seconds[STARTING, "", False] += time.time() - began
+    began: list[float] = [psutil.Process().create_time()]
+    account.seconds[STARTING, "", False] += time.time() - began[0]
     account.processor[STARTING, "", False] += time.process_time()
     watch(account)
-    try:
-        worker._do(task, status_file, known)
-    finally:
-        with account.within():
-            parts = [[*part, value, account.processor[part]] for part, value in account.seconds.items()]
-        line = {"began": began, "ended": time.time(), "parts": parts}
-        with Path(os.environ[LINES]).open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(line) + "\n")
+    work = runner.work
+
+    def booked(task: Task, tell: runner.Tell) -> None:
+        if not began:  # what comes between two tasks of a process belongs to neither
+            account.restart()
+            began.append(time.time())
+        try:
+            work(task, tell)
+        finally:
+            with account.within():
+                parts = [[*part, value, account.processor[part]] for part, value in account.seconds.items()]
+            line = {"began": began.pop(), "ended": time.time(), "parts": parts}
+            with Path(os.environ[LINES]).open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(line) + "\n")
+
+    runner.work = booked
+    worker._do_in_turn(task, status_file, known)
 
 
 def processor_seconds() -> float:

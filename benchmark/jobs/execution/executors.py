@@ -94,7 +94,7 @@ def _said(job: str, shape: str) -> str:
 
 @dataclass(frozen=True)
 class ProcessExecutor:
-    """A few processes at a time, each for a batch of the shapes or one ranking.
+    """A few processes at a time, each at a batch of the shapes or a ranking; code of plugins has one for each of these.
 
     A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process. A job
     in which a process crashed that did others, too, is first tried once more alone.
@@ -117,7 +117,10 @@ class ProcessExecutor:
         """Do the jobs, handing back each record as soon as its job ends."""
         if jobs:
             pool = LocalWorkerPool(self.workers, Store.open(jobs[0].results).progress)
-            yield from Run(jobs, pool, self.claims, self.timeout, watch).records()
+            try:
+                yield from Run(jobs, pool, self.claims, self.timeout, watch).records()
+            finally:
+                pool.close()
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""A worker of a run: it does one task, and tells in a file how far it is and where it was when it crashed."""
+"""A worker of a run: it does tasks in turn, and tells in a file how far it is and where it was when it crashed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ from pathlib import Path
 from benchmark.jobs.job_specs import from_json
 from benchmark.storage.store import StorageError
 from benchmark.system import fingerprints, plugins, services
+from benchmark.system.files import write_text
 from benchmark.system.workers import UNWRITTEN, Worker
 
 #: Seconds that a process has to write down where it is before it is stopped.
 _LAST_WORDS = 0.3
+
+#: Seconds between two looks of a process without a task for the next one, and until it leaves.
+_INTERVAL, _PATIENCE = 0.02, 30.0
 
 
 @dataclass(frozen=True)
@@ -64,9 +68,11 @@ class TaskWorker:
         self.status_at_end = Status()
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
+        #: Whether its process may do another task when it has finished this one, and whether it waits for one.
+        self.is_kept = self.waits = False
         self._status_file = status_file
         remove_status(status_file)
-        self._worker = Worker(_do, task, status_file, fingerprints.export_cache(), memory=memory)
+        self._worker = Worker(_do_in_turn, task, status_file, fingerprints.export_cache(), memory=memory)
 
     @property
     def sentinel(self) -> int:
@@ -75,8 +81,9 @@ class TaskWorker:
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code, or minus the number of the signal; None while it runs."""
-        return self._worker.exit_code
+        """Exit code, or minus the number of the signal, or 0 once the task is finished; None while it runs."""
+        code = self._worker.exit_code
+        return 0 if code is None and self.status.is_done else code
 
     @property
     def status(self) -> Status:
@@ -89,9 +96,24 @@ class TaskWorker:
         time.sleep(_LAST_WORDS)
         self.end()
 
-    def end(self) -> None:
+    def do_next(self, task: str) -> bool:
+        """Hand another task to the process that waits for one; returns whether there still is such a process."""
+        if not self.waits or self._worker.exit_code is not None:
+            return False
+        write_text(_beside(self._status_file, "task"), task)
+        self.status_at_end, self.trace, self.waits = Status(), "", False
+        return True
+
+    def kill(self) -> None:
         """Kill the process, if it still runs, and everything that it started."""
+        self.waits = False
         self._worker.end()
+
+    def end(self) -> None:
+        """Kill the process, unless it has finished its task and is kept: then it waits for another one."""
+        self.waits = self.is_kept and self._worker.exit_code is None and self.status.is_done
+        if not self.waits:
+            self.kill()
         self.status_at_end = read_status(self._status_file) or self.status_at_end
         with suppress(OSError):
             self.trace = _beside(self._status_file, "trace").read_text(encoding="utf-8", errors="replace")
@@ -108,12 +130,27 @@ def read_status(status_file: Path) -> Status | None:
 
 def remove_status(status_file: Path) -> None:
     """Remove what a worker has said."""
-    for path in (status_file, _beside(status_file, "trace"), _beside(status_file, "next")):
+    for path in (status_file, *(_beside(status_file, what) for what in ("trace", "next", "task"))):
         path.unlink(missing_ok=True)
 
 
 def _beside(status_file: Path, what: str) -> Path:
     return status_file.with_name(f"{status_file.name}-{what}")
+
+
+def _do_in_turn(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
+    """Do the task, and then those that come after it, in their process; it is killed when there are no more."""
+    following = _beside(status_file, "task")
+    while True:
+        _do(task, status_file, known)
+        finished = time.monotonic()
+        while not following.exists():
+            if time.monotonic() > finished + _PATIENCE:
+                return
+            time.sleep(_INTERVAL)
+        task = following.read_text(encoding="utf-8")
+        following.unlink()
+        fingerprints.clear_cache()  # the code may have changed since
 
 
 def _do(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:

@@ -68,7 +68,7 @@ class WorkerPool(Protocol):
 
 
 class LocalWorkerPool:
-    """Processes on this machine.
+    """Processes on this machine; one that has finished a task of the suite's own does others of the same package.
 
     Parameters
     ----------
@@ -85,11 +85,30 @@ class LocalWorkerPool:
         self._progress = progress
         self._memory = memory_per_worker(size)
         self._numbers = itertools.count()
+        self._kept: list[tuple[str, TaskWorker]] = []
 
     def begin(self, task: Task) -> TaskWorker:
-        """Start a process; raises ``OSError`` if the system starts none."""
+        """Give a task to a process that waits, or start one; raises ``OSError`` if the system starts none."""
+        package = (
+            "" if any(job.is_foreign for job in task.jobs) else " ".join(sorted({job.package for job in task.jobs}))
+        )
+        for known_as, worker in [each for each in self._kept if each[1].waits]:
+            if known_as == package and worker.do_next(to_json(task)):
+                return worker
+            self._kept.remove((known_as, worker))
+            worker.kill()
         status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
-        return TaskWorker(to_json(task), status_file, self._memory)
+        begun = TaskWorker(to_json(task), status_file, self._memory)
+        if package:
+            begun.is_kept = True
+            self._kept.append((package, begun))
+        return begun
+
+    def close(self) -> None:
+        """End the processes that wait."""
+        for _, worker in self._kept:
+            if worker.waits:
+                worker.kill()
 
     def wait(self, running: Sequence[Any]) -> None:
         """Wait until one of them ends, or a moment."""

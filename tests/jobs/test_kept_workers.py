@@ -1,0 +1,74 @@
+"""A process does several tasks of the suite's own in turn; what may have harmed it does one."""
+
+import os
+import signal
+import time
+
+import psutil
+import pytest
+
+from benchmark.jobs.execution.worker_pool import LocalWorkerPool
+from benchmark.jobs.job_specs import JobSpec, ScoringTask
+from benchmark.storage.store import Store
+from tests.jobs.test_executors import orders
+
+
+class ForeignJob(JobSpec):
+    """A job that code of somebody else makes a part of."""
+
+    is_foreign = True
+
+
+@pytest.fixture
+def pool(tmp_path):
+    made = LocalWorkerPool(1, Store.open(tmp_path).progress)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def do(pool, tmp_path):
+    """Let the pool rank a method, which leaves a record in any case; returns the number of the process."""
+
+    def done(name, kind=JobSpec):
+        (job,) = orders(tmp_path, (name,))
+        worker = pool.begin(ScoringTask((kind(**vars(job)),)))
+        deadline = time.monotonic() + 60
+        while worker.exit_code is None:
+            assert time.monotonic() < deadline, "waited in vain"
+            pool.wait([worker])
+        worker.end()
+        assert worker.status_at_end.is_done
+        assert (tmp_path / "runs" / "records" / f"{job.key}.json").is_file()
+        return worker._worker._process.pid
+
+    return done
+
+
+def is_alive(pid):
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+
+
+def test_a_process_does_the_tasks_of_its_package_in_turn_and_ends_with_the_pool(pool, do):
+    first = do("identity")
+    assert do("pca") == first
+    assert is_alive(first)
+    other = do("learned")
+    assert other != first, "another package"
+    assert not is_alive(first), "and there are never more of them than workers"
+    pool.close()
+    assert not is_alive(other)
+
+
+def test_what_has_run_foreign_code_does_nothing_else(do):
+    first = do("identity", ForeignJob)
+    assert not is_alive(first)
+    assert do("pca", ForeignJob) != first
+
+
+def test_a_process_that_died_while_it_waited_is_replaced(do):
+    first = do("identity")
+    os.kill(first, signal.SIGKILL)
+    while is_alive(first):
+        time.sleep(0.01)
+    assert do("pca") != first
