@@ -73,7 +73,7 @@ def test_our_row_is_above_every_form_of_a_view_in_each_fold(records: pd.DataFram
     assert "above every classical row of single views in each of the three folds" in PAGE
 
 
-def test_the_field_is_above_every_form_of_complete_surfaces_of_table_one_and_below_one_of_table_two(
+def test_the_field_is_above_every_classical_form_of_complete_surfaces_but_in_nn_of_table_two(
     records: pd.DataFrame,
 ) -> None:
     def shown(galleries: list[str]) -> tuple[pd.Series, pd.DataFrame]:
@@ -81,13 +81,15 @@ def test_the_field_is_above_every_form_of_complete_surfaces_of_table_one_and_bel
         means = rows.groupby("method")[list(PRINTED)].mean()
         return means.loc["deformation-field"], means[[is_form(name) for name in means.index]]
 
-    field, forms = shown(FOLDS)
-    assert len(forms) >= 20
-    assert all(field[measure] > forms[measure].max() for measure in PRINTED)
-    assert told(field) in PAGE
-    field, forms = shown(["humans-scanlike"])
-    assert all(field[measure] < forms.loc["gps", measure] for measure in PRINTED)
-    assert told(field) in PAGE
+    for galleries in (FOLDS, ["humans"], ["humans-scanlike"]):
+        field, forms = shown(galleries)
+        assert len(forms) >= 20
+        above = [measure for measure in PRINTED if field[measure] > forms[measure].max()]
+        assert above == [measure for measure in PRINTED if measure != "NN" or galleries != ["humans-scanlike"]]
+        assert told(field) in PAGE
+    assert (
+        f"{field['NN']:.2f}" == f"{forms['NN'].max():.2f}" == f"{forms.loc['classic-mds[metric=diffusion]', 'NN']:.2f}"
+    )
 
 
 @pytest.mark.parametrize("galleries", [FOLDS, ["humans"]])
@@ -102,13 +104,13 @@ def test_bodies_without_end_and_one_view_are_above_every_classical_form_of_compl
 
 
 @pytest.mark.parametrize("galleries", [FOLDS, ["humans"], ["humans-scanlike"]])
-def test_sampled_bodies_and_one_view_are_above_every_form_of_complete_surfaces(
+def test_sampled_bodies_and_one_view_are_above_every_classical_form_of_complete_surfaces(
     records: pd.DataFrame, galleries: list[str]
 ) -> None:
     rows = records[records["gallery"].isin(galleries)]
     means = {name: found.groupby("method")[list(PRINTED)].mean() for name, found in rows.groupby("input")}
     ours = means["view"].loc["learned-wide-extra"]
-    forms = means["mesh"][[is_form(name) or name == "deformation-field" for name in means["mesh"].index]]
+    forms = means["mesh"][[is_form(name) for name in means["mesh"].index]]
     assert len(forms) >= 20
     assert all(ours[measure] > forms[measure].max() for measure in PRINTED)
     figures = told(ours)
