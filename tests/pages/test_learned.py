@@ -15,7 +15,7 @@ from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
 from tests.rows import is_form
-from tools.studies import field_detail, field_scans, learning_curve, printed_network, strict_training
+from tools.studies import continued, field_detail, field_scans, learning_curve, printed_network, strict_training
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
@@ -49,6 +49,7 @@ def records() -> pd.DataFrame:
 @pytest.mark.parametrize(
     ("table", "figures"),
     [
+        (continued.table, "continued.json"),
         (learning_curve.table, "learning-curve.json"),
         (strict_training.table, "strict.json"),
         (field_detail.table, "field-detail.json"),
