@@ -108,7 +108,8 @@ class Worker:
                 os.killpg(identifier, signal.SIGKILL)  # the session of the worker bears its number
             self.send(signal.SIGKILL)  # where it has not yet begun one
         process_reaper.kill_marked(self._mark)  # those that began sessions of their own
-        self._process.join(GRACE)
+        if identifier is not None:
+            self._process.join(GRACE)
 
 
 def ending(code: int) -> str:

@@ -58,7 +58,7 @@ def run(tmp_path, monkeypatch):
         monkeypatch.setattr(
             worker_pool,
             "TaskWorker",
-            lambda task, status_file, memory: Scripted(from_json(task), tmp_path / "sentinel"),
+            lambda task, *_: Scripted(from_json(task), tmp_path / "sentinel"),
         )
         monkeypatch.setattr(executors, "_PATIENCE", 0.0)
         (tmp_path / "sentinel").write_text("")

@@ -83,6 +83,12 @@ def test_what_it_started_ends_with_it(tmp_path):
     assert [child for child in children if is_alive(child)] == []
 
 
+def test_an_interrupt_before_it_starts_is_one(monkeypatch):
+    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", lambda _: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        Worker(time.sleep, 600)
+
+
 def test_an_interrupt_while_it_starts_leaves_no_process(monkeypatch):
     started = []
     original = multiprocessing.get_context("spawn").Process.start

@@ -94,7 +94,7 @@ def _said(job: str, shape: str) -> str:
 
 @dataclass(frozen=True)
 class ProcessExecutor:
-    """A few processes at a time, each at a batch of the shapes or a ranking; code of plugins has one for each of these.
+    """A few processes at a time, which do batches of shapes and rankings in turn; with code of plugins, one each.
 
     A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process. A job
     in which a process crashed that did others, too, is first tried once more alone.

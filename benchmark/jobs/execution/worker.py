@@ -57,6 +57,8 @@ class TaskWorker:
         Where it says how far it is.
     memory
         Bytes that it may take.
+    package
+        Package of the tasks that its process may do when it has finished this one; "" for none.
 
     Raises
     ------
@@ -64,12 +66,13 @@ class TaskWorker:
         If the system starts no further process.
     """
 
-    def __init__(self, task: str, status_file: Path, memory: int) -> None:
+    def __init__(self, task: str, status_file: Path, memory: int, package: str = "") -> None:
         self.status_at_end = Status()
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
-        #: Whether its process may do another task when it has finished this one, and whether it waits for one.
-        self.is_kept = self.waits = False
+        self.package = package
+        #: Whether its process waits for another task.
+        self.waits = False
         self._status_file = status_file
         remove_status(status_file)
         self._worker = Worker(_do_in_turn, task, status_file, fingerprints.export_cache(), memory=memory)
@@ -110,8 +113,8 @@ class TaskWorker:
         self._worker.end()
 
     def end(self) -> None:
-        """Kill the process, unless it has finished its task and is kept: then it waits for another one."""
-        self.waits = self.is_kept and self._worker.exit_code is None and self.status.is_done
+        """Kill the process, unless it has finished its task and may do another one: then it waits."""
+        self.waits = bool(self.package) and self._worker.exit_code is None and self.status.is_done
         if not self.waits:
             self.kill()
         self.status_at_end = read_status(self._status_file) or self.status_at_end

@@ -85,28 +85,25 @@ class LocalWorkerPool:
         self._progress = progress
         self._memory = memory_per_worker(size)
         self._numbers = itertools.count()
-        self._kept: list[tuple[str, TaskWorker]] = []
+        self._begun: list[TaskWorker] = []
 
     def begin(self, task: Task) -> TaskWorker:
         """Give a task to a process that waits, or start one; raises ``OSError`` if the system starts none."""
-        package = (
-            "" if any(job.is_foreign for job in task.jobs) else " ".join(sorted({job.package for job in task.jobs}))
-        )
-        for known_as, worker in [each for each in self._kept if each[1].waits]:
-            if known_as == package and worker.do_next(to_json(task)):
+        is_foreign = any(job.is_foreign for job in task.jobs)
+        package = "" if is_foreign else " ".join(sorted({job.package for job in task.jobs}))
+        for worker in [each for each in self._begun if each.waits]:
+            if worker.package == package and worker.do_next(to_json(task)):
                 return worker
-            self._kept.remove((known_as, worker))
+            self._begun.remove(worker)
             worker.kill()
         status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
-        begun = TaskWorker(to_json(task), status_file, self._memory)
-        if package:
-            begun.is_kept = True
-            self._kept.append((package, begun))
+        begun = TaskWorker(to_json(task), status_file, self._memory, package)
+        self._begun.append(begun)
         return begun
 
     def close(self) -> None:
         """End the processes that wait."""
-        for _, worker in self._kept:
+        for worker in self._begun:
             if worker.waits:
                 worker.kill()
 
