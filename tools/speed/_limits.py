@@ -21,8 +21,8 @@ class Rates:
     ----------
     bytes
         Read or written, of arrays beyond the cache.
-    sums
-        Operations of a product of a matrix in the cache and a vector.
+    sums, singles
+        Operations of a product of a matrix in the cache and a vector, in double and in single precision.
     roots
         Square roots with a quotient each.
     looks
@@ -31,6 +31,7 @@ class Rates:
 
     bytes: float
     sums: float
+    singles: float
     roots: float
     looks: float
 
@@ -46,13 +47,19 @@ def rates() -> Rates:
         for _ in range(1000):
             np.divide(1.0, np.sqrt(values, out=target[:_SMALL]), out=target[:_SMALL])
 
-    def sums() -> None:
-        for _ in range(100):
-            basis @ vector
+    def operations(precision: type) -> float:
+        matrix, column = basis.astype(precision), vector.astype(precision)
+
+        def sums() -> None:
+            for _ in range(100):
+                matrix @ column
+
+        return 100 * 2 * basis.size / least_seconds(sums, REPEATS)
 
     return Rates(
         bytes=2 * source.nbytes / least_seconds(partial(np.copyto, target, source), REPEATS),
-        sums=100 * 2 * basis.size / least_seconds(sums, REPEATS),
+        sums=operations(np.float64),
+        singles=operations(np.float32),
         roots=1000 * _SMALL / least_seconds(roots, REPEATS),
         looks=places.size / least_seconds(lambda: values.take(places), REPEATS),
     )
@@ -71,7 +78,15 @@ class Limit:
     parts: dict[str, float]
 
     @classmethod
-    def of(cls, moved: float = 0, roots: float = 0, looks: float = 0, sums: float = 0, **measured: float) -> Limit:
+    def of(
+        cls,
+        moved: float = 0,
+        roots: float = 0,
+        looks: float = 0,
+        sums: float = 0,
+        singles: float = 0,
+        **measured: float,
+    ) -> Limit:
         """Return the limit of so many bytes and operations beside parts that were measured in seconds."""
         found, best = {name.replace("_", " "): seconds for name, seconds in measured.items()}, rates()
         if moved:
@@ -82,6 +97,9 @@ class Limit:
             found[f"{looks / 1e6:.0f} million values by index at {best.looks / 1e9:.2f} a ns"] = looks / best.looks
         if sums:
             found[f"{sums / 1e9:.2f} Gflop at {best.sums / 1e9:.1f} Gflop/s"] = sums / best.sums
+        if singles:
+            named = f"{singles / 1e9:.2f} Gflop in single precision at {best.singles / 1e9:.1f} Gflop/s"
+            found[named] = singles / best.singles
         return cls(found)
 
     @property

@@ -1,7 +1,8 @@
 """Growth of runs: ``python -m tools.speed.scale --sizes 100,1000 --ranking 4000 --neighbours 100000 --records 10000``.
 
-Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes can be
-measured one at a time, a run that was stopped goes on, and ``--write`` alone makes the page anew.
+Writes docs/appendix/scale.md and its figure. What was measured is kept in results/scale.json, so that sizes, and with
+``--input`` complete surfaces and views of a size, can be measured one at a time, a run that was stopped goes on, and
+``--write`` alone makes the page anew.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ SIZES = (100, 1000, 4000, 10_000)
 BEYOND = (10_000, 100_000, 1_000_000)
 POSES = 20
 METHODS = ("identity", "classic-mds", "learned")
+INPUTS = ("mesh", "view")
 CORES = 2
 MIB = 2**20
 
@@ -100,14 +102,17 @@ def command(verb: str, size: int, results: Path, *more: str) -> list[str]:
     return [sys.executable, "-m", "benchmark", verb, "-d", gallery(size), *methods, "--results", str(results), *more]
 
 
-def run(size: int, folder: Path) -> dict[str, Any]:
+def run(size: int, folder: Path, *more: str) -> dict[str, Any]:
     """Run a gallery from nothing, or go on where it was stopped, and look at memory and disk meanwhile."""
-    results = folder / str(size)
-    spent = folder / f"{size}.seconds"  # of the runs that were stopped
+    name = "-".join([str(size), *more[1:]])
+    results = folder / name
+    spent = folder / f"{name}.seconds"  # of the runs that were stopped
     folder.mkdir(parents=True, exist_ok=True)
     before = float(spent.read_text()) if spent.exists() else 0.0
     begun = time.perf_counter()
-    process = subprocess.Popen(command("run", size, results, "-j", str(CORES)), cwd=ROOT, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command("run", size, results, "-j", str(CORES), *more), cwd=ROOT, stdout=subprocess.DEVNULL
+    )
     peak, seconds = 0.0, before
     while process.poll() is None:
         peak = max(peak, _resident(process.pid) / MIB)
@@ -123,10 +128,22 @@ def run(size: int, folder: Path) -> dict[str, Any]:
         "ranking_seconds": sum(record["wall_seconds"] for record in done),
         "peak_mib": peak,
         "disk_mib": sum(path.stat().st_size for path in results.rglob("*") if path.is_file()) / MIB,
-        "plan_seconds": _seconds(command("plan", size, results)),
-        "tables_seconds": _seconds(command("tables", size, results)),
+        "plan_seconds": _seconds(command("plan", size, results, *more)),
+        "tables_seconds": _seconds(command("tables", size, results, *more)),
         "stages": {f"{r['input']} {r['method']}": r["cost"]["seconds_per_shape"] for r in done},
     }
+
+
+def run_of_input(size: int, folder: Path, input_: str) -> dict[str, Any]:
+    """Run a gallery under one input; the whole run is there when that of the other input has been measured, too."""
+    parts = _measured().get(str(size), {}).get("parts", {})
+    if input_ not in parts:
+        parts |= {input_: run(size, folder, "--input", input_)}
+    if set(parts) < set(INPUTS):
+        return {"parts": parts}
+    sums = {name: sum(part[name] for part in parts.values()) for name in ("run_seconds", "ranking_seconds", "disk_mib")}
+    stages = {job: found for part in parts.values() for job, found in part["stages"].items()}
+    return {"parts": parts, **sums, "peak_mib": max(part["peak_mib"] for part in parts.values()), "stages": stages}
 
 
 def ranking(size: int) -> dict[str, Any]:
@@ -300,6 +317,11 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "nearest two sizes that were (of memory, from a constant and the square of the size; of disk, from the size",
         "and its square); what was measured at one size is extrapolated to no other. Plan and tables of 1000 and",
         "of 10 000 shapes are of made-up records as large as real ones.",
+        *(
+            f"Of {size} shapes, complete surfaces and views were run apart, each from nothing, and the two summed."
+            for size in sizes
+            if "run_seconds" in measured.get(str(size), {}) and "parts" in measured[str(size)]
+        ),
         "",
         "![Seconds against the number of shapes](../../results/figures/scale.png)",
         "",
@@ -372,10 +394,16 @@ def draw(measured: dict[str, dict[str, Any]]) -> None:
     plt.close(figure)
 
 
+def _measured() -> dict[str, dict[str, Any]]:
+    """What was measured, by size and quantity."""
+    return dict(json.loads(MEASURED.read_text())) if MEASURED.exists() else {}
+
+
 def main() -> None:
     """Measure what is asked for and not yet known, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", default="", help="sizes to run, such as 100,1000")
+    parser.add_argument("--input", choices=INPUTS, help="run the sizes under this input alone, now")
     parser.add_argument("--ranking", default="", help="sizes of the ranking alone")
     parser.add_argument("--neighbours", default="", help="sizes of the neighbours alone")
     parser.add_argument("--records", default="", help="sizes of plan and tables alone")
@@ -387,9 +415,13 @@ def main() -> None:
         work, size = options.one
         print(json.dumps({"ranking": ranking, "neighbours": neighbours}[work](int(size))))
         return
-    measured: dict[str, dict[str, Any]] = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
+    measured = _measured()
+
+    def of_size(size: int) -> dict[str, Any]:
+        return run_of_input(size, options.results, options.input) if options.input else run(size, options.results)
+
     for text, name, work in (
-        (options.sizes, "run_seconds", lambda size: run(size, options.results)),
+        (options.sizes, "run_seconds", of_size),
         (options.ranking, "matching_seconds", lambda size: _apart("ranking", size)),
         (options.neighbours, "nearest_seconds", lambda size: _apart("neighbours", size)),
         (options.records, "tables_seconds", lambda size: bookkeeping(size, options.results)),
@@ -398,7 +430,7 @@ def main() -> None:
             if name not in measured.get(str(size), {}):
                 print(f"{size} shapes ...", flush=True)
                 found = work(size)
-                measured = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}  # others may have written
+                measured = _measured()  # others may have written
                 measured[str(size)] = measured.get(str(size), {}) | found
                 MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
     draw(measured)

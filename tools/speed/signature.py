@@ -17,18 +17,28 @@ from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh
 from retrieval.cmbof import CMBOF
-from retrieval.features import detect_views
-from retrieval.pose import normalise
+from retrieval.features import EDGE_RATIO, _detect_all, _foreground, detect_views
+from retrieval.gaussian_blur import gaussian_kernel
+from retrieval.gradient_histograms import MAGNIFICATION, SPATIAL_BINS
+from retrieval.pose import FIRST_STEP, GRID, LAST_STEP, STARTS, normalise
+from retrieval.scale_space import BASE_SCALE, MARGIN, N_GAUSSIANS, NOMINAL_BLUR, SMALLEST_SIDE, STEP
 from retrieval.views import BACKGROUND, CAMERAS, N_VIEWS, render
 from tests.retrieval.figures import figure
+from tools.speed._limits import Limit
 from tools.speed._timing import least_seconds, least_wall_seconds, row
+from tools.speed.mds import OF_LIMIT
 
 SCORER = CMBOF()
 OUR_FORMS = 8
 PEER_FORMS = 2
 REPEATS = 3
-MOST_SECONDS = 0.06
 TIMES_FASTER = 4
+
+OPERATIONS_OF_A_FACE = 20
+"""Of a face under a rotation: three dot products, their absolute values, and both sums."""
+
+SUMS_OF_A_SAMPLE, SUMS_OF_A_DIRECTION = 8, 2
+"""Bins of a histogram to which a pixel around a keypoint adds: of its descriptor, and of its orientation."""
 
 
 def signature(codebook: NDArray[Any], mesh: Mesh) -> int:
@@ -90,7 +100,6 @@ def measure() -> list[dict[str, Any]]:
     for cores in (2, 1):
         ours = seconds_per_form(describe, forms, cores)
         peer = seconds_per_form(peer_signature, upright, cores)
-        limit = f" and at most {MOST_SECONDS} s" if cores == 1 else ""
         rows.append(
             row(
                 f"CM-BOF signature on {cores} core{'s' * (cores > 1)}, one form",
@@ -98,8 +107,8 @@ def measure() -> list[dict[str, Any]]:
                 clock="wall",
                 peer="trimesh + Embree, then OpenCV SIFT",
                 peer_seconds=peer,
-                target=f"at least {TIMES_FASTER} times faster{limit}",
-                met=peer >= TIMES_FASTER * ours and (cores > 1 or ours <= MOST_SECONDS),
+                target=f"at least {TIMES_FASTER} times faster",
+                met=peer >= TIMES_FASTER * ours,
                 detail=f"{1 / ours:.2f} forms per second (peer {1 / peer:.2f}), {agreement}",
                 forms_per_second=1 / ours,
                 peer_forms_per_second=1 / peer,
@@ -119,13 +128,58 @@ def stages(form: Mesh, upright: Mesh, images: NDArray[np.float32], codebook: NDA
         "words": lambda: SCORER.quantise(features, codebook),
     }
     times = {name: least_seconds(work, REPEATS) for name, work in parts.items()}
-    total = sum(times.values())
+    total, limit = sum(times.values()), least_time(upright, images, words=times["words"])
     return [
         row(
             "CM-BOF signature, sum of its parts",
             total,
-            target=f"at most {MOST_SECONDS} s",
-            met=total <= MOST_SECONDS,
-            detail=", ".join(f"{name} {1000 * seconds:.0f} ms" for name, seconds in times.items()),
+            target=f"at most {OF_LIMIT:g} times the limit",
+            met=total <= OF_LIMIT * limit.seconds,
+            detail=f"{limit}; " + ", ".join(f"{name} {1000 * seconds:.0f} ms" for name, seconds in times.items()),
         )
     ]
+
+
+def least_time(upright: Mesh, images: NDArray[np.float32], **measured: float) -> Limit:
+    """Limit of a signature: rotations tried, pixels drawn, blurred and read, and what is added to histograms.
+
+    Parameters
+    ----------
+    upright, images
+        A form in its pose, and its views.
+    **measured
+        Seconds of the products of matrices that find the words.
+    """
+    halvings = int(np.ceil(np.log2(FIRST_STEP / LAST_STEP)))
+    rotations = (
+        GRID**3 + STARTS * halvings * 6
+    )  # each step is halved when turns about three axes, both ways, do not help
+    first, second, third = (upright.vertices[upright.faces[:, k]] for k in range(3))
+    areas = 0.5 * np.cross(second - first, third - first) * (images.shape[1] / 2) ** 2
+    drawn = np.abs(areas @ CAMERAS[:, 2].T).sum()  # each face, in all 66 views
+    frames = _detect_all(images, np.float32(BACKGROUND), SCORER.peak_threshold, EDGE_RATIO)[0]
+    octaves = np.floor(np.log2(frames[:, 2] / (BASE_SCALE * STEP**0.5)))
+    variances = (frames[:, 2] / 2.0**octaves) ** 2
+    samples = SUMS_OF_A_SAMPLE * ((SPATIAL_BINS + 1) * MAGNIFICATION) ** 2 * variances.sum()
+    directions = SUMS_OF_A_DIRECTION * np.pi * (3 * 1.5) ** 2 * variances.sum()
+    return Limit.of(
+        moved=2 * images.nbytes,
+        looks=drawn + samples + directions,
+        sums=rotations * upright.n_faces * OPERATIONS_OF_A_FACE,
+        singles=sum(operations_of_blurs(image) for image in images),
+        **measured,
+    )
+
+
+def operations_of_blurs(image: NDArray[np.float32]) -> float:
+    """Operations of all blurs of a view: of each pixel, a product and two sums for each weight, once each way."""
+    sigmas = [BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1) for level in range(1, N_GAUSSIANS)]
+    top, bottom, left, right = _foreground(image, np.float32(BACKGROUND))
+    operations, octave, sides = 0.0, 0, np.array(image.shape)
+    while top < bottom and (sides.min() >= SMALLEST_SIDE or octave == 0):
+        begins, ends = np.array([top, left]) >> octave, np.array([bottom, right]) >> octave
+        window = np.minimum(ends + MARGIN + 1, sides) - np.maximum(begins - MARGIN, 0)
+        blurs = [*sigmas, np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)] if octave == 0 else sigmas
+        operations += window.prod() * sum(2 * (3 * len(gaussian_kernel(sigma)) - 2) for sigma in blurs)
+        octave, sides = octave + 1, sides // 2
+    return operations

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
 from tools.speed import scale
@@ -30,6 +33,37 @@ def test_a_size_that_was_not_run_follows_from_two_that_were(
     found = scale.figure_of(measured, name, 4000)
     assert found == (pytest.approx(expected), False)
     assert scale.figure_of({"1000": {name: low}}, name, 4000) is None
+
+
+def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    parts = {
+        "mesh": {
+            "run_seconds": 5.0,
+            "ranking_seconds": 2.0,
+            "disk_mib": 7.0,
+            "peak_mib": 90.0,
+            "stages": {"mesh gps": {}},
+        },
+        "view": {
+            "run_seconds": 3.0,
+            "ranking_seconds": 1.0,
+            "disk_mib": 4.0,
+            "peak_mib": 80.0,
+            "stages": {"view gps": {}},
+        },
+    }
+    asked = []
+    monkeypatch.setattr(scale, "MEASURED", tmp_path / "scale.json")
+    monkeypatch.setattr(scale, "run", lambda size, folder, *more: asked.append(more) or parts[more[-1]])
+    first = scale.run_of_input(40, tmp_path, "mesh")
+    assert first == {"parts": {"mesh": parts["mesh"]}}
+    (tmp_path / "scale.json").write_text(json.dumps({"40": first}))
+    assert scale.run_of_input(40, tmp_path, "mesh") == first  # not run again
+    both = scale.run_of_input(40, tmp_path, "view")
+    assert asked == [("--input", "mesh"), ("--input", "view")]
+    assert (both["run_seconds"], both["ranking_seconds"], both["disk_mib"], both["peak_mib"]) == (8.0, 3.0, 11.0, 90.0)
+    assert list(both["stages"]) == ["mesh gps", "view gps"]
+    assert "Of 100 shapes, complete surfaces and views were run apart" in scale.page({"100": both})
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
