@@ -66,6 +66,15 @@ def test_what_has_run_foreign_code_does_nothing_else(do):
     assert do("pca", ForeignJob) != first
 
 
+def test_processes_that_are_over_hold_no_file_open(do):
+    for _ in range(2):
+        do("identity", ForeignJob)
+    before = psutil.Process().num_fds()
+    for _ in range(3):
+        do("identity", ForeignJob)
+    assert psutil.Process().num_fds() == before
+
+
 def test_a_process_that_died_while_it_waited_is_replaced(do):
     first = do("identity")
     os.kill(first, signal.SIGKILL)

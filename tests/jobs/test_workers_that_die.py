@@ -31,7 +31,7 @@ class Scripted:
     """Stands in for a worker: it ends at once in the way that is next in the script, its work done or not."""
 
     script: list = []  # noqa: RUF012
-    waits = False
+    waits, is_over = False, True
 
     def __init__(self, task, sentinel):
         fate = self.script.pop(0) if self.script else DONE

@@ -89,18 +89,18 @@ class Limit:
     ) -> Limit:
         """Return the limit of so many bytes and operations beside parts that were measured in seconds."""
         found, best = {name.replace("_", " "): seconds for name, seconds in measured.items()}, rates()
-        if moved:
-            found[f"{moved / 1e9:.2f} GB at {best.bytes / 1e9:.1f} GB/s"] = moved / best.bytes
-        if roots:
-            found[f"{roots / 1e6:.0f} million roots and quotients at {best.roots / 1e9:.2f} a ns"] = roots / best.roots
-        if looks:
-            found[f"{looks / 1e6:.0f} million values by index at {best.looks / 1e9:.2f} a ns"] = looks / best.looks
-        if sums:
-            found[f"{sums / 1e9:.2f} Gflop at {best.sums / 1e9:.1f} Gflop/s"] = sums / best.sums
-        if singles:
-            named = f"{singles / 1e9:.2f} Gflop in single precision at {best.singles / 1e9:.1f} Gflop/s"
-            found[named] = singles / best.singles
-        return cls(found)
+        counted = (
+            (moved, best.bytes, f"{moved / 1e9:.2f} GB at {best.bytes / 1e9:.1f} GB/s"),
+            (roots, best.roots, f"{roots / 1e6:.0f} million roots and quotients at {best.roots / 1e9:.2f} a ns"),
+            (looks, best.looks, f"{looks / 1e6:.0f} million values by index at {best.looks / 1e9:.2f} a ns"),
+            (sums, best.sums, f"{sums / 1e9:.2f} Gflop at {best.sums / 1e9:.1f} Gflop/s"),
+            (
+                singles,
+                best.singles,
+                f"{singles / 1e9:.2f} Gflop in single precision at {best.singles / 1e9:.1f} Gflop/s",
+            ),
+        )
+        return cls(found | {words: amount / rate for amount, rate, words in counted if amount})
 
     @property
     def seconds(self) -> float:

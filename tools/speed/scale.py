@@ -21,6 +21,7 @@ import matplotlib as mpl
 import numpy as np
 import psutil
 
+from benchmark.protocols.tables import INPUTS
 from retrieval.clock_index import ClockIndex
 from retrieval.neighbours import Nearest
 
@@ -35,7 +36,6 @@ SIZES = (100, 1000, 4000, 10_000)
 BEYOND = (10_000, 100_000, 1_000_000)
 POSES = 20
 METHODS = ("identity", "classic-mds", "learned")
-INPUTS = ("mesh", "view")
 CORES = 2
 MIB = 2**20
 
@@ -102,9 +102,9 @@ def command(verb: str, size: int, results: Path, *more: str) -> list[str]:
     return [sys.executable, "-m", "benchmark", verb, "-d", gallery(size), *methods, "--results", str(results), *more]
 
 
-def run(size: int, folder: Path, *more: str) -> dict[str, Any]:
+def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
     """Run a gallery from nothing, or go on where it was stopped, and look at memory and disk meanwhile."""
-    name = "-".join([str(size), *more[1:]])
+    name, more = (f"{size}-{input_}", ("--input", input_)) if input_ else (str(size), ())
     results = folder / name
     spent = folder / f"{name}.seconds"  # of the runs that were stopped
     folder.mkdir(parents=True, exist_ok=True)
@@ -134,11 +134,13 @@ def run(size: int, folder: Path, *more: str) -> dict[str, Any]:
     }
 
 
-def run_of_input(size: int, folder: Path, input_: str) -> dict[str, Any]:
-    """Run a gallery under one input; the whole run is there when that of the other input has been measured, too."""
+def run_in_parts(size: int, folder: Path, input_: str) -> dict[str, Any]:
+    """Run a gallery, or under one input: the whole is there when the other input has been measured, too."""
+    if not input_:
+        return run(size, folder)
     parts = _measured().get(str(size), {}).get("parts", {})
     if input_ not in parts:
-        parts |= {input_: run(size, folder, "--input", input_)}
+        parts |= {input_: run(size, folder, input_)}
     if set(parts) < set(INPUTS):
         return {"parts": parts}
     sums = {name: sum(part[name] for part in parts.values()) for name in ("run_seconds", "ranking_seconds", "disk_mib")}
@@ -241,7 +243,6 @@ def bookkeeping(size: int, folder: Path) -> dict[str, Any]:
     from benchmark.jobs.plan import make_plan
     from benchmark.methods.registry import methods, select
     from benchmark.protocols.galleries import galleries
-    from benchmark.protocols.tables import INPUTS
     from benchmark.storage.keys import plain
     from benchmark.storage.store import Store
     from retrieval.chance import chance_levels
@@ -395,7 +396,7 @@ def draw(measured: dict[str, dict[str, Any]]) -> None:
 
 
 def _measured() -> dict[str, dict[str, Any]]:
-    """What was measured, by size and quantity."""
+    """Return what was measured, by size and quantity."""
     return dict(json.loads(MEASURED.read_text())) if MEASURED.exists() else {}
 
 
@@ -403,7 +404,7 @@ def main() -> None:
     """Measure what is asked for and not yet known, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", default="", help="sizes to run, such as 100,1000")
-    parser.add_argument("--input", choices=INPUTS, help="run the sizes under this input alone, now")
+    parser.add_argument("--input", choices=INPUTS, default="", help="run the sizes under this input alone, now")
     parser.add_argument("--ranking", default="", help="sizes of the ranking alone")
     parser.add_argument("--neighbours", default="", help="sizes of the neighbours alone")
     parser.add_argument("--records", default="", help="sizes of plan and tables alone")
@@ -416,12 +417,8 @@ def main() -> None:
         print(json.dumps({"ranking": ranking, "neighbours": neighbours}[work](int(size))))
         return
     measured = _measured()
-
-    def of_size(size: int) -> dict[str, Any]:
-        return run_of_input(size, options.results, options.input) if options.input else run(size, options.results)
-
     for text, name, work in (
-        (options.sizes, "run_seconds", of_size),
+        (options.sizes, "run_seconds", lambda size: run_in_parts(size, options.results, options.input)),
         (options.ranking, "matching_seconds", lambda size: _apart("ranking", size)),
         (options.neighbours, "nearest_seconds", lambda size: _apart("neighbours", size)),
         (options.records, "tables_seconds", lambda size: bookkeeping(size, options.results)),

@@ -151,9 +151,8 @@ def least_time(upright: Mesh, images: NDArray[np.float32], **measured: float) ->
         Seconds of the products of matrices that find the words.
     """
     halvings = int(np.ceil(np.log2(FIRST_STEP / LAST_STEP)))
-    rotations = (
-        GRID**3 + STARTS * halvings * 6
-    )  # each step is halved when turns about three axes, both ways, do not help
+    # A step is halved when a turn by it helps about none of three axes, either way.
+    rotations = GRID**3 + STARTS * halvings * 6
     first, second, third = (upright.vertices[upright.faces[:, k]] for k in range(3))
     areas = 0.5 * np.cross(second - first, third - first) * (images.shape[1] / 2) ** 2
     drawn = np.abs(areas @ CAMERAS[:, 2].T).sum()  # each face, in all 66 views

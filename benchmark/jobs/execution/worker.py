@@ -71,8 +71,8 @@ class TaskWorker:
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
         self.package = package
-        #: Whether its process waits for another task.
-        self.waits = False
+        #: Whether its process waits for another task, and whether it was killed.
+        self.waits = self.is_over = False
         self._status_file = status_file
         remove_status(status_file)
         self._worker = Worker(_do_in_turn, task, status_file, fingerprints.export_cache(), memory=memory)
@@ -109,7 +109,7 @@ class TaskWorker:
 
     def kill(self) -> None:
         """Kill the process, if it still runs, and everything that it started."""
-        self.waits = False
+        self.waits, self.is_over = False, True
         self._worker.end()
 
     def end(self) -> None:

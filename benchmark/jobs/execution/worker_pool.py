@@ -94,8 +94,8 @@ class LocalWorkerPool:
         for worker in [each for each in self._begun if each.waits]:
             if worker.package == package and worker.do_next(to_json(task)):
                 return worker
-            self._begun.remove(worker)
             worker.kill()
+        self._begun = [each for each in self._begun if not each.is_over]  # each holds an open file
         status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
         begun = TaskWorker(to_json(task), status_file, self._memory, package)
         self._begun.append(begun)

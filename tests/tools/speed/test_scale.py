@@ -54,13 +54,13 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
     }
     asked = []
     monkeypatch.setattr(scale, "MEASURED", tmp_path / "scale.json")
-    monkeypatch.setattr(scale, "run", lambda size, folder, *more: asked.append(more) or parts[more[-1]])
-    first = scale.run_of_input(40, tmp_path, "mesh")
+    monkeypatch.setattr(scale, "run", lambda size, folder, input_: asked.append(input_) or parts[input_])
+    first = scale.run_in_parts(40, tmp_path, "mesh")
     assert first == {"parts": {"mesh": parts["mesh"]}}
     (tmp_path / "scale.json").write_text(json.dumps({"40": first}))
-    assert scale.run_of_input(40, tmp_path, "mesh") == first  # not run again
-    both = scale.run_of_input(40, tmp_path, "view")
-    assert asked == [("--input", "mesh"), ("--input", "view")]
+    assert scale.run_in_parts(40, tmp_path, "mesh") == first  # not run again
+    both = scale.run_in_parts(40, tmp_path, "view")
+    assert asked == ["mesh", "view"]
     assert (both["run_seconds"], both["ranking_seconds"], both["disk_mib"], both["peak_mib"]) == (8.0, 3.0, 11.0, 90.0)
     assert list(both["stages"]) == ["mesh gps", "view gps"]
     assert "Of 100 shapes, complete surfaces and views were run apart" in scale.page({"100": both})
