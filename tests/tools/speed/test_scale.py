@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tools.speed import scale
+from tools.speed import _scale_page, scale
 
 
 def test_the_ranking_alone_is_measured() -> None:
     found = scale.ranking(40)
-    assert found.keys() == scale.RANKING.keys()
+    assert found.keys() == _scale_page.RANKING.keys()
     assert all(value > 0 for value in found.values())
 
 
@@ -29,10 +29,10 @@ def test_a_size_that_was_not_run_follows_from_two_that_were(
     name: str, low: float, high: float, expected: float
 ) -> None:
     measured = {"1000": {name: low}, "2000": {name: high}}
-    assert scale.figure_of(measured, name, 2000) == (high, True)
-    found = scale.figure_of(measured, name, 4000)
+    assert _scale_page.figure_of(measured, name, 2000) == (high, True)
+    found = _scale_page.figure_of(measured, name, 4000)
     assert found == (pytest.approx(expected), False)
-    assert scale.figure_of({"1000": {name: low}}, name, 4000) is None
+    assert _scale_page.figure_of({"1000": {name: low}}, name, 4000) is None
 
 
 def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -63,18 +63,18 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
     assert asked == ["mesh", "view"]
     assert (both["run_seconds"], both["ranking_seconds"], both["disk_mib"], both["peak_mib"]) == (8.0, 3.0, 11.0, 90.0)
     assert list(both["stages"]) == ["mesh gps", "view gps"]
-    assert "Of 100 shapes, complete surfaces and views were run apart" in scale.page({"100": both})
+    assert "Of 100 shapes, complete surfaces and views were run apart" in _scale_page.page({"100": both})
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
-    page = scale.page({"1000": {"disk_mib": 11.0}, "2000": {"disk_mib": 24.0}})
+    page = _scale_page.page({"1000": {"disk_mib": 11.0}, "2000": {"disk_mib": 24.0}})
     (line,) = [line for line in page.splitlines() if line.startswith("| disk at the end")]
     assert [cell.strip() for cell in line.split("|")[2:-1]] == ["≈ 1.01", "11", "24", "≈ 56", "≈ 200"]
 
 
 def test_neighbours_are_measured_and_of_some_shapes_alone_where_there_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     found = scale.neighbours(60)
-    assert found.keys() == scale.NEIGHBOURS.keys()
+    assert found.keys() == _scale_page.NEIGHBOURS.keys()
     assert found["recall_1"] == found["recall_k"] == 1.0
     monkeypatch.setattr(scale, "MOST_SHAPES", 50)
     monkeypatch.setattr(scale, "SOME_SHAPES", 30)
@@ -88,10 +88,10 @@ def test_the_page_tells_of_sizes_beyond() -> None:
         "nearest_seconds": 10.0,
         "recall_1": 0.9,
     }
-    page = scale.page({"4000": one, "10000": {"nearest_seconds": 40.0, "recall_1": 0.8, "record_mib": 0.5}})
+    page = _scale_page.page({"4000": one, "10000": {"nearest_seconds": 40.0, "recall_1": 0.8, "record_mib": 0.5}})
     cells = {line.split("|")[1].strip(): line.split("|")[2:-1] for line in page.splitlines() if line.startswith("|")}
     assert [cell.strip() for cell in cells["share of the nearest shapes that was found"]] == ["0.9", "0.8", "--", "--"]
     assert [cell.strip() for cell in cells["matrix of all pairs, GiB"]] == ["0.119", "0.745", "74.5", "7.45e+03"]
     hours = cells["prepare of mesh classic-mds, hours on one core"]
     assert [cell.strip() for cell in hours] == ["≈ 0.4", "≈ 1", "≈ 10", "≈ 100"]
-    assert cells[scale.NEIGHBOURS["nearest_seconds"]][0].strip() == "10"
+    assert cells[_scale_page.NEIGHBOURS["nearest_seconds"]][0].strip() == "10"
