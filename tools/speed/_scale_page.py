@@ -28,6 +28,7 @@ RUN = {
     "ranking_seconds": "of it ranking, sum over jobs",
     "peak_mib": "memory of all processes, MiB",
     "disk_mib": "disk at the end, MiB",
+    "most_disk_mib": "disk at most, before features and generated meshes go, MiB",
     "plan_seconds": "plan, seconds",
     "tables_seconds": "tables, seconds",
 }
@@ -82,7 +83,7 @@ def figure_of(measured: dict[str, dict[str, float]], name: str, size: int) -> tu
     (first, low), (second, high) = points[place - 1 : place + 1]
     if name.endswith("peak_mib"):  # most of it is there before the first shape
         return low + (high - low) / (second**2 - first**2) * (size**2 - first**2), False
-    if name == "disk_mib":  # forms, and distances of all pairs
+    if name in ("disk_mib", "most_disk_mib"):  # forms, and distances of all pairs
         each_pair = (high / second - low / first) / (second - first)
         return (low / first + each_pair * (size - first)) * size, False
     slope = float(np.log(high / low) / np.log(second / first))

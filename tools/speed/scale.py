@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,6 +31,8 @@ ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / "results" / "scale.json"
 CORES = 2
 MIB = 2**20
+#: Between two looks at the disk, of which each goes through all files.
+SECONDS_BETWEEN_LOOKS = 30.0
 #: Neighbours that are looked for; the share that was found is measured on some queries, against all shapes.
 K = 20
 #: Shapes beyond which the neighbours of so many are looked for, and the seconds multiplied.
@@ -53,13 +57,15 @@ def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
     spent = folder / f"{name}.seconds"  # of the runs that were stopped
     folder.mkdir(parents=True, exist_ok=True)
     before = float(spent.read_text()) if spent.exists() else 0.0
-    begun = time.perf_counter()
+    begun = looked = time.perf_counter()
     process = subprocess.Popen(
         command("run", size, results, "-j", str(CORES), *more), cwd=ROOT, stdout=subprocess.DEVNULL
     )
-    peak, seconds = 0.0, before
+    peak, most_disk, seconds = 0.0, 0.0, before
     while process.poll() is None:
         peak = max(peak, _resident(process.pid) / MIB)
+        if time.perf_counter() - looked > SECONDS_BETWEEN_LOOKS:
+            most_disk, looked = max(most_disk, _disk_mib(results)), time.perf_counter()
         time.sleep(0.5)
         seconds = before + time.perf_counter() - begun
         spent.write_text(str(seconds))
@@ -67,11 +73,13 @@ def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
         raise SystemExit(f"the run of {size} shapes ended with {process.returncode}")
     records = [json.loads(path.read_text()) for path in (results / "runs" / "records").glob("*.json")]
     done = [record for record in records if record["status"] == "ok"]
+    disk = _disk_mib(results)
     return {
         "run_seconds": seconds,
         "ranking_seconds": sum(record["wall_seconds"] for record in done),
         "peak_mib": peak,
-        "disk_mib": sum(path.stat().st_size for path in results.rglob("*") if path.is_file()) / MIB,
+        "disk_mib": disk,
+        "most_disk_mib": max(most_disk, disk),
         "plan_seconds": _seconds(command("plan", size, results, *more)),
         "tables_seconds": _seconds(command("tables", size, results, *more)),
         "stages": {f"{r['input']} {r['method']}": r["cost"]["seconds_per_shape"] for r in done},
@@ -88,8 +96,9 @@ def run_in_parts(size: int, folder: Path, input_: str) -> dict[str, Any]:
     if set(parts) < set(INPUTS):
         return {"parts": parts}
     sums = {name: sum(part[name] for part in parts.values()) for name in ("run_seconds", "ranking_seconds", "disk_mib")}
+    most = {name: max(part[name] for part in parts.values()) for name in ("peak_mib", "most_disk_mib")}
     stages = {job: found for part in parts.values() for job, found in part["stages"].items()}
-    return {"parts": parts, **sums, "peak_mib": max(part["peak_mib"] for part in parts.values()), "stages": stages}
+    return {"parts": parts, **sums, **most, "stages": stages}
 
 
 def ranking(size: int) -> dict[str, Any]:
@@ -217,6 +226,16 @@ def _seconds(words: list[str]) -> float:
     begun = time.perf_counter()
     subprocess.run(words, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
     return time.perf_counter() - begun
+
+
+def _disk_mib(folder: Path) -> float:
+    """Size of all files below a folder, from which others may take some away meanwhile."""
+    total = 0
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            with suppress(FileNotFoundError):
+                total += (Path(parent) / name).stat().st_size
+    return total / MIB
 
 
 def _resident(pid: int) -> int:
