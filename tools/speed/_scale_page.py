@@ -103,18 +103,13 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "nearest two sizes that were (of memory, from a constant and the square of the size; of disk, from the size",
         "and its square); what was measured at one size is extrapolated to no other. Plan and tables of 1000 and",
         "of 10 000 shapes are of made-up records as large as real ones.",
-        *(
-            f"Of {size} shapes, complete surfaces and views were run apart, each from nothing, and the two summed."
-            for size in sizes
-            if "run_seconds" in measured.get(str(size), {}) and "parts" in measured[str(size)]
-        ),
         "",
         "![Seconds against the number of shapes](../../results/figures/scale.png)",
         "",
         "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
         "| --- |" + " ---: |" * len(sizes),
     ]
-    lines += _rows(measured, RUN | RANKING, sizes)
+    lines += [*_rows(measured, RUN | RANKING, sizes), *_parts(measured)]
     with_stages = [(int(at), found["stages"]) for at, found in measured.items() if found.get("stages")]
     if with_stages:
         size, stages = max(with_stages, key=lambda pair: pair[0])
@@ -124,6 +119,18 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         for job, found in sorted(stages.items()):
             lines.append(f"| {job} | " + " | ".join(f"{found[n]:.3g}" if n in found else "" for n in names) + " |")
     return "\n".join([*lines, *_beyond(measured)]) + "\n"
+
+
+def _parts(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """Yield a table of each size whose inputs were run apart."""
+    for size, found in measured.items():
+        if parts := found.get("parts"):
+            rest = "the column above sums them" if "run_seconds" in found else "the other has not been run yet"
+            yield from ("", f"Of {size} shapes, inputs were run apart, each from nothing; {rest}:", "")
+            yield f"| | {' | '.join(parts)} |"
+            yield "| --- |" + " ---: |" * len(parts)
+            for name, title in RUN.items():
+                yield f"| {title} | " + " | ".join(f"{part[name]:.3g}" for part in parts.values()) + " |"
 
 
 def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Iterable[int]) -> Iterator[str]:

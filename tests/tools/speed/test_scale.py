@@ -43,6 +43,8 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
             "disk_mib": 7.0,
             "peak_mib": 90.0,
             "most_disk_mib": 8.0,
+            "plan_seconds": 1.0,
+            "tables_seconds": 1.0,
             "stages": {"mesh gps": {}},
         },
         "view": {
@@ -51,6 +53,8 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
             "disk_mib": 4.0,
             "peak_mib": 80.0,
             "most_disk_mib": 9.0,
+            "plan_seconds": 1.0,
+            "tables_seconds": 1.0,
             "stages": {"view gps": {}},
         },
     }
@@ -66,7 +70,9 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
     assert (both["run_seconds"], both["ranking_seconds"], both["disk_mib"]) == (8.0, 3.0, 11.0)
     assert (both["peak_mib"], both["most_disk_mib"]) == (90.0, 9.0)
     assert list(both["stages"]) == ["mesh gps", "view gps"]
-    assert "Of 100 shapes, complete surfaces and views were run apart" in _scale_page.page({"100": both})
+    page = _scale_page.page({"100": both}).splitlines()
+    (start,) = [k for k, line in enumerate(page) if line.startswith("Of 100 shapes, inputs were run apart")]
+    assert page[start + 2 : start + 5 : 2] == ["| | mesh | view |", "| run, wall seconds on 2 cores | 5 | 3 |"]
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
