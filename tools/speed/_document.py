@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import psutil
 
+from benchmark.report.escaping import markdown_table
+
 SPEED = Path("results/speed.json")
 GROWTH = Path("results/growth.json")
 DECIMATION = Path("results/decimation.json")
@@ -214,8 +216,7 @@ def _seconds(seconds: float | None) -> str:
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return "\n".join(markdown_table(header, rows, n_left=len(header))) + "\n"
 
 
 def _place(found: dict[str, Any]) -> str:

@@ -10,6 +10,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from benchmark.report.escaping import markdown_table
+
 ROOT = Path(__file__).parents[2]
 RECALL = ROOT / "results" / "recall.json"
 PAGE, FIGURE = ROOT / "docs" / "appendix" / "scale.md", ROOT / "results" / "figures" / "scale.png"
@@ -106,18 +108,18 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "",
         "![Seconds against the number of shapes](../../results/figures/scale.png)",
         "",
-        "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |",
-        "| --- |" + " ---: |" * len(sizes),
+        *markdown_table(_head(sizes), _rows(measured, RUN | RANKING, sizes)),
+        *_parts(measured),
     ]
-    lines += [*_rows(measured, RUN | RANKING, sizes), *_parts(measured)]
     with_stages = [(int(at), found["stages"]) for at, found in measured.items() if found.get("stages")]
     if with_stages:
         size, stages = max(with_stages, key=lambda pair: pair[0])
         names = list(dict.fromkeys(stage for found in stages.values() for stage in found))
         lines += ["", f"Seconds a shape by stage, median over {size} shapes, one core:", ""]
-        lines += ["| job | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(names)]
-        for job, found in sorted(stages.items()):
-            lines.append(f"| {job} | " + " | ".join(f"{found[n]:.3g}" if n in found else "" for n in names) + " |")
+        lines += markdown_table(
+            ["job", *names],
+            [[job, *(f"{found[n]:.3g}" if n in found else "" for n in names)] for job, found in sorted(stages.items())],
+        )
     return "\n".join([*lines, *_beyond(measured)]) + "\n"
 
 
@@ -127,20 +129,21 @@ def _parts(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
         if parts := found.get("parts"):
             rest = "the column above sums them" if "run_seconds" in found else "the other has not been run yet"
             yield from ("", f"Of {size} shapes, inputs were run apart, each from nothing; {rest}:", "")
-            yield f"| | {' | '.join(parts)} |"
-            yield "| --- |" + " ---: |" * len(parts)
-            for name, title in RUN.items():
-                yield f"| {title} | " + " | ".join(f"{part[name]:.3g}" for part in parts.values()) + " |"
+            rows = [[title, *(f"{part[name]:.3g}" for part in parts.values())] for name, title in RUN.items()]
+            yield from markdown_table(["", *parts], rows)
 
 
-def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Iterable[int]) -> Iterator[str]:
-    """Yield a line for each quantity; what follows from other sizes is marked."""
+def _head(sizes: Iterable[int]) -> list[str]:
+    return ["", *(f"{size} shapes" for size in sizes)]
+
+
+def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Iterable[int]) -> Iterator[list[str]]:
+    """Yield a row for each quantity; what follows from other sizes is marked."""
     for name, title in names.items():
         found = [figure_of(measured, name, size) for size in sizes]
         if name in NEIGHBOURS and not name.endswith("seconds"):  # no power of the size
             found = [each if each and each[1] else None for each in found]
-        cells = ["--" if each is None else f"{'' if each[1] else '≈ '}{each[0]:.3g}" for each in found]
-        yield f"| {title} | " + " | ".join(cells) + " |"
+        yield [title, *("--" if each is None else f"{'' if each[1] else '≈ '}{each[0]:.3g}" for each in found)]
 
 
 def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
@@ -149,15 +152,17 @@ def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
     if not any("nearest_seconds" in found for found in measured.values()):
         return
     yield from (*BEYOND_HEAD.splitlines(), "")
-    yield "| | " + " | ".join(f"{size} shapes" for size in sizes) + " |"
-    yield "| --- |" + " ---: |" * len(sizes)
-    yield from _rows(measured, {name: RANKING[name] for name in ("matching_seconds", "record_mib")}, sizes)
-    yield from _rows(measured, NEIGHBOURS, sizes)
-    yield "| matrix of all pairs, GiB | " + " | ".join(f"{8 * size**2 / 2**30:.3g}" for size in sizes) + " |"
     stages = max((found for found in measured.values() if found.get("stages")), key=lambda found: found["run_seconds"])
-    for stage, seconds in stages["stages"]["mesh classic-mds"].items():
-        cells = [f"≈ {seconds * size / 3600:.3g}" for size in sizes]
-        yield f"| {stage} of mesh classic-mds, hours on one core | " + " | ".join(cells) + " |"
+    rows = [
+        *_rows(measured, {name: RANKING[name] for name in ("matching_seconds", "record_mib")}, sizes),
+        *_rows(measured, NEIGHBOURS, sizes),
+        ["matrix of all pairs, GiB", *(f"{8 * size**2 / 2**30:.3g}" for size in sizes)],
+        *(
+            [f"{stage} of mesh classic-mds, hours on one core", *(f"≈ {seconds * size / 3600:.3g}" for size in sizes)]
+            for stage, seconds in stages["stages"]["mesh classic-mds"].items()
+        ),
+    ]
+    yield from markdown_table(_head(sizes), rows)
     yield from BEYOND_FOOT.splitlines()
     for name, table in json.loads(RECALL.read_text()).items() if RECALL.exists() else ():
         yield from ("", f"{name}:", "", *table)

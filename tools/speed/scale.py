@@ -25,9 +25,8 @@ import psutil
 from benchmark.protocols.tables import INPUTS
 from retrieval.clock_index import ClockIndex
 from retrieval.neighbours import Nearest
-from tools.speed._scale_page import METHODS, POSES, write
+from tools.speed._scale_page import METHODS, POSES, ROOT, write
 
-ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / "results" / "scale.json"
 CORES = 2
 MIB = 2**20

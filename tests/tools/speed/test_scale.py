@@ -72,7 +72,7 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
     assert list(both["stages"]) == ["mesh gps", "view gps"]
     page = _scale_page.page({"100": both}).splitlines()
     (start,) = [k for k, line in enumerate(page) if line.startswith("Of 100 shapes, inputs were run apart")]
-    assert page[start + 2 : start + 5 : 2] == ["| | mesh | view |", "| run, wall seconds on 2 cores | 5 | 3 |"]
+    assert page[start + 2 : start + 5 : 2] == ["|  | mesh | view |", "| run, wall seconds on 2 cores | 5 | 3 |"]
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
