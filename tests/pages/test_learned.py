@@ -60,7 +60,7 @@ def records() -> pd.DataFrame:
 def test_tables_are_those_that_were_measured(table, figures: str) -> None:
     found = json.loads((ROOT / "results" / figures).read_text(encoding="utf-8"))
     assert len(found) > 1
-    rows = [line for line in table(found).splitlines() if not line.startswith(("|---", "| *chance*"))]
+    rows = [line for line in table(found).splitlines() if not line.startswith(("| ---", "| *chance*"))]
     assert [line for line in rows if line not in PAGE] == []
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmark.report.escaping import markdown_table
 from benchmark.system.fingerprints import fingerprint
 from tools.faults.cases import Border, Outcome
 
@@ -119,12 +120,12 @@ def as_text(report: Mapping[str, Any]) -> str:
 def table(cases: Mapping[str, Mapping[str, Any]]) -> str:
     """One row a section, and one for all."""
     sections = dict.fromkeys(name.partition("/")[0] for name in cases)
-    lines: list[Sequence[str]] = [_HEADER, ("---", *["---:"] * (len(_HEADER) - 1))]
+    rows: list[Sequence[str]] = []
     for section in sections:
         own = [figures for name, figures in cases.items() if name.startswith(f"{section}/")]
-        lines.append((section, *_cells(own)))
-    lines.append(("all", *_cells(list(cases.values()))))
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+        rows.append((section, *_cells(own)))
+    rows.append(("all", *_cells(list(cases.values()))))
+    return "\n".join(markdown_table(_HEADER, rows)) + "\n"
 
 
 def publish(report: Mapping[str, Any], root: Path = Path()) -> None:

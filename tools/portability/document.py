@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.methods.registry import BUILT_IN
+from benchmark.report.escaping import markdown_table
 
 SCORES = Path("results/portability.json")
 DOCUMENT = Path("docs/appendix/portability.md")
@@ -142,15 +143,14 @@ def document(found: Mapping[str, Any]) -> str:
         goal=GOAL,
     )
     head = ["method", "input", "NN", "FT", "ST", "DCG", "same", "form moves"]
-    lines = [" | ".join(head), " | ".join(["---", "---", *["---:"] * 6])]
-    missed = []
+    body, missed = [], []
     for row in found["rows"]:
         spans = [max(values) - min(values) for values in row["measures"].values()] if "measures" in row else [0.0] * 4
         if max(spans) > GOAL:
             missed.append(f"{row['method']} ({row['input']})")
         cells = [row["method"], row["input"], *(f"{span:.4f}" for span in spans)]
-        lines.append(" | ".join([*cells, f"{row['same']} of {row['shapes']}", f"{row['form_moves']:.0e}"]))
-    table = "\n".join(f"| {line} |" for line in lines)
+        body.append([*cells, f"{row['same']} of {row['shapes']}", f"{row['form_moves']:.0e}"])
+    table = "\n".join(markdown_table(head, body, 2))
     outcome = f"Beyond the goal: {', '.join(missed)}." if missed else "Every row keeps the goal."
     if absent := absent_methods(found):
         outcome += f" Not yet measured: {', '.join(absent)}."

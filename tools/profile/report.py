@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from benchmark.report.escaping import markdown_table
+
 BEFORE, AFTER = "idle: before the first task (imports, plan)", "idle: after the last task (tables)"
 TAIL, BETWEEN = "idle: the tail, in which not all work", "idle: between tasks"
 
@@ -93,18 +95,17 @@ class Profile:
             f"{self.ended - self.began:.0f} s, {self.workers} workers, {len(self.tasks)} tasks; "
             f"{self.processor:.0f} s of processor time, {of_workers:.0f} s of them in the workers.",
             "",
-            "| part | share | seconds | processor | of that, first calls |",
-            "|---|---:|---:|---:|---:|",
         ]
-        parts = self.parts()
+        parts, rows = self.parts(), []
         for part, seconds in [*parts.most_common(), ("sum", parts.total())]:
             used, first = (of_workers, firsts.total()) if part == "sum" else (of_parts[part], firsts[part])
-            lines.append(f"| {part} | {seconds / self.whole:.1%} | {seconds:.1f} | {used:.1f} | {first:.1f} |")
-        lines += ["", f"| method | {' | '.join(BY_METHOD)} | share |", "|---|" + "---:|" * (len(BY_METHOD) + 1)]
-        for method, found in sorted(self.methods().items(), key=lambda each: -each[1].total()):
-            cells = " | ".join(f"{found[part]:.1f}" for part in BY_METHOD)
-            lines.append(f"| {method} | {cells} | {found.total() / of_workers:.1%} |")
-        return "\n".join(lines)
+            rows.append([part, f"{seconds / self.whole:.1%}", *(f"{each:.1f}" for each in (seconds, used, first))])
+        lines += [*markdown_table(["part", "share", "seconds", "processor", "of that, first calls"], rows), ""]
+        by_method = [
+            [method, *(f"{found[part]:.1f}" for part in BY_METHOD), f"{found.total() / of_workers:.1%}"]
+            for method, found in sorted(self.methods().items(), key=lambda each: -each[1].total())
+        ]
+        return "\n".join(lines + markdown_table(["method", *BY_METHOD, "share"], by_method))
 
     def _spans(self) -> list[tuple[float, float, int]]:
         """Spans between the beginnings and ends of tasks, with how many tasks were under way."""

@@ -30,6 +30,7 @@ from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph  # noqa: E
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
 from benchmark.geometry.shortest_paths import shortest_paths  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from tools.speed._timing import least_seconds, row  # noqa: E402
 
 FloatArray = NDArray[np.float64]
@@ -144,14 +145,13 @@ def _solve(mesh: Mesh, solver: str) -> FloatArray:
 
 def _print(title: str, rows: Sequence[dict[str, Any]], heat_seconds: float) -> None:
     print(f"\n### {title}\n")
-    print("| solver | mean % | 95th percentile % | max % | worst shape, mean % | seconds | time / heat |")
-    print("|---|---|---|---|---|---|---|")
-    for each in rows:
-        errors = " | ".join(f"{each[key]:.3f}" for key in ("mean", "p95", "max", "worst_mean"))
-        print(
-            f"| {each['solver']} | {errors} | {each['seconds']:.3f} | {each['seconds'] / heat_seconds:.2f} |",
-            flush=True,
-        )
+    head = ["solver", "mean %", "95th percentile %", "max %", "worst shape, mean %", "seconds", "time / heat"]
+    columns = ("mean", "p95", "max", "worst_mean", "seconds")
+    body = [
+        [each["solver"], *(f"{each[name]:.3f}" for name in columns), f"{each['seconds'] / heat_seconds:.2f}"]
+        for each in rows
+    ]
+    print("\n".join(markdown_table(head, body, len(head))), flush=True)
 
 
 def main() -> None:

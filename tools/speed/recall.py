@@ -19,6 +19,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs.method_run import MethodRun, features_of
 from benchmark.jobs.preparation import Preparation
 from benchmark.methods.registry import methods
+from benchmark.report.escaping import markdown_table
 from benchmark.storage.store import Store
 from retrieval import clock_index
 from retrieval.clock_index import ClockIndex
@@ -64,11 +65,12 @@ def main() -> None:
     everybody = np.arange(len(index))
     exact = np.array([index.distances(np.full(len(index), form), everybody) for form in everybody])
     np.fill_diagonal(exact, np.inf)
-    table = ["| kept | " + " | ".join(f"{k}: {k * each}" for k in NEIGHBOURS for each in CANDIDATES) + " |"]
-    table.append("| ---: |" + " ---: |" * len(NEIGHBOURS) * len(CANDIDATES))
+    body = []
     for kept in KEPT:
         clock_index.KEPT = kept
-        table.append(f"| {kept} | " + " | ".join(recalls(ClockIndex.from_arrays(index.to_arrays()), exact)) + " |")
+        body.append([f"{kept}", *recalls(ClockIndex.from_arrays(index.to_arrays()), exact)])
+    head = ["kept", *(f"{k}: {k * each}" for k in NEIGHBOURS for each in CANDIDATES)]
+    table = markdown_table(head, body, n_left=0)
     known = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
     known[f"{len(index)} forms of {options.dataset} by {', '.join(options.m)}"] = table
     MEASURED.write_text(json.dumps(known, indent=1) + "\n")

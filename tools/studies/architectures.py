@@ -30,6 +30,7 @@ from benchmark.errors import UnsupportedShape  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed, streamed  # noqa: E402
 from learned.streamed.model import form_of, predicted  # noqa: E402
@@ -238,17 +239,14 @@ def forms_of(
 def table(found: Iterable[Mapping[str, float | str]]) -> str:
     """The comparison as Markdown, for ``docs/appendix/streamed-network.md``."""
     head = ("configuration", "minutes", "steps", "ms a step", "parameters", *PRINTED, "refused")
-    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
-    rows = list(found)
+    rows, body = list(found), []
     for row in rows:
         scores = [f"{row[name]:.2f}" for name in PRINTED]
         numbers = [f"{row['processor seconds'] / 60:.1f}", f"{row['steps']}", f"{row['ms a step']:.0f}"]
-        cells = [f"`{row['configuration']}`", *numbers, f"{row['parameters']:.0f}", *scores, f"{row['refused']}"]
-        lines.append(f"| {' | '.join(cells)} |")
+        body.append([f"`{row['configuration']}`", *numbers, f"{row['parameters']:.0f}", *scores, f"{row['refused']}"])
     if rows:
-        chance = [f"{rows[0][f'chance {name}']:.2f}" for name in PRINTED]
-        lines.append(f"| *chance* | | | | | {' | '.join(chance)} | |")
-    return "\n".join(lines)
+        body.append(["*chance*", *[""] * 4, *(f"{rows[0][f'chance {name}']:.2f}" for name in PRINTED), ""])
+    return "\n".join(markdown_table(head, body))
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.datasets.varied.wide import WideSampler  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED, VIEWS  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.system.files import write_text  # noqa: E402
 from learned.streamed.configuration import STREAMED  # noqa: E402
 from learned.streamed.methods import StreamedLearner  # noqa: E402
@@ -128,16 +129,15 @@ def keep(weights: Weights, gallery: Fresh) -> None:
 def table(rows: Sequence[Row]) -> str:
     """The comparison as Markdown: scores, and by how much FT is above that of going on as before."""
     head = ("trained on", "bodies", *PRINTED, "FT above going on as before")
-    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
+    body: list[list[str]] = []
     as_before = next((np.array(row["of bodies"]["FT"]) for row in rows if row["weights"] == AS_BEFORE), None)
     for row in rows:
         above = ""
         if as_before is not None and row["weights"] not in (AS_BEFORE, BEFORE):
             gain = np.array(row["of bodies"]["FT"]) - as_before
             above = "{:.3f} ({:.3f} to {:.3f})".format(gain.mean(), *interval(gain.tolist()))
-        scores = [f"{row[name]:.3f}" for name in PRINTED]
-        lines.append(f"| {row['weights']} | {row['bodies']} | {' | '.join(scores)} | {above} |")
-    return "\n".join(lines)
+        body.append([row["weights"], f"{row['bodies']}", *(f"{row[name]:.3f}" for name in PRINTED), above])
+    return "\n".join(markdown_table(head, body))
 
 
 if __name__ == "__main__":

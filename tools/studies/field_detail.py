@@ -26,6 +26,7 @@ from benchmark.api.streaming import Surfaces  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from learned.field.methods import DeformationField  # noqa: E402
 from learned.field.model import configuration_of as field_in  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
@@ -103,15 +104,14 @@ def _prepared(bodies: Surfaces) -> tuple[list[Shape], list[str]]:
 
 def table(found: Sequence[Mapping[str, float | str]]) -> str:
     """The comparison as Markdown, for ``docs/appendix/deformation-field.md``."""
-    lines = [f"| form | {' | '.join(PRINTED)} | change of lengths |", "|---|" + "---:|" * (len(PRINTED) + 1)]
-    lines += [f"| {row['form']} | {_cells(row, PRINTED)} | {row['edge strain']:.3f} |" for row in found]
+    body = [[f"{row['form']}", *_cells(row, PRINTED), f"{row['edge strain']:.3f}"] for row in found]
     if found:
-        lines.append(f"| *chance* | {_cells(found[0], [f'chance {name}' for name in PRINTED])} | |")
-    return "\n".join(lines)
+        body.append(["*chance*", *_cells(found[0], [f"chance {name}" for name in PRINTED]), ""])
+    return "\n".join(markdown_table(["form", *PRINTED, "change of lengths"], body))
 
 
-def _cells(row: Mapping[str, float | str], names: Iterable[str]) -> str:
-    return " | ".join(f"{row[name]:.2f}" for name in names)
+def _cells(row: Mapping[str, float | str], names: Iterable[str]) -> list[str]:
+    return [f"{row[name]:.2f}" for name in names]
 
 
 if __name__ == "__main__":

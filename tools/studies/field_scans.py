@@ -38,6 +38,7 @@ from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.geometry.preparation import prepare  # noqa: E402
 from benchmark.jobs.stages.distances import descriptor_distances, form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.system.files import write_atomically, write_text  # noqa: E402
 from learned.field.methods import DeformationField  # noqa: E402
 from learned.field.model import configuration_of  # noqa: E402
@@ -185,15 +186,13 @@ def _kept(path: Path, make: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
 
 def table(found: Sequence[Row]) -> str:
     """The comparison as Markdown, for ``docs/appendix/deformation-field.md``."""
-    lines = [f"| method | {' | '.join(PRINTED)} | 95 % of NN | 95 % of FT |", "|---|" + "---:|" * (len(PRINTED) + 2)]
+    body = []
     for row in found:
         intervals = (" to ".join(f"{end:.2f}" for end in row[f"{name} interval"]) for name in ("NN", "FT"))
-        cells = [f"`{row['method']}`", *(f"{row[name]:.2f}" for name in PRINTED), *intervals]
-        lines.append(f"| {' | '.join(cells)} |")
+        body.append([f"`{row['method']}`", *(f"{row[name]:.2f}" for name in PRINTED), *intervals])
     if found:
-        chance = " | ".join(f"{found[0][f'chance {name}']:.2f}" for name in PRINTED)
-        lines.append(f"| *chance* | {chance} | | |")
-    return "\n".join(lines)
+        body.append(["*chance*", *(f"{found[0][f'chance {name}']:.2f}" for name in PRINTED), "", ""])
+    return "\n".join(markdown_table(["method", *PRINTED, "95 % of NN", "95 % of FT"], body))
 
 
 if __name__ == "__main__":

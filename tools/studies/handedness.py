@@ -34,6 +34,7 @@ from benchmark.geometry.camera import Camera  # noqa: E402
 from benchmark.geometry.preparation import decimate, prepare  # noqa: E402
 from benchmark.jobs.stages.view import half_width_of, seen  # noqa: E402
 from benchmark.methods.registry import MethodSpec, methods, variant  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from tools.studies.architectures import RANKED  # noqa: E402
 from tools.studies.jitter import aligned  # noqa: E402
 
@@ -151,11 +152,11 @@ def table(found: Iterable[Row]) -> str:
         of_place.setdefault(kind, []).append(row)
     kinds = ("jitter", "rotation", "triangles", "pose")
     head = ("set", "input", "method", *(f"{kind}, {how}" for kind in kinds for how in ("made", "rule")))
-    lines = [f"| {' | '.join(head)} |", "|---|---|---|" + "---:|" * (len(head) - 3)]
-    for place, by_kind in groups.items():
-        cells = [cell for kind in kinds for cell in shares(by_kind.get(kind, []))]
-        lines.append(f"| {' | '.join((*place, *cells))} |")
-    return "\n".join(lines)
+    body = [
+        [*place, *(cell for kind in kinds for cell in shares(by_kind.get(kind, [])))]
+        for place, by_kind in groups.items()
+    ]
+    return "\n".join(markdown_table(head, body, 3))
 
 
 def shares(found: Sequence[Row]) -> tuple[str, str]:

@@ -29,6 +29,7 @@ from benchmark.datasets.base import Entry  # noqa: E402
 from benchmark.jobs.preparation import Preparation  # noqa: E402
 from benchmark.methods.registry import methods  # noqa: E402
 from benchmark.report.artefact_reader import ArtefactReader  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.report.results import Result, Results  # noqa: E402
 from benchmark.storage.records import Record, scorer_name  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
@@ -78,13 +79,9 @@ def main(folder: Path, data_root: Path | None, shapes: int) -> None:
     artefacts = ArtefactReader(store, known, data_root)
     rows = [result for result in Results(store, known, data_root).all() if len(result.repeats) > 1]
     head = ("gallery", "input", "method", "shapes", *(field.name for field in fields(Change)), "matrix", "same NN")
-    print("\n".join([_line(head), "|---|---|---|" + "---:|" * (len(head) - 3)]))
-    for result in rows:
-        print(_line(stages(result, artefacts, shapes)), flush=True)
+    print("\n".join(markdown_table(head, [stages(result, artefacts, shapes) for result in rows], 3)) + "\n", flush=True)
     measured = ("gallery", "input", "method", "jitters", *PRINTED, *(f"sd {name}" for name in PRINTED))
-    print("\n" + "\n".join([_line(measured), "|---|---|---|" + "---:|" * (len(measured) - 3)]))
-    for result in rows:
-        print(_line(scores(result)))
+    print("\n".join(markdown_table(measured, map(scores, rows), 3)))
 
 
 def scores(result: Result) -> list[str]:
@@ -210,10 +207,6 @@ def _place(result: Result) -> list[str]:
 def _mean(values: Iterable[float]) -> str:
     known = [value for value in values if not np.isnan(value)]
     return f"{np.mean(known):.3f}" if known else "--"
-
-
-def _line(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":

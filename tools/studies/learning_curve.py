@@ -28,6 +28,7 @@ from benchmark.jobs.pairs import training_data  # noqa: E402
 from benchmark.jobs.stages.distances import form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
 from benchmark.protocols.trainings import TRAININGS, fold_name, with_validation  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
 from learned.images import enlarge  # noqa: E402
 from learned.paired.configuration import LITERAL  # noqa: E402
@@ -122,11 +123,14 @@ def _predictions(network: nn.Module, images: Tensor) -> Tensor:
 def table(found: Iterable[Mapping[str, float]]) -> str:
     """The curve as Markdown."""
     columns = (*PRINTED, "validation mask overlap", "validation depth error", "training depth error")
-    lines = [f"| pixels | epochs | {' | '.join(columns)} |", "|---:" * (len(columns) + 2) + "|"]
-    for row in found:
-        cells = [f"{row[name]:.3f}" if "error" in name else f"{row[name]:.2f}" for name in columns]
-        lines.append(f"| {row['resolution']} | {row['epochs']} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    body = [
+        [
+            *(f"{row[name]}" for name in ("resolution", "epochs")),
+            *(f"{row[name]:.3f}" if "error" in name else f"{row[name]:.2f}" for name in columns),
+        ]
+        for row in found
+    ]
+    return "\n".join(markdown_table(["pixels", "epochs", *columns], body, n_left=0))
 
 
 def draw(found: Sequence[Mapping[str, float]], path: Path) -> None:

@@ -33,6 +33,7 @@ from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.geometry.depth import SIZE  # noqa: E402
 from benchmark.jobs.stages.distances import form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from learned.streamed.configuration import Streamed, from_card  # noqa: E402
 from learned.streamed.images import batch_of  # noqa: E402
 from learned.streamed.losses import NAMES, losses  # noqa: E402
@@ -187,14 +188,13 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 def table(found: Sequence[Row]) -> str:
     """The curve as Markdown."""
     head = ("weights", "bodies", *PRINTED, "95 % of FT", "mask overlap", "depth error", "depth loss", "mask loss")
-    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 1)]
+    body = []
     for row in found:
         low, high = row["FT interval"]
         name = "shipped" if row["weights"] == "shipped" else ""
         cells = [name, f"{row['bodies']}", *(f"{row[name]:.2f}" for name in PRINTED), f"{low:.2f} to {high:.2f}"]
-        cells += [f"{row['mask overlap']:.3f}", *(f"{row[name]:.5f}" for name in head[8:])]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        body.append([*cells, f"{row['mask overlap']:.3f}", *(f"{row[name]:.5f}" for name in head[8:])])
+    return "\n".join(markdown_table(head, body))
 
 
 def draw(found: Sequence[Row], path: Path) -> None:

@@ -32,6 +32,7 @@ from benchmark.jobs.preparation import Preparation  # noqa: E402
 from benchmark.jobs.stages.distances import form_distances  # noqa: E402
 from benchmark.jobs.stages.measures import scores  # noqa: E402
 from benchmark.protocols.trainings import SUBJECT_FOLDS, fold_name  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.storage.store import Store  # noqa: E402
 from learned.images import COVERED, enlarge, shrink, smooth  # noqa: E402
 from learned.paired.model import load_model, predict  # noqa: E402
@@ -178,10 +179,8 @@ def pose_over_body(images: Tensor) -> float:
 def table(found: Sequence[Mapping[str, float | str]]) -> str:
     """The rows as Markdown, for ``docs/appendix/paper-network.md``."""
     names = (*PRINTED, "FT low", "FT high", "pose over body")
-    lines = [f"| what is ranked | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
-    for row in found:
-        lines.append(f"| {row['row']} | {' | '.join(f'{row[name]:.2f}' for name in names)} |")
-    return "\n".join(lines)
+    body = [[f"{row['row']}", *(f"{row[name]:.2f}" for name in names)] for row in found]
+    return "\n".join(markdown_table(["what is ranked", *names], body))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.report.escaping import markdown_table
 from benchmark.results import ResultsFolder, open_results
 from retrieval.metrics import evaluate
 
@@ -48,15 +49,15 @@ def scores(matrices: NDArray[Any], labels: list[str], refused: list[int]) -> NDA
 
 
 def main() -> None:
-    """Print a line for each job."""
+    """Print a table with a line for each job."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path)
     parser.add_argument("--data-root", type=Path)
     options = parser.parse_args()
     results = open_results(options.results, data_root=options.data_root)
     records = results.records()
-    print("| gallery, input | method | all answered | tallest tenth | worst hubs (a tenth) | a class |")
-    print("|---|---|---|---|---|---|")
+    head = ["gallery, input", "method", "all answered", "tallest tenth", "worst hubs (a tenth)", "a class"]
+    body = []
     for key, row in records[records["status"] == "ok"].iterrows():
         try:
             matrices = results.distance_matrices(str(key))
@@ -72,7 +73,8 @@ def main() -> None:
             "class": [place for place, label in enumerate(labels) if label == smallest],
         }
         cells = [" ".join(f"{value:.2f}" for value in scores(matrices, labels, refused)) for refused in chosen.values()]
-        print(f"| {row['gallery']}, {row['input']} | {row['method']} | {' | '.join(cells)} |")
+        body.append([f"{row['gallery']}, {row['input']}", row["method"], *cells])
+    print("\n".join(markdown_table(head, body, len(head))))
 
 
 if __name__ == "__main__":

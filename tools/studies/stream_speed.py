@@ -21,6 +21,7 @@ from benchmark.api.streaming import MakesFresh  # noqa: E402
 from benchmark.datasets.varied.sampler import Sampler  # noqa: E402
 from benchmark.datasets.varied.wide import WideSampler  # noqa: E402
 from benchmark.jobs.pairs.stream import TRAINED, VIEWS  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from learned.streamed.configuration import STREAMED, Streamed  # noqa: E402
 from learned.streamed.images import MakesImages  # noqa: E402
 from learned.streamed.losses import weighted  # noqa: E402
@@ -68,12 +69,13 @@ def main(rounds: int, bodies: int) -> None:
                 made[name] = min(made.get(name, 1e9), between - began)
                 trained[name] = min(trained.get(name, 1e9), time.process_time() - between)
                 images[name] = len(batch.images)
-    head = ("images", "ms for bodies", "ms for the network", "bodies an hour", "images an hour")
-    print(f"| | {' | '.join(head)} |\n|---|" + "---:|" * len(head))
+    head = ("", "images", "ms for bodies", "ms for the network", "bodies an hour", "images an hour")
+    body = []
     for name in COMPARED:
         hourly = 3600 / (made[name] + trained[name])
         cells = (images[name], 1000 * made[name], 1000 * trained[name], bodies * hourly, images[name] * hourly)
-        print(f"| {name} | {' | '.join(f'{cell:.0f}' for cell in cells)} |")
+        body.append([name, *(f"{cell:.0f}" for cell in cells)])
+    print("\n".join(markdown_table(head, body)))
 
 
 def step_of(chosen: Streamed) -> Callable[..., None]:

@@ -23,6 +23,7 @@ import numpy as np  # noqa: E402
 from benchmark.datasets.human_poses import POSES  # noqa: E402
 from benchmark.geometry.mesh import Mesh  # noqa: E402
 from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS  # noqa: E402
+from benchmark.report.escaping import markdown_table  # noqa: E402
 from benchmark.results import ResultsFolder, open_results  # noqa: E402
 from retrieval.measures import PRINTED  # noqa: E402
 from tools.studies.finished import newest  # noqa: E402
@@ -106,11 +107,9 @@ def _means(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 def table(found: Iterable[Mapping[str, float | str]]) -> str:
     """The comparison as Markdown, for ``docs/appendix/paper-network.md``."""
-    lines = [f"| gallery and models | {' | '.join(PRINTED)} | chance NN |", "|---|" + "---:|" * (len(PRINTED) + 1)]
-    for row in found:
-        cells = [f"{row[name]:.2f}" for name in (*PRINTED, "chance NN")]
-        lines.append(f"| {row['row']} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    names = (*PRINTED, "chance NN")
+    body = [[f"{row['row']}", *(f"{row[name]:.2f}" for name in names)] for row in found]
+    return "\n".join(markdown_table(["gallery and models", *names], body))
 
 
 if __name__ == "__main__":

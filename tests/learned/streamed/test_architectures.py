@@ -54,7 +54,7 @@ def test_each_configuration_gets_its_share_and_is_not_trained_twice(
     assert ranked == [(12, tuple(f"toy-0-{body}" for body in range(3) for _ in range(4)))] * 2
     lines = architectures.table(found).splitlines()
     assert lines[2].startswith("| `toy` | ")
-    assert lines[-1] == "| *chance* | | | | | 0.20 | 0.20 | 0.20 | 0.20 | |"
+    assert lines[-1] == "| *chance* |  |  |  |  | 0.20 | 0.20 | 0.20 | 0.20 |  |"
 
 
 def test_a_batch_is_made_once_and_read_as_it_was_made(tmp_path: Path) -> None:
