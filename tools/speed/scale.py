@@ -23,6 +23,7 @@ import numpy as np
 import psutil
 
 from benchmark.protocols.tables import INPUTS
+from benchmark.system.files import write_text
 from retrieval.clock_index import ClockIndex
 from retrieval.neighbours import Nearest
 from tools.speed._scale_page import METHODS, POSES, ROOT, write
@@ -53,32 +54,33 @@ def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
     """Run a gallery from nothing, or go on where it was stopped, and look at memory and disk meanwhile."""
     name, more = (f"{size}-{input_}", ("--input", input_)) if input_ else (str(size), ())
     results = folder / name
-    spent = folder / f"{name}.seconds"  # of the runs that were stopped
+    spent = folder / f"{name}.json"  # of the runs that were stopped
     folder.mkdir(parents=True, exist_ok=True)
-    before = float(spent.read_text()) if spent.exists() else 0.0
+    before = {"run_seconds": 0.0, "peak_mib": 0.0, "most_disk_mib": 0.0}
+    if spent.exists():
+        before = json.loads(spent.read_text())
     begun = looked = time.perf_counter()
     process = subprocess.Popen(
         command("run", size, results, "-j", str(CORES), *more), cwd=ROOT, stdout=subprocess.DEVNULL
     )
-    peak, most_disk, seconds = 0.0, 0.0, before
+    found = dict(before)
     while process.poll() is None:
-        peak = max(peak, _resident(process.pid) / MIB)
+        found["peak_mib"] = max(found["peak_mib"], _resident(process.pid) / MIB)
         if time.perf_counter() - looked > SECONDS_BETWEEN_LOOKS:
-            most_disk, looked = max(most_disk, _disk_mib(results)), time.perf_counter()
+            found["most_disk_mib"], looked = max(found["most_disk_mib"], _disk_mib(results)), time.perf_counter()
         time.sleep(0.5)
-        seconds = before + time.perf_counter() - begun
-        spent.write_text(str(seconds))
+        found["run_seconds"] = before["run_seconds"] + time.perf_counter() - begun
+        write_text(spent, json.dumps(found))
     if process.returncode not in (0, 1):
         raise SystemExit(f"the run of {size} shapes ended with {process.returncode}")
     records = [json.loads(path.read_text()) for path in (results / "runs" / "records").glob("*.json")]
     done = [record for record in records if record["status"] == "ok"]
     disk = _disk_mib(results)
     return {
-        "run_seconds": seconds,
+        **found,
         "ranking_seconds": sum(record["wall_seconds"] for record in done),
-        "peak_mib": peak,
         "disk_mib": disk,
-        "most_disk_mib": max(most_disk, disk),
+        "most_disk_mib": max(found["most_disk_mib"], disk),
         "plan_seconds": _seconds(command("plan", size, results, *more)),
         "tables_seconds": _seconds(command("tables", size, results, *more)),
         "stages": {f"{r['input']} {r['method']}": r["cost"]["seconds_per_shape"] for r in done},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,15 @@ def test_inputs_that_were_run_apart_are_summed(monkeypatch: pytest.MonkeyPatch, 
     page = _scale_page.page({"100": both}).splitlines()
     (start,) = [k for k, line in enumerate(page) if line.startswith("Of 100 shapes, inputs were run apart")]
     assert page[start + 2 : start + 5 : 2] == ["|  | mesh | view |", "| run, wall seconds on 2 cores | 5 | 3 |"]
+
+
+def test_what_a_stopped_run_took_counts_when_it_goes_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    stopped = {"run_seconds": 100.0, "peak_mib": 1e6, "most_disk_mib": 5.0}
+    (tmp_path / "40-mesh.json").write_text(json.dumps(stopped))
+    monkeypatch.setattr(scale, "command", lambda *_: [sys.executable, "-c", "pass"])
+    found = scale.run(40, tmp_path, "mesh")
+    assert 100.0 < found["run_seconds"] < 160.0
+    assert (found["peak_mib"], found["most_disk_mib"]) == (1e6, 5.0)
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
