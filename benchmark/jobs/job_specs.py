@@ -124,13 +124,30 @@ class ScoringTask:
     jobs: tuple[JobSpec, ...]
 
 
-Task = ShapeBatch | ScoringTask
+@dataclass(frozen=True)
+class ComparisonTask:
+    """Comparing the shapes of one job, all of them treated, under one draw of its scorer: a part of its ranking.
+
+    Parameters
+    ----------
+    jobs
+        The job alone.
+    draw
+        The draw.
+    """
+
+    jobs: tuple[JobSpec, ...]
+    draw: int | None
+
+
+Task = ShapeBatch | ScoringTask | ComparisonTask
 
 #: What travels, by name: in JSON that name stands beside the arguments that make the same again.
 _CLASSES: dict[str, Any] = {
     each.__name__: each
     for each in (
-        ShapeBatch, ScoringTask, JobSpec, Model, MethodSpec, ForeignMethodSpec, ScorerSpec, ForeignScorerSpec, Path,
+        ShapeBatch, ScoringTask, ComparisonTask, JobSpec, Model, MethodSpec, ForeignMethodSpec, ScorerSpec,
+        ForeignScorerSpec, Path,
     )
 }  # fmt: skip
 

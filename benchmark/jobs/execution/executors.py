@@ -15,7 +15,7 @@ from benchmark.jobs.execution.job_queue import JobQueue, record_of
 from benchmark.jobs.execution.runner import failure, keep, work
 from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, LocalWorkerPool, PoolWorker, WorkerPool
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, Task, shape_batches
+from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
 from benchmark.jobs.plan import UNSAVED
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
@@ -238,7 +238,7 @@ class Run:
                 running.worker.end()
 
     def _start(self) -> None:
-        while (free := self.workers.free) > 0 and (task := self.queue.take(free)):
+        while (free := self.workers.free) > 0 and (task := self.queue.take(free, self.workers.pool.size)):
             try:
                 self.workers.begin(task)
             except OSError as error:
@@ -320,10 +320,10 @@ class Run:
         """Tell which jobs are at work, or what is waited for, and how many shapes are done."""
         names, shapes = [], self.queue.shapes_done
         for running in self.workers.running:
-            status, is_ranking = running.worker.status, isinstance(running.task, ScoringTask)
+            status, is_treating = running.worker.status, isinstance(running.task, ShapeBatch)
             if job := self.queue.pending.get(status.job):
                 names.append(_said(job.name, status.shape))
-            shapes += 0 if is_ranking else status.steps
+            shapes += status.steps if is_treating else 0
         if not self.workers.running and self.workers.pool.waits_for:
             names = [self.workers.pool.waits_for]
         elif not self.workers.running:

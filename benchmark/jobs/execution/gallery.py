@@ -98,6 +98,7 @@ class RankedGallery:
     refused: list[tuple[str, str]] = field(default_factory=list)
     unprepared: list[str] = field(default_factory=list)
     recipes: dict[int | None, recipes.Recipe] = field(default_factory=dict)
+    _before: dict[int | None, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -152,13 +153,24 @@ class RankedGallery:
 
     def matrices(self) -> Iterator[NDArray[Any]]:
         """The distances under each draw, shape (N, N) each."""
-        yield from (self._matrix(draw).arrays["distances"] for draw in self.recipes)
+        yield from (self.compared(draw).arrays["distances"] for draw in self.recipes)
 
     def nearest(self) -> Iterator[Nearest]:
         """The nearest shapes under each draw."""
-        for recipe in self.recipes.values():
-            found = self.store.get_or_compute(recipe, partial(self._nearest, recipe), work="rank")
-            yield Nearest.from_arrays(found.arrays)
+        yield from (Nearest.from_arrays(self.compared(draw).arrays) for draw in self.recipes)
+
+    def compared(self, draw: int | None) -> Artefact:
+        """Make, or find, the distances under a draw, or the nearest shapes where neighbours are asked for."""
+        recipe = self.recipes[draw]
+        compare = partial(self._nearest, recipe) if self.neighbours else partial(self._distances, draw)
+        found = self.store.get_or_compute(recipe, compare, work="rank")
+        self._before.setdefault(draw, found.cost.seconds if found.was_cached else 0.0)
+        return found
+
+    @property
+    def seconds_before(self) -> float:
+        """Return the seconds that those comparisons took which had been made before."""
+        return sum(self._before.values())
 
     def _nearest(self, recipe: Recipe) -> Arrays:
         """The nearest shapes under the draw of a recipe, from the index, which is made where it is missing."""
@@ -174,34 +186,25 @@ class RankedGallery:
         self.tell(f"neighbours of {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
         return nearest(index.from_arrays(kept.arrays), self.neighbours).to_arrays()
 
-    def _matrix(self, draw: int | None) -> Artefact:
-        """Distances of one draw; they are written with what is told of the signatures."""
+    def _distances(self, draw: int | None) -> Arrays:
+        """Distances of one draw, with what is told of the signatures."""
+        method, scorer = self.method_run.method, self.scorer
+        if len(self.entries) == 1:
+            return {"distances": np.zeros((1, 1))}
+        if draw is None or scorer is None:
+            assert not isinstance(method, Method)  # noqa: S101
+            descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
+            found = self._in_order(descriptors, lambda items: distances.descriptor_distances(method, items), method)
+            return {"distances": found}
+        self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
+        # Distances that are kept need no signatures, but those whose file is damaged do.
+        signed = [self.method_run.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
+        about = json.dumps(asdict(Signatures.of(signed)), sort_keys=True)
+        signatures = list(map(features_of, signed))
+        found = self._in_order(signatures, lambda items: distances.form_distances(scorer, items, draw), scorer)
+        return {"distances": found, _SIGNATURES: np.array(about)}
 
-        def compute() -> Mapping[str, NDArray[Any]]:
-            method = self.method_run.method
-            if len(self.entries) == 1:
-                return {"distances": np.zeros((1, 1))}
-            if draw is None or self.scorer is None:
-                assert not isinstance(method, Method)  # noqa: S101
-                descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
-                return {
-                    "distances": self._compared(
-                        descriptors, lambda items: distances.descriptor_distances(method, items), method
-                    )
-                }
-            self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
-            # Distances that are kept need no signatures, but those whose file is damaged do.
-            signed = [self.method_run.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
-            about = json.dumps(asdict(Signatures.of(signed)), sort_keys=True)
-            scorer, number = self.scorer, draw
-            matrix = self._compared(
-                list(map(features_of, signed)), lambda items: distances.form_distances(scorer, items, number), scorer
-            )
-            return {"distances": matrix, _SIGNATURES: np.array(about)}
-
-        return self.store.get_or_compute(self.recipes[draw], compute, work="rank")
-
-    def _compared(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:
+    def _in_order(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:
         """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
         if not isinstance(by, Foreign):
             return compare(items)

@@ -1,4 +1,4 @@
-"""The queue of a run: shapes to treat, jobs to rank, and jobs that another run is at."""
+"""The queue of a run: shapes to treat, jobs to compare and rank, and jobs that another run is at."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from dataclasses import replace
 
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.runner import failure, keep
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.jobs.recipes import draws_of
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+
+#: Shapes from which on it takes longer to compare a gallery than to hand out a task and read its signatures again.
+LARGE = 200
 
 
 class JobQueue:
@@ -38,18 +42,30 @@ class JobQueue:
         self._batches: deque[ShapeBatch] = deque()
         self._open_batches: Counter[str] = Counter()
         self._to_rank: list[JobSpec] = []
+        self._comparisons: deque[ComparisonTask] = deque()
+        self._open_comparisons: Counter[str] = Counter()
         self._alone: deque[Task] = deque()
         self._cut(self.pending.values(), workers)
 
     def __bool__(self) -> bool:
-        return bool(self._batches or self._to_rank or self._alone or self.elsewhere)
+        waiting = (self._batches, self._comparisons, self._to_rank, self._alone, self.elsewhere)
+        return any(map(bool, waiting))
 
-    def take(self, free: int) -> Task | None:
-        """Return a task for one of the free workers: jobs to rank, else a batch of shapes; None if nothing is ready."""
+    def take(self, free: int, workers: int) -> Task | None:
+        """Return a task for one of the free workers: jobs to rank, else a batch of shapes; None if nothing is ready.
+
+        Where fewer jobs are to be ranked than could be, and all shapes are given out, draws are compared apart.
+        """
         if self._alone:
             return self._alone.popleft()
-        count = -(-len(self._to_rank) // free)  # shared among them: starting a process for each would take longer
-        if count:
+        if workers > 1 and not self._batches and len(self._to_rank) < max(free, 2):
+            self._share_out()
+        while self._comparisons:
+            comparison = self._comparisons.popleft()
+            if comparison.jobs[0].key not in self._store.records:
+                return comparison
+        if self._to_rank:  # small ones are shared among them: starting a process for each would take longer
+            count = 1 if _is_large(self._to_rank[0]) else -(-len(self._to_rank) // free)
             chosen, self._to_rank = self._to_rank[:count], self._to_rank[count:]
             return ScoringTask(tuple(chosen))
         while self._batches:
@@ -74,6 +90,9 @@ class JobQueue:
             Key of the job of it that is over; "" if none is.
         """
         left = tuple(job for job in task.jobs if job.key != without)
+        if isinstance(task, ComparisonTask):
+            self._comparisons.append(task)  # passed over where its job has a record by now
+            return
         if isinstance(task, ScoringTask):
             self._to_rank += [job for job in left if job.key not in self._store.records]
             return
@@ -91,20 +110,24 @@ class JobQueue:
 
     def set_apart(self, task: Task, shapes_done: int, key: str) -> None:
         """Let a task wait again that no worker has finished, and one of its jobs for a process of its own."""
-        alone = tuple(job for job in task.jobs if job.key == key)
-        if isinstance(task, ScoringTask):
-            self._alone.append(replace(task, jobs=alone))
-        else:
-            left = task.identifiers[shapes_done:]
-            self._alone.append(replace(task, jobs=alone, identifiers=left))
+        apart = replace(task, jobs=tuple(job for job in task.jobs if job.key == key))
+        if isinstance(apart, ShapeBatch):
+            left = apart.identifiers[shapes_done:]
+            apart = replace(apart, identifiers=left)
             self._open_batches[key] += 1
             self.shapes_done -= len(left)  # they are counted with the others of the task
+        self._alone.append(apart)
         self.put_back(task, shapes_done, without=key)
 
     def finish(self, task: Task) -> None:
         """Take note that a worker has finished a task."""
         if isinstance(task, ShapeBatch):
             self.put_back(task, len(task.identifiers))
+        elif isinstance(task, ComparisonTask):
+            (job,) = task.jobs
+            self._open_comparisons[job.key] -= 1
+            if not self._open_comparisons[job.key] and job.key not in self._store.records:
+                self._to_rank.append(job)
 
     def take_over(self, workers: int) -> None:
         """Take over what another run has given up; what it has done is handed on like everything else."""
@@ -118,7 +141,7 @@ class JobQueue:
     def ended(self, busy: Collection[str]) -> Iterator[tuple[JobSpec, Record]]:
         """Hand on the records of the jobs that have ended, without those whose keys a worker is busy with."""
         waiting = {*busy, *self.elsewhere, *(job.key for job in self._to_rank)}
-        waiting |= {job.key for task in self._alone for job in task.jobs}
+        waiting |= {job.key for task in (*self._alone, *self._comparisons) for job in task.jobs}
         for key, job in list(self.pending.items()):
             is_treated = self._open_batches[key] == 0
             if key in self._store.records and (is_treated or key not in busy):
@@ -137,6 +160,15 @@ class JobQueue:
             self._batches.append(batch)
             self._open_batches.update(job.key for job in batch.jobs)
 
+    def _share_out(self) -> None:
+        """Let each draw of the large jobs that wait be compared by itself; they are ranked when all draws are."""
+        for job in [job for job in self._to_rank if _is_large(job) and job.key not in self._open_comparisons]:
+            draws = draws_of(job.method, job.scorer)
+            if len(draws) > 1:
+                self._to_rank.remove(job)
+                self._comparisons += [ComparisonTask((job,), draw) for draw in draws]
+                self._open_comparisons[job.key] = len(draws)
+
     def _claim(self, job: JobSpec) -> None:
         """Claim a job, or leave it out of all batches where another run is at it or has done it."""
         if not self._claims.take(job.key):
@@ -148,6 +180,10 @@ class JobQueue:
         batches_left = [(batch, tuple(o for o in batch.jobs if o.key != job.key)) for batch in self._batches]
         self.shapes_done += sum(len(batch.identifiers) for batch, left in batches_left if not left)
         self._batches = deque(replace(batch, jobs=left) for batch, left in batches_left if left)
+
+
+def _is_large(job: JobSpec) -> bool:
+    return len(job.identifiers) >= LARGE and not job.ranks_again
 
 
 def record_of(job: JobSpec, store: Store) -> Record:

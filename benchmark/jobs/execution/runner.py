@@ -20,7 +20,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, from_json
+from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, ShapeBatch, Task, from_json
 from benchmark.jobs.method_run import MethodRun, ShapeResult
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
@@ -48,7 +48,7 @@ def work(task: Task, tell: Tell) -> None:
     Parameters
     ----------
     task
-        Shapes to treat, or a gallery to rank.
+        Shapes to treat, a gallery to rank, or one to compare for that.
     tell
         Told before each step.
     """
@@ -56,6 +56,10 @@ def work(task: Task, tell: Tell) -> None:
         for done, job in enumerate(task.jobs):
             tell(job.key, done)
             _rank(job, lambda said, key=job.key, done=done: tell(key, done, said))  # type: ignore[misc]
+    elif isinstance(task, ComparisonTask):
+        (job,) = task.jobs
+        tell(job.key, 0)
+        _compare(job, task.draw, lambda said: tell(job.key, 0, said))
     else:
         _treat(task, tell)
 
@@ -213,6 +217,24 @@ def _rank(job: JobSpec, tell: Callable[[str], object]) -> None:
         keep(job, store, ranked(job, store, tell))
 
 
+def _compare(job: JobSpec, draw: int | None, tell: Callable[[str], object]) -> None:
+    """Keep what ranking will read of one draw; only what goes wrong becomes a record."""
+    store = Store.open(job.results)
+    with _guarded(job, store):
+        _, gallery = _gallery(job, store, tell)
+        if gallery.found:
+            gallery.compared(draw)
+
+
+def _gallery(job: JobSpec, store: Store, tell: Callable[[str], object]) -> tuple[list[Entry], RankedGallery]:
+    """All shapes of a job, and those of them that can be ranked."""
+    dataset = open_dataset(job.dataset, job.data_root)
+    _require_same_code(job, dataset)
+    entries = _entries(job, dataset)
+    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
+    return entries, RankedGallery.of(store, method_run, entries, tell)
+
+
 def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
     """Return the content of the record of a job whose shapes are treated.
 
@@ -226,11 +248,7 @@ def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda sa
         Told which part of the ranking is under way.
     """
     start = time.perf_counter()
-    dataset = open_dataset(job.dataset, job.data_root)
-    _require_same_code(job, dataset)
-    entries = _entries(job, dataset)
-    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
-    gallery = RankedGallery.of(store, method_run, entries, tell)
+    entries, gallery = _gallery(job, store, tell)
     refused, names = gallery.refused, [entry.identifier for entry in entries]
     if not gallery.found:
         reason = f"none of {len(entries)} shapes could be treated; first: {refused[0][1]}"
@@ -257,21 +275,22 @@ def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda sa
         "digests": gallery.digests,
         "notes": _summary(each.notes for each in results),
         **_costs(results, gallery.signatures),
-        "wall_seconds": round(time.perf_counter() - start, 3),
+        "wall_seconds": round(time.perf_counter() - start + gallery.seconds_before, 3),
         "environments": _environments(results, gallery.signatures),
         "artefacts": sorted(
             {a.key for t in results for a in (t.prepared, t.answer)}
-            | {key for key in (*gallery.keys, method_run.preparation.frame_key) if key}
+            | {key for key in (*gallery.keys, gallery.method_run.preparation.frame_key) if key}
         ),
-        **_learning(job, method_run, entries, dataset.name),
+        **_learning(job, gallery.method_run, entries),
     }
 
 
-def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry], dataset: str) -> dict[str, Any]:
+def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry]) -> dict[str, Any]:
     """Return the part of a learner's record: its models, and which shapes they had seen; empty for other methods."""
     if not job.models:
         return {}
-    return {"models": [model.summary() for model in job.models.values()], "seen": method_run.seen(entries, dataset)}
+    seen = method_run.seen(entries, method_run.preparation.dataset.name)
+    return {"models": [model.summary() for model in job.models.values()], "seen": seen}
 
 
 def _costs(results: Sequence[ShapeResult], signatures: Signatures) -> dict[str, Any]:

@@ -1,0 +1,90 @@
+"""The queue of a run: where few jobs are left to rank, the draws of large ones are compared apart, and then ranked."""
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.cli.main import cli
+from benchmark.jobs.execution import job_queue
+from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution.job_queue import JobQueue
+from benchmark.jobs.execution.runner import failure, keep
+from benchmark.jobs.execution.worker_pool import LocalWorkerPool
+from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch, from_json, to_json
+from benchmark.storage.records import outcome
+from benchmark.storage.store import Store
+from tests.jobs.test_executors import orders
+from tests.toy import write_rods
+
+
+@pytest.fixture
+def queue(tmp_path, monkeypatch):
+    """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
+    monkeypatch.setattr(job_queue, "LARGE", 3)
+    with Claims(tmp_path / "claims") as claims:
+        made = JobQueue(orders(tmp_path), Store.open(tmp_path), claims, 2)
+        while isinstance(task := made.take(1, 1), ShapeBatch):
+            made.finish(task)
+        made.put_back(task)
+        yield made
+
+
+def names(task):
+    return [job.method.name for job in task.jobs]
+
+
+def test_draws_are_compared_apart_once_fewer_jobs_wait_than_workers(queue):
+    assert [names(queue.take(2, 2)) for _ in range(2)] == [["pca"], ["surface-area"]]
+    tasks = [queue.take(2, 2) for _ in range(3)]
+    assert all(isinstance(task, ComparisonTask) and names(task) == ["identity"] for task in tasks)
+    assert [task.draw for task in tasks] == [0, 1, 2]
+    assert from_json(to_json(tasks[2])) == tasks[2]
+    assert queue.take(2, 2) is None
+    for task in tasks:
+        assert queue.take(2, 2) is None, "it is not ranked before all draws are compared"
+        queue.finish(task)
+    ranking = queue.take(2, 2)
+    assert isinstance(ranking, ScoringTask)
+    assert names(ranking) == ["identity"]
+    assert queue.take(2, 2) is None
+
+
+@pytest.mark.parametrize(("free", "workers"), [(1, 1), (1, 2), (2, 2)])
+def test_while_there_is_work_for_all_each_job_is_ranked_as_a_whole(queue, free, workers):
+    assert isinstance(queue.take(free, workers), ScoringTask)
+
+
+def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(queue):
+    for _ in range(2):
+        queue.take(2, 2)
+    first, second, third = (queue.take(2, 2) for _ in range(3))
+    queue.put_back(first)
+    assert queue
+    assert queue.take(2, 2) == first
+    queue.put_back(first)
+    busy = {task.jobs[0].key for task in (second, third)}
+    assert list(queue.ended(busy | set(queue.pending))) == []
+    (job,) = second.jobs
+    keep(job, queue._store, failure("failed", "a form is too much for the scorer"))
+    assert [each.key for each, _ in queue.ended(set())][:1] == [job.key]
+    assert queue.take(2, 2) is None
+    for task in (second, third):
+        queue.finish(task)
+    assert queue.take(2, 2) is None
+    assert not queue
+
+
+def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.2))
+    words = ["run", "-d", str(rods), "-m", "identity", "--input", "mesh", "--results"]
+    assert CliRunner().invoke(cli, [*words, str(tmp_path / "one"), "-j", "1"]).exit_code == 0
+
+    tasks, begin = [], LocalWorkerPool.begin
+    monkeypatch.setattr(LocalWorkerPool, "begin", lambda pool, task: tasks.append(type(task)) or begin(pool, task))
+    monkeypatch.setattr(job_queue, "LARGE", 2)
+    done = CliRunner().invoke(cli, [*words, str(tmp_path / "two"), "-j", "2"])
+    assert done.exit_code == 0, done.output
+    assert tasks == [ShapeBatch, *[ComparisonTask] * 3, ScoringTask]
+    (one,), (two,) = (list(Store.open(tmp_path / name).records) for name in ("one", "two"))
+    assert outcome(two) == outcome(one)
+    assert two["digests"] == one["digests"]
+    assert two["artefacts"] == one["artefacts"]
