@@ -26,7 +26,7 @@ from benchmark.jobs.cluster import dask_worker, supervisor
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.execution.worker import Status, read_status, remove_status
-from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker
+from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker, package_of
 from benchmark.jobs.job_specs import JobSpec, Task, to_json
 from benchmark.jobs.plan import difference
 from benchmark.storage.records import Record
@@ -293,6 +293,7 @@ class DaskWorkerPool:
             "results": str(task.jobs[0].results),
             "status_file": name,
             "workers": sum(other.threads for other in self._nodes.values() if other.host == node.host),
+            "package": package_of(task),
         }
         answer = self._client.submit(
             dask_worker.ask, json.dumps(message), name, key=name, workers=[node.address], allow_other_workers=False,

@@ -1,8 +1,8 @@
-"""Does one task beside a dask worker: ``python -m benchmark.jobs.cluster.supervisor``, run by :mod:`.dask_worker`.
+"""Does tasks beside a dask worker: ``python -m benchmark.jobs.cluster.supervisor``, run by :mod:`.dask_worker`.
 
-It reads one line of JSON from its standard input, the task or a question, and prints the answer as JSON. When the input
-ends, whoever asked is gone, and so goes the work. A process of its own for each task, guarded like those of a run on
-one machine, lets a method crash without the dask worker, which other people may share.
+It reads a line of JSON from its standard input, a task or a question, and prints the answer as JSON; with ``--stay``,
+line after line. When the input ends, whoever asked is gone, and so goes the work. Processes guarded like those of a run
+on one machine let a method crash without the dask worker, which other people may share.
 """
 
 from __future__ import annotations
@@ -13,21 +13,24 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.jobs.cluster.dask_worker import SAME_SUITE
 from benchmark.system.kernel_cache import choose_kernel_cache
 from benchmark.threads import pin_threads
 
+if TYPE_CHECKING:
+    from benchmark.jobs.execution.worker import TaskWorker
+
 #: Seconds between two looks at the work.
 _INTERVAL = 0.1
 
 
-def do(message: Mapping[str, Any]) -> dict[str, Any]:
+def do(message: Mapping[str, Any], kept: list[TaskWorker]) -> dict[str, Any]:
     """Do a task until it ends, the input ends, or a signal says that it has taken too long.
 
     Parameters
@@ -35,7 +38,9 @@ def do(message: Mapping[str, Any]) -> dict[str, Any]:
     message
         ``task`` as :func:`benchmark.jobs.job_specs.to_json` writes it, and the ``keys`` of its jobs; ``results``, the
         folder; ``status_file``, where under its progress to say how far it is; ``workers``, the number of tasks that
-        share the memory of this machine.
+        share the memory of this machine; ``package``, as :func:`.worker_pool.package_of` names it.
+    kept
+        The worker that did the task before, if there is one; it does this one where it may, and is replaced where not.
 
     Returns
     -------
@@ -49,7 +54,11 @@ def do(message: Mapping[str, Any]) -> dict[str, Any]:
     is_stopped = threading.Event()
     signal.signal(signal.SIGUSR1, lambda number, frame: is_stopped.set())
     store = Store.open(Path(message["results"]))
-    worker = TaskWorker(message["task"], store.progress / message["status_file"], memory_per_worker(message["workers"]))
+    task, status_file, package = message["task"], store.progress / message["status_file"], message["package"]
+    if not (kept and kept[0].package == package and kept[0].do_next(task, status_file)):
+        close(kept)
+        kept[:] = [TaskWorker(task, status_file, memory_per_worker(message["workers"]), package)]
+    (worker,) = kept
     try:
         while worker.exit_code is None and not select.select([0], [], [], _INTERVAL)[0]:
             if is_stopped.is_set():
@@ -62,6 +71,12 @@ def do(message: Mapping[str, Any]) -> dict[str, Any]:
         "trace": worker.trace,
         "records": [record for key in message["keys"] if (record := store.records.read(key))],
     }
+
+
+def close(kept: Sequence[TaskWorker]) -> None:
+    """End a worker that waits for another task."""
+    for worker in kept:
+        worker.kill()
 
 
 def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,14 +139,19 @@ def _is_shared(marker: Path, written: str) -> bool:
 
 
 def main() -> None:
-    """Do what the first line of the input says."""
+    """Do what the input says."""
     pin_threads()
     choose_kernel_cache()
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as channel:
         os.dup2(2, 1)  # what methods print goes to the log of the dask worker, not into the answer
-        if line := sys.stdin.readline():
+        kept: list[TaskWorker] = []
+        for line in iter(sys.stdin.readline, ""):
             message = json.loads(line)
-            json.dump(inspect(message) if "marker" in message else do(message), channel)
+            answer = inspect(message) if "marker" in message else do(message, kept)
+            print(json.dumps(answer), file=channel, flush=True)
+            if "--stay" not in sys.argv:
+                break
+        close(kept)
 
 
 if __name__ == "__main__":

@@ -74,7 +74,10 @@ class TaskWorker:
         #: Whether its process waits for another task, and whether it was killed.
         self.waits = self.is_over = False
         self._status_file = status_file
+        #: Where its process finds its further tasks.
+        self._handover = _beside(status_file, "task")
         remove_status(status_file)
+        self._handover.unlink(missing_ok=True)
         self._worker = Worker(_do_in_turn, task, status_file, fingerprints.export_cache(), memory=memory)
 
     @property
@@ -99,11 +102,12 @@ class TaskWorker:
         time.sleep(_LAST_WORDS)
         self.end()
 
-    def do_next(self, task: str) -> bool:
+    def do_next(self, task: str, status_file: Path) -> bool:
         """Hand another task to the process that waits for one; returns whether there still is such a process."""
         if not self.waits or self._worker.exit_code is not None:
             return False
-        write_text(_beside(self._status_file, "task"), task)
+        self._status_file = status_file
+        write_text(self._handover, json.dumps([task, str(status_file)]))
         self.status_at_end, self.trace, self.waits = Status(), "", False
         return True
 
@@ -111,6 +115,7 @@ class TaskWorker:
         """Kill the process, if it still runs, and everything that it started."""
         self.waits, self.is_over = False, True
         self._worker.end()
+        self._handover.unlink(missing_ok=True)
 
     def end(self) -> None:
         """Kill the process, unless it has finished its task and may do another one: then it waits."""
@@ -133,7 +138,7 @@ def read_status(status_file: Path) -> Status | None:
 
 def remove_status(status_file: Path) -> None:
     """Remove what a worker has said."""
-    for path in (status_file, *(_beside(status_file, what) for what in ("trace", "next", "task"))):
+    for path in (status_file, *(_beside(status_file, what) for what in ("trace", "next"))):
         path.unlink(missing_ok=True)
 
 
@@ -151,7 +156,8 @@ def _do_in_turn(task: str, status_file: Path, known: fingerprints.ImportCache) -
             if time.monotonic() > finished + _PATIENCE:
                 return
             time.sleep(_INTERVAL)
-        task = following.read_text(encoding="utf-8")
+        task, name = json.loads(following.read_text(encoding="utf-8"))
+        status_file = Path(name)
         following.unlink()
         fingerprints.clear_cache()  # the code may have changed since
 

@@ -67,6 +67,13 @@ class WorkerPool(Protocol):
         ...
 
 
+def package_of(task: Task) -> str:
+    """Return the package of the tasks that may be done in one process with this one; "" for none."""
+    if any(job.is_foreign for job in task.jobs):
+        return ""
+    return " ".join(sorted({job.package for job in task.jobs}))
+
+
 class LocalWorkerPool:
     """Processes on this machine; one that has finished a task of the suite's own does others of the same package.
 
@@ -89,14 +96,12 @@ class LocalWorkerPool:
 
     def begin(self, task: Task) -> TaskWorker:
         """Give a task to a process that waits, or start one; raises ``OSError`` if the system starts none."""
-        is_foreign = any(job.is_foreign for job in task.jobs)
-        package = "" if is_foreign else " ".join(sorted({job.package for job in task.jobs}))
+        package, status_file = package_of(task), self._progress / f"{os.getpid()}-{next(self._numbers)}"
         for worker in [each for each in self._begun if each.waits]:
-            if worker.package == package and worker.do_next(to_json(task)):
+            if worker.package == package and worker.do_next(to_json(task), status_file):
                 return worker
             worker.kill()
         self._begun = [each for each in self._begun if not each.is_over]  # each holds an open file
-        status_file = self._progress / f"{os.getpid()}-{next(self._numbers)}"
         begun = TaskWorker(to_json(task), status_file, self._memory, package)
         self._begun.append(begun)
         return begun

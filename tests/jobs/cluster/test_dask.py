@@ -196,6 +196,23 @@ def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypa
 
 
 @pytest.mark.slow
+def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluster, monkeypatch):
+    from benchmark.jobs import job_specs
+
+    monkeypatch.setattr(job_specs, "LARGEST_BATCH", 5)
+    words = ("-d", place / "rods", "--input", "mesh", "-m", "pca", "-m", "surface-area", "--results")
+    assert run(*words, place / "alone", "--executor", "serial").exit_code == 0
+    worker = cluster.worker()
+    done = run(*words, place / "cluster", *on(cluster))
+    assert done.exit_code == 0, done.output
+    assert outcomes(place / "cluster") == outcomes(place / "alone")
+    begun = [each for each in psutil.Process(worker.pid).children() if "--stay" in each.cmdline()]
+    assert len(begun) == 1, "one did three batches and the ranking"
+    worker.kill()
+    wait_until(lambda: not begun[0].is_running() or begun[0].status() == psutil.STATUS_ZOMBIE, 20)
+
+
+@pytest.mark.slow
 def test_a_scheduler_that_goes_is_told_of_and_finished_jobs_are_kept(place, cluster):
     cluster.worker()
     first = ("-d", place / "rods", "--input", "mesh", "-m", "surface-area", "--results", place / "results")
