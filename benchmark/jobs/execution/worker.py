@@ -89,7 +89,7 @@ class TaskWorker:
     def exit_code(self) -> int | None:
         """Exit code, or minus the number of the signal, or 0 once the task is finished; None while it runs."""
         code = self._worker.exit_code
-        return 0 if code is None and self.status.is_done else code
+        return 0 if code is None and (self.status_at_end.is_done or self.status.is_done) else code
 
     @property
     def status(self) -> Status:
