@@ -105,7 +105,8 @@ def watch(account: Account) -> None:
     for owner, name, part in PARTS:
         _book(owner, name, lambda _, part=part: account.within(part))  # type: ignore[misc]
     _book(method_run.MethodRun, "treat", lambda run: account.within(method=run.spec.base_name))
-    _book(runner, "ranked", lambda job: account.within(method=job.method.base_name))
+    for name in ("ranked", "_compare"):
+        _book(runner, name, lambda job: account.within(method=job.method.base_name))
     measured = Meter.measured
 
     @contextmanager
