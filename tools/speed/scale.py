@@ -30,6 +30,8 @@ from tools.speed._scale_page import METHODS, POSES, ROOT, write
 
 MEASURED = ROOT / "results" / "scale.json"
 CORES = 2
+#: Work after which a job is stopped: one of 10 000 complete surfaces takes longer than the usual limit.
+LONGEST = "86400s"
 MIB = 2**20
 #: Between two looks at the disk, of which each goes through all files.
 SECONDS_BETWEEN_LOOKS = 30.0
@@ -61,7 +63,9 @@ def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
         before = json.loads(spent.read_text())
     begun = looked = time.perf_counter()
     process = subprocess.Popen(
-        command("run", size, results, "-j", str(CORES), *more), cwd=ROOT, stdout=subprocess.DEVNULL
+        command("run", size, results, "-j", str(CORES), "--timeout", LONGEST, "--retry", "timeout", *more),
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
     )
     found = dict(before)
     while process.poll() is None:
@@ -74,6 +78,8 @@ def run(size: int, folder: Path, input_: str = "") -> dict[str, Any]:
     if process.returncode not in (0, 1):
         raise SystemExit(f"the run of {size} shapes ended with {process.returncode}")
     records = [json.loads(path.read_text()) for path in (results / "runs" / "records").glob("*.json")]
+    if stopped := [record for record in records if record["status"] not in ("ok", "unsupported")]:
+        raise SystemExit(f"{stopped[0]['method']} of {size} shapes: {stopped[0]['reason']}")
     done = [record for record in records if record["status"] == "ok"]
     disk = _disk_mib(results)
     return {

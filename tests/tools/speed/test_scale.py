@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmark.storage.records import Records
+from tests.records import record
 from tools.speed import _scale_page, scale
 
 
@@ -83,6 +85,9 @@ def test_what_a_stopped_run_took_counts_when_it_goes_on(monkeypatch: pytest.Monk
     found = scale.run(40, tmp_path, "mesh")
     assert 100.0 < found["run_seconds"] < 160.0
     assert (found["peak_mib"], found["most_disk_mib"]) == (1e6, 5.0)
+    Records(tmp_path / "40-mesh" / "runs" / "records").write(record() | {"status": "timeout", "reason": "stopped"})
+    with pytest.raises(SystemExit, match="of 40 shapes: stopped"):
+        scale.run(40, tmp_path, "mesh")
 
 
 def test_the_page_marks_what_was_not_measured() -> None:
