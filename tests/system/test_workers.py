@@ -1,5 +1,6 @@
 """A process for one task: it ends with its task, whatever that leaves, and takes along what it has started."""
 
+import _thread
 import atexit
 import builtins
 import ctypes
@@ -89,14 +90,17 @@ def test_an_interrupt_before_it_starts_is_one(monkeypatch):
         Worker(time.sleep, 600)
 
 
-def test_an_interrupt_while_it_starts_leaves_no_process(monkeypatch):
+# Sent to this thread, which blocks it, or heard by another one, which does not: never to the process, of whose threads
+# any may hear of it, even after the test.
+@pytest.mark.parametrize("interrupt", [signal.raise_signal, _thread.interrupt_main])
+def test_an_interrupt_while_it_starts_leaves_no_process(monkeypatch, interrupt):
     started = []
     original = multiprocessing.get_context("spawn").Process.start
 
     def start(process):
         original(process)
         started.append(process.pid)
-        os.kill(os.getpid(), signal.SIGINT)
+        interrupt(signal.SIGINT)
 
     monkeypatch.setattr("multiprocessing.process.BaseProcess.start", start)
     with pytest.raises(KeyboardInterrupt):
