@@ -58,7 +58,7 @@ compared with all shapes. These forms have 800 keypoints, those of the matching 
 """
 BEYOND_FOOT = """
 - **The matrix of all pairs** is the first wall: it alone fills 64 GiB at 92 000 shapes. With neighbours there is none.
-- **Preparation** is the next: twelve hours on one core at 100 000, five days at a million, divided by cores and
+- **Preparation** is the next: fourteen hours on one core at 100 000, six days at a million, divided by cores and
   machines (`--shard`, dask).
 - **Candidates** are chosen by the inner products of all pairs of vectors, far less work than matching them,
   but still of all pairs: at a million shapes an index that looks at fewer would have to take its place.
@@ -104,7 +104,8 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         "alone on made-up signatures. A figure behind ≈ was not measured: it follows from the slope between the",
         "nearest two sizes that were (of memory, from a constant and the square of the size; of disk, from the size",
         "and its square); what was measured at one size is extrapolated to no other. Plan and tables of 1000 and",
-        "of 10 000 shapes are of made-up records as large as real ones.",
+        "of 10 000 shapes are of made-up records as large as real ones. Scores say little there: of 500 bodies in the",
+        "same 20 poses, the nearest to each is another body in its pose (complete surfaces: NN 0 for both methods).",
         "",
         "![Seconds against the number of shapes](../../results/figures/scale.png)",
         "",
@@ -118,7 +119,7 @@ def page(measured: dict[str, dict[str, Any]]) -> str:
         lines += ["", f"Seconds a shape by stage, median over {size} shapes, one core:", ""]
         lines += markdown_table(
             ["job", *names],
-            [[job, *(f"{found[n]:.3g}" if n in found else "" for n in names)] for job, found in sorted(stages.items())],
+            [[job, *(_rounded(of[n]) if n in of else "" for n in names)] for job, of in sorted(stages.items())],
         )
     return "\n".join([*lines, *_beyond(measured)]) + "\n"
 
@@ -127,10 +128,16 @@ def _parts(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Yield a table of each size whose inputs were run apart."""
     for size, found in measured.items():
         if parts := found.get("parts"):
-            rest = "the column above sums them" if "run_seconds" in found else "the other has not been run yet"
-            yield from ("", f"Of {size} shapes, inputs were run apart, each from nothing; {rest}:", "")
-            rows = [[title, *(f"{part[name]:.3g}" for part in parts.values())] for name, title in RUN.items()]
+            rest = "The column above sums them" if "run_seconds" in found else "The other has not been run yet"
+            yield from ("", f"Of {size} shapes, inputs were run apart, and the seconds of a run that was stopped added")
+            yield from (f"to those of the one that went on with what it had kept. {rest}:", "")
+            rows = [[title, *(_rounded(part[name]) for part in parts.values())] for name, title in RUN.items()]
             yield from markdown_table(["", *parts], rows)
+
+
+def _rounded(value: float) -> str:
+    """Three digits, without a power of ten: ``"14900"``."""
+    return f"{float(f'{value:.3g}'):.9g}"
 
 
 def _head(sizes: Iterable[int]) -> list[str]:
@@ -143,7 +150,7 @@ def _rows(measured: dict[str, dict[str, Any]], names: dict[str, str], sizes: Ite
         found = [figure_of(measured, name, size) for size in sizes]
         if name in NEIGHBOURS and not name.endswith("seconds"):  # no power of the size
             found = [each if each and each[1] else None for each in found]
-        yield [title, *("--" if each is None else f"{'' if each[1] else '≈ '}{each[0]:.3g}" for each in found)]
+        yield [title, *("--" if each is None else f"{'' if each[1] else '≈ '}{_rounded(each[0])}" for each in found)]
 
 
 def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
@@ -156,10 +163,13 @@ def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
     rows = [
         *_rows(measured, {name: RANKING[name] for name in ("matching_seconds", "record_mib")}, sizes),
         *_rows(measured, NEIGHBOURS, sizes),
-        ["matrix of all pairs, GiB", *(f"{8 * size**2 / 2**30:.3g}" for size in sizes)],
+        ["matrix of all pairs, GiB", *(_rounded(8 * size**2 / 2**30) for size in sizes)],
         *(
-            [f"{stage} of mesh classic-mds, hours on one core", *(f"≈ {seconds * size / 3600:.3g}" for size in sizes)]
-            for stage, seconds in stages["stages"]["mesh classic-mds"].items()
+            [
+                f"{stage} of mesh classic-mds, hours on one core",
+                *(f"≈ {_rounded(each * size / 3600)}" for size in sizes),
+            ]
+            for stage, each in stages["stages"]["mesh classic-mds"].items()
         ),
     ]
     yield from markdown_table(_head(sizes), rows)
