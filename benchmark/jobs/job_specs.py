@@ -179,19 +179,11 @@ def _of_class(content: dict[str, Any]) -> Any:
     return _CLASSES[content["class"]](*(tuple(e) if isinstance(e, list) else e for e in content["arguments"]))
 
 
-def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:
+def shape_batches(jobs: list[JobSpec]) -> list[ShapeBatch]:
     """Cut the first half of jobs into batches.
 
     Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
-    all methods. Batches are small enough for every worker to have several, and large enough for the start of a process
-    not to count. Large files come first, each in a batch of its own: at the end, all would wait for the last of them.
-
-    Parameters
-    ----------
-    jobs
-        The jobs.
-    workers
-        Processes at a time.
+    all methods. Large files come first, each in a batch of its own: at the end, all would wait for the last of them.
     """
     groups: dict[tuple[Any, ...], list[JobSpec]] = {}
     for job in jobs:
@@ -212,9 +204,8 @@ def shape_batches(jobs: list[JobSpec], workers: int) -> list[ShapeBatch]:
             if shape not in large:  # what others of the same shape find prepared takes them no longer than any other
                 large[shape] = sizes[identifier], _batch(group, (identifier,))
                 identifiers.remove(identifier)
-        size = min(LARGEST_BATCH, max(SMALLEST_SHARE, -(-len(identifiers) // (2 * workers))))
-        starts = range(0, len(identifiers), size)
-        found += [_batch(group, tuple(identifiers[start : start + size])) for start in starts]
+        starts = range(0, len(identifiers), LARGEST_BATCH)
+        found += [_batch(group, tuple(identifiers[start : start + LARGEST_BATCH])) for start in starts]
     return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + found
 
 
@@ -224,7 +215,7 @@ def _batch(group: list[JobSpec], chosen: tuple[str, ...]) -> ShapeBatch:
 
 
 #: Shapes in one batch.
-SMALLEST_SHARE, LARGEST_BATCH = 5, 40
+LARGEST_BATCH = 40
 
 #: Bytes of a file beyond which preparing its shape takes longer than all else: some 100 000 vertices.
 LARGE_FILE = 2**23

@@ -309,16 +309,15 @@ def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods"
     ]  # fmt: skip
 
 
-def test_every_shape_of_every_job_is_in_one_share(tmp_path):
+def test_every_shape_of_every_job_is_in_one_batch(tmp_path):
     identifiers = [f"shape{number}" for number in range(103)]
     made = orders(tmp_path, datasets=("rods", "cones"), identifiers=identifiers)
-    for workers in (1, 2, 16):
-        cut = shape_batches(made, workers)
-        for job in made:
-            found = [shape for batch in cut if job in batch.jobs for shape in batch.identifiers]
-            assert found == identifiers
-        assert all(len(batch.identifiers) <= LARGEST_BATCH for batch in cut)
-        assert all(len({job.dataset for job in batch.jobs}) == 1 for batch in cut)
+    cut = shape_batches(made)
+    for job in made:
+        found = [shape for batch in cut if job in batch.jobs for shape in batch.identifiers]
+        assert found == identifiers
+    assert all(len(batch.identifiers) <= LARGEST_BATCH for batch in cut)
+    assert all(len({job.dataset for job in batch.jobs}) == 1 for batch in cut)
 
 
 def test_large_files_come_first_each_in_a_batch_of_its_own(tmp_path):
@@ -326,7 +325,7 @@ def test_large_files_come_first_each_in_a_batch_of_its_own(tmp_path):
         file_sizes = {"a": 2**20, "b": 2**24, "d": 2**26}  # noqa: RUF012
 
     made = [Planned(**vars(job)) for job in orders(tmp_path, ("identity", "pca", "learned"), identifiers="abcd")]
-    found = [(batch.identifiers, len(batch.jobs)) for batch in shape_batches(made, 1)]
+    found = [(batch.identifiers, len(batch.jobs)) for batch in shape_batches(made)]
     assert found == [(("d",), 1), (("b",), 1), (("a", "c"), 1), (("a", "b", "c", "d"), 2)]
 
 
@@ -339,13 +338,13 @@ def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path
     made = orders(tmp_path, ("identity", "pca", "learned"))
     made.append(JobSpec(**{**vars(made[0]), "method": mine}))
     assert [job.package for job in made] == ["learned", "baselines", "baselines", str(tmp_path / "mine.py")]
-    assert len(shape_batches(made, 1)) == 3
+    assert len(shape_batches(made)) == 3
 
 
 def test_galleries_that_overlap_are_treated_together(tmp_path):
     one, two = orders(tmp_path, ("identity", "pca"))
     two = JobSpec(**{**vars(two), "identifiers": ("b", "c", "d")})
-    (batch,) = shape_batches([one, two], 1)
+    (batch,) = shape_batches([one, two])
     assert batch.identifiers == ("a", "b", "c", "d")
 
 

@@ -1,4 +1,4 @@
-"""The queue of a run: where few jobs are left to rank, the draws of large ones are compared apart, and then ranked."""
+"""The queue of a run: towards the end, batches are cut into parts, and draws of large jobs are compared apart."""
 
 import pytest
 from click.testing import CliRunner
@@ -21,7 +21,7 @@ def queue(tmp_path, monkeypatch):
     """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
     monkeypatch.setattr(job_queue, "LARGE", 3)
     with Claims(tmp_path / "claims") as claims:
-        made = JobQueue(orders(tmp_path), Store.open(tmp_path), claims, 2)
+        made = JobQueue(orders(tmp_path), Store.open(tmp_path), claims)
         while isinstance(task := made.take(1, 1), ShapeBatch):
             made.finish(task)
         made.put_back(task)
@@ -30,6 +30,21 @@ def queue(tmp_path, monkeypatch):
 
 def names(task):
     return [job.method.name for job in task.jobs]
+
+
+@pytest.mark.parametrize(("workers", "sizes"), [(1, [40, 40, 23]), (2, [40, 20, 20, 12, 6, 5])])
+def test_parts_of_batches_grow_smaller_towards_the_end(tmp_path, workers, sizes):
+    identifiers = [f"shape{number}" for number in range(103)]
+    jobs = orders(tmp_path, identifiers=identifiers)
+    with Claims(tmp_path / "claims") as claims:
+        queue = JobQueue(jobs, Store.open(tmp_path), claims)
+        taken = []
+        while isinstance(task := queue.take(workers, workers), ShapeBatch):
+            assert list(queue.ended(busy=())) == []
+            taken.append(task)
+            queue.finish(task)
+    assert [shape for task in taken for shape in task.identifiers] == identifiers
+    assert [len(task.identifiers) for task in taken] == sizes
 
 
 def test_draws_are_compared_apart_once_fewer_jobs_wait_than_workers(queue):

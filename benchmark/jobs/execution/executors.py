@@ -76,7 +76,7 @@ class SerialExecutor:
         names = {job.key: job.name for job in jobs}
         done = 0
         to_do = [job for job in jobs if job.key not in Store.open(job.results).records]
-        for batch in shape_batches(to_do, 1):
+        for batch in shape_batches(to_do):
             work(batch, lambda job, steps, shape="", done=done: watch([_said(names[job], shape)], done + steps))
             done += len(batch.identifiers)
         for job in jobs:
@@ -215,7 +215,7 @@ class Run:
         self, jobs: Sequence[JobSpec], pool: WorkerPool, claims: Claims, timeout: float | None, watch: Watch
     ) -> None:
         self.store = Store.open(jobs[0].results)
-        self.queue = JobQueue(jobs, self.store, claims, pool.size)
+        self.queue = JobQueue(jobs, self.store, claims)
         self.workers = Workers(pool)
         self.timeout = timeout
         self.watch = watch
@@ -230,7 +230,7 @@ class Run:
                 workers.pool.wait([running.worker for running in workers.running])
                 for running in list(workers.running):
                     self._look_at(running)
-                self.queue.take_over(workers.pool.size)
+                self.queue.take_over()
                 self._tell()
                 yield from self.queue.ended({key for running in workers.running for key in running.keys})
         finally:

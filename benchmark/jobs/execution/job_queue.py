@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
+from math import ceil
 
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.runner import failure, keep
@@ -15,6 +16,9 @@ from benchmark.storage.store import Store
 
 #: Shapes from which on it takes longer to compare a gallery than to hand out a task and read its signatures again.
 LARGE = 200
+
+#: Shapes in the smallest part of a batch: with code of a plugin, a process is started for each.
+SMALLEST_PART = 5
 
 
 class JobQueue:
@@ -28,11 +32,9 @@ class JobQueue:
         Where their records are.
     claims
         The jobs that other runs are at.
-    workers
-        Tasks at a time.
     """
 
-    def __init__(self, jobs: Iterable[JobSpec], store: Store, claims: Claims, workers: int) -> None:
+    def __init__(self, jobs: Iterable[JobSpec], store: Store, claims: Claims) -> None:
         self.pending = {job.key: job for job in jobs}
         self.elsewhere: dict[str, JobSpec] = {}
         self.shapes_done = 0
@@ -45,7 +47,7 @@ class JobQueue:
         self._comparisons: deque[ComparisonTask] = deque()
         self._open_comparisons: Counter[str] = Counter()
         self._alone: deque[Task] = deque()
-        self._cut(self.pending.values(), workers)
+        self._cut(self.pending.values())
 
     def __bool__(self) -> bool:
         waiting = (self._batches, self._comparisons, self._to_rank, self._alone, self.elsewhere)
@@ -74,7 +76,7 @@ class JobQueue:
                 if job.key not in self._claimed:
                     self._claim(job)
             if all(job.key in self._claimed for job in batch.jobs):
-                return self._batches.popleft()
+                return self._part_of_first(workers)
         return None
 
     def put_back(self, task: Task, shapes_done: int = 0, without: str = "") -> None:
@@ -129,14 +131,14 @@ class JobQueue:
             if not self._open_comparisons[job.key] and job.key not in self._store.records:
                 self._to_rank.append(job)
 
-    def take_over(self, workers: int) -> None:
+    def take_over(self) -> None:
         """Take over what another run has given up; what it has done is handed on like everything else."""
         free = [job for key, job in self.elsewhere.items() if self._claims.take(key)]
         for job in free:
             del self.elsewhere[job.key]
         to_do = [job for job in free if job.key not in self._store.records]
         self._claimed |= {job.key for job in to_do}
-        self._cut(to_do, workers)
+        self._cut(to_do)
 
     def ended(self, busy: Collection[str]) -> Iterator[tuple[JobSpec, Record]]:
         """Hand on the records of the jobs that have ended, without those whose keys a worker is busy with."""
@@ -155,10 +157,27 @@ class JobQueue:
             yield job, record
             self._claims.release(key)
 
-    def _cut(self, jobs: Iterable[JobSpec], workers: int) -> None:
-        for batch in shape_batches(list(jobs), max(workers, 1)):
+    def _cut(self, jobs: Iterable[JobSpec]) -> None:
+        for batch in shape_batches(list(jobs)):
             self._batches.append(batch)
             self._open_batches.update(job.key for job in batch.jobs)
+
+    def _part_of_first(self, workers: int) -> ShapeBatch:
+        """Take the first batch, or where little is left a part of it, so that no worker ends long before the others.
+
+        A share of what is left for each worker: guided self-scheduling (Polychronopoulos and Kuck, IEEE Transactions on
+        Computers C-36, 1987).
+        """
+        batch = self._batches.popleft()
+        left = sum(len(each.identifiers) * len(each.jobs) for each in (batch, *self._batches))
+        most = max(SMALLEST_PART, ceil(left / (workers * len(batch.jobs))))
+        parts = ceil(len(batch.identifiers) / most)
+        if parts > 1:
+            end = ceil(len(batch.identifiers) / parts)
+            self._batches.appendleft(replace(batch, identifiers=batch.identifiers[end:]))
+            self._open_batches.update(job.key for job in batch.jobs)
+            batch = replace(batch, identifiers=batch.identifiers[:end])
+        return batch
 
     def _share_out(self) -> None:
         """Let each draw of the large jobs that wait be compared by itself; they are ranked when all draws are."""
