@@ -100,8 +100,9 @@ def test_geodesics_are_charged_to_every_method_that_used_them_and_to_no_other(la
             assert "geodesics" not in seconds[method]
         assert "features" not in seconds["surface-area"]
         assert all(phases["prepare"] == seconds["identity"]["prepare"] for phases in seconds.values())
-        # Two processes, of five shapes and of one: the first shape of each compiles and loads.
-        assert {records[input_, method]["cost"]["shapes_timed"] for method in METHODS} == {4}
+        # One process treats the six shapes, or two do; the first shape of each compiles and loads.
+        (timed,) = {records[input_, method]["cost"]["shapes_timed"] for method in METHODS}
+        assert timed in (4, 5)
 
 
 @pytest.mark.slow
