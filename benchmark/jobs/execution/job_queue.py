@@ -54,7 +54,7 @@ class JobQueue:
         return any(map(bool, waiting))
 
     def take(self, free: int, workers: int) -> Task | None:
-        """Return a task for one of the free workers: jobs to rank, else a batch of shapes; None if nothing is ready.
+        """Return a task for one of the free workers: jobs to rank, else shapes to treat; None if nothing is ready.
 
         Where fewer jobs are to be ranked than could be, and all shapes are given out, draws are compared apart.
         """

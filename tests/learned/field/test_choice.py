@@ -45,4 +45,4 @@ def test_every_setting_is_ranked_once(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert found[0]["edge strain"] == 0 < min(row["edge strain"] for row in found[1:])
     lines = field_detail.table(found).splitlines()
     assert lines[2] == "| input | 0.50 | 0.50 | 0.50 | 0.50 | 0.000 |"
-    assert lines[-1] == "| *chance* | 0.20 | 0.20 | 0.20 | 0.20 | |"
+    assert lines[-1] == "| *chance* | 0.20 | 0.20 | 0.20 | 0.20 |  |"
