@@ -58,8 +58,8 @@ compared with all shapes. These forms have 800 keypoints, those of the matching 
 """
 BEYOND_FOOT = """
 - **The matrix of all pairs** is the first wall: it alone fills 64 GiB at 92 000 shapes. With neighbours there is none.
-- **Preparation** is the next: fourteen hours on one core at 100 000, six days at a million, divided by cores and
-  machines (`--shard`, dask).
+- **Preparation** is the next: {hours:.0f} hours on one core at 100 000, {days:.0f} days at a million, divided by cores
+  and machines (`--shard`, dask).
 - **Candidates** are chosen by the inner products of all pairs of vectors, far less work than matching them,
   but still of all pairs: at a million shapes an index that looks at fewer would have to take its place.
 - **Recall** falls where very many forms are nearly as near: of 100 000 made-up ones 5000 take the same pose, and 500
@@ -173,7 +173,8 @@ def _beyond(measured: dict[str, dict[str, Any]]) -> Iterator[str]:
         ),
     ]
     yield from markdown_table(_head(sizes), rows)
-    yield from BEYOND_FOOT.splitlines()
+    prepare = stages["stages"]["mesh classic-mds"]["prepare"]
+    yield from BEYOND_FOOT.format(hours=prepare * 100_000 / 3600, days=prepare * 1_000_000 / 86_400).splitlines()
     for name, table in json.loads(RECALL.read_text()).items() if RECALL.exists() else ():
         yield from ("", f"{name}:", "", *table)
 

@@ -67,7 +67,7 @@ class JobQueue:
             if comparison.jobs[0].key not in self._store.records:
                 return comparison
         if self._to_rank:  # small ones are shared among them: starting a process for each would take longer
-            count = 1 if _is_large(self._to_rank[0]) else -(-len(self._to_rank) // free)
+            count = 1 if _is_large(self._to_rank[0]) else ceil(len(self._to_rank) / free)
             chosen, self._to_rank = self._to_rank[:count], self._to_rank[count:]
             return ScoringTask(tuple(chosen))
         while self._batches:
