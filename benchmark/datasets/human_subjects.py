@@ -1,7 +1,8 @@
-"""The bodies of the generated humans, as points of the model's space of phenotypes."""
+"""The bodies of the generated sets of people, as points of the model's space of phenotypes."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 
@@ -63,6 +64,115 @@ _LOWEST, _HIGHEST = (0.15, 0.14, 0.08, 0.12), (0.95, 0.95, 0.60, 0.95)
 """Ranges of muscle, weight, height and proportions: no walking skeletons, and nobody above two metres."""
 _CLEARANCE = 0.25
 """Smallest Euclidean distance in phenotype space between a sampled body and those of the data set."""
+
+
+N_ADULTS = 40
+"""Subjects of ``humans-scanlike``."""
+
+_SCANNED_LOWEST = np.array([0.60, 0.20, 0.15, 0.22, 0.15])
+_SCANNED_HIGHEST = np.array([0.98, 0.85, 0.90, 0.52, 0.85])
+"""Their ranges of age, muscle, weight, height and proportions."""
+
+
+@functools.cache
+def adults() -> Mapping[str, Subject]:
+    """The 20 men and 20 women, spread evenly by an additive recurrence [Roberts 2018]."""
+    # Its step is made of powers of the root of x^(d + 1) = x + 1, which generalises the golden ratio.
+    dimension = len(_SCANNED_LOWEST)
+    roots = np.roots([1, *[0] * (dimension - 1), -1, -1])
+    golden = roots[np.abs(roots.imag) < 1e-9].real.max()
+    steps = golden ** -np.arange(1.0, dimension + 1)
+    points = (0.5 + np.outer(np.arange(1, N_ADULTS + 1), steps)) % 1
+    values = np.round(_SCANNED_LOWEST + points * (_SCANNED_HIGHEST - _SCANNED_LOWEST), 3).tolist()
+    return {
+        f"{('man', 'woman')[index % 2]}-{index // 2 + 1}": Subject(float(index % 2), *row)
+        for index, row in enumerate(values)
+    }
+
+
+RANDOM_SEED = 20261124
+"""Seed of the subjects of ``humans-random``, the day of the draw."""
+
+RANDOM_SUBJECTS: tuple[Mapping[str, Subject], ...] = (
+    {
+        "man-1": Subject(0.0, 0.77, 0.74, 0.68, 0.55, 0.50),
+        "woman-1": Subject(1.0, 0.64, 0.52, 0.25, 0.53, 0.35),
+        "child-1": Subject(1.0, 0.31, 0.67, 0.20, 0.47, 0.27),
+        "man-2": Subject(0.0, 0.60, 0.33, 0.46, 0.52, 0.31),
+        "woman-2": Subject(1.0, 0.88, 0.74, 0.63, 0.41, 0.84),
+        "child-2": Subject(1.0, 0.28, 0.22, 0.59, 0.53, 0.87),
+        "man-3": Subject(0.0, 0.76, 0.75, 0.14, 0.29, 0.80),
+        "woman-3": Subject(1.0, 0.85, 0.21, 0.22, 0.44, 0.63),
+        "child-3": Subject(1.0, 0.29, 0.73, 0.36, 0.11, 0.55),
+        "man-4": Subject(0.0, 0.71, 0.59, 0.82, 0.11, 0.86),
+        "woman-4": Subject(1.0, 0.63, 0.73, 0.89, 0.27, 0.41),
+        "child-4": Subject(0.0, 0.35, 0.53, 0.72, 0.26, 0.91),
+        "man-5": Subject(0.0, 0.94, 0.21, 0.55, 0.54, 0.77),
+        "woman-5": Subject(1.0, 0.75, 0.79, 0.33, 0.47, 0.75),
+        "child-5": Subject(1.0, 0.36, 0.70, 0.56, 0.24, 0.78),
+    },
+    {
+        "man-1": Subject(0.0, 0.80, 0.16, 0.56, 0.11, 0.31),
+        "woman-1": Subject(1.0, 0.64, 0.69, 0.45, 0.13, 0.92),
+        "child-1": Subject(0.0, 0.38, 0.19, 0.64, 0.46, 0.51),
+        "man-2": Subject(0.0, 0.80, 0.27, 0.76, 0.20, 0.17),
+        "woman-2": Subject(1.0, 0.96, 0.33, 0.65, 0.59, 0.88),
+        "child-2": Subject(0.0, 0.42, 0.52, 0.24, 0.28, 0.73),
+        "man-3": Subject(0.0, 0.73, 0.36, 0.51, 0.10, 0.32),
+        "woman-3": Subject(1.0, 0.87, 0.85, 0.47, 0.38, 0.71),
+        "child-3": Subject(1.0, 0.45, 0.82, 0.46, 0.12, 0.25),
+        "man-4": Subject(0.0, 0.67, 0.82, 0.26, 0.59, 0.40),
+        "woman-4": Subject(1.0, 0.69, 0.80, 0.36, 0.22, 0.94),
+        "child-4": Subject(1.0, 0.46, 0.75, 0.74, 0.32, 0.59),
+        "man-5": Subject(0.0, 0.67, 0.92, 0.38, 0.44, 0.46),
+        "woman-5": Subject(1.0, 1.00, 0.75, 0.38, 0.09, 0.67),
+        "child-5": Subject(1.0, 0.35, 0.26, 0.26, 0.55, 0.16),
+    },
+    {
+        "man-1": Subject(0.0, 0.70, 0.92, 0.86, 0.14, 0.90),
+        "woman-1": Subject(1.0, 0.85, 0.27, 0.17, 0.34, 0.16),
+        "child-1": Subject(1.0, 0.27, 0.91, 0.23, 0.56, 0.45),
+        "man-2": Subject(0.0, 0.71, 0.29, 0.51, 0.12, 0.25),
+        "woman-2": Subject(1.0, 0.76, 0.68, 0.85, 0.44, 0.38),
+        "child-2": Subject(0.0, 0.34, 0.30, 0.41, 0.34, 0.80),
+        "man-3": Subject(0.0, 0.80, 0.24, 0.92, 0.30, 0.82),
+        "woman-3": Subject(1.0, 0.75, 0.21, 0.93, 0.10, 0.76),
+        "child-3": Subject(1.0, 0.28, 0.89, 0.68, 0.29, 0.60),
+        "man-4": Subject(0.0, 0.96, 0.15, 0.67, 0.42, 0.80),
+        "woman-4": Subject(1.0, 0.73, 0.39, 0.75, 0.09, 0.36),
+        "child-4": Subject(1.0, 0.34, 0.53, 0.61, 0.19, 0.88),
+        "man-5": Subject(0.0, 0.92, 0.43, 0.52, 0.44, 0.90),
+        "woman-5": Subject(1.0, 0.97, 0.64, 0.93, 0.38, 0.22),
+        "child-5": Subject(0.0, 0.44, 0.17, 0.75, 0.36, 0.44),
+    },
+)
+"""The subjects of ``humans-random``, draw by draw: what :func:`random_subjects` gives."""
+
+
+def random_subjects(draw: int) -> dict[str, Subject]:
+    """Draw the subjects of ``humans-random``: man, woman and child in turn, five times.
+
+    Every value is uniform in the ranges of :func:`new_subject` and rounded to two digits;
+    a child is male or female. A body nearer than 0.25 in phenotype space to a subject of ``humans`` or
+    ``humans-scanlike`` is drawn again. Nothing else is looked at, nor how near the subjects are to each other.
+
+    Parameters
+    ----------
+    draw
+        Number of the draw, which seeds it together with :data:`RANDOM_SEED`.
+    """
+    random = np.random.Generator(np.random.PCG64([RANDOM_SEED, draw]))
+    taken = np.array([astuple(subject) for subject in (*SUBJECTS.values(), *adults().values())])
+    drawn: dict[str, Subject] = {}
+    for number in range(1, 6):
+        for kind, ages in (("man", _ADULTS), ("woman", _ADULTS), ("child", _CHILDREN)):
+            lowest, highest = np.array([(0.0, 1.0), ages, *zip(_LOWEST, _HIGHEST, strict=True)]).T
+            while f"{kind}-{number}" not in drawn:
+                values = np.round(lowest + random.random(6) * (highest - lowest), 2)
+                values[0] = {"man": 0.0, "woman": 1.0, "child": float(values[0] >= 0.5)}[kind]
+                if np.linalg.norm(taken - values, axis=1).min() >= _CLEARANCE:
+                    drawn[f"{kind}-{number}"] = Subject(*values.tolist())
+    return drawn
 
 
 def new_subject(random: np.random.Generator) -> Subject:

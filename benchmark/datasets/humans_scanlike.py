@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +18,11 @@ from numpy.typing import NDArray
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, jittered
-from benchmark.datasets.human_subjects import Subject
+from benchmark.datasets.human_subjects import adults
 from benchmark.datasets.scanning import membrane, scan, sheltered_vertices, vertex_normals
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 
-N_SUBJECTS = 40
 N_VERTICES = 15_000
 
 POSE_NAMES = (
@@ -40,10 +38,6 @@ POSE_NAMES = (
     "throwing",
 )
 """Poses without contact, which a scanner would fuse; the first is the canonical one."""
-
-_LOWEST = np.array([0.60, 0.20, 0.15, 0.22, 0.15])
-_HIGHEST = np.array([0.98, 0.85, 0.90, 0.52, 0.85])
-"""Ranges of age, muscle, weight, height and proportions."""
 
 _POSE_DEVIATION = 3.0
 """Standard deviation in degrees by which a person misses the angles of a pose."""
@@ -98,22 +92,6 @@ class HumansScanlike:
     def camera(self, entry: Entry) -> Camera:
         """Look at the front."""
         return FRONT
-
-
-@functools.cache
-def adults() -> Mapping[str, Subject]:
-    """The 20 men and 20 women, spread evenly by an additive recurrence [Roberts 2018]."""
-    # Its step is made of powers of the root of x^(d + 1) = x + 1, which generalises the golden ratio.
-    dimension = len(_LOWEST)
-    roots = np.roots([1, *[0] * (dimension - 1), -1, -1])
-    golden = roots[np.abs(roots.imag) < 1e-9].real.max()
-    steps = golden ** -np.arange(1.0, dimension + 1)
-    points = (0.5 + np.outer(np.arange(1, N_SUBJECTS + 1), steps)) % 1
-    values = np.round(_LOWEST + points * (_HIGHEST - _LOWEST), 3).tolist()
-    return {
-        f"{('man', 'woman')[index % 2]}-{index // 2 + 1}": Subject(float(index % 2), *row)
-        for index, row in enumerate(values)
-    }
 
 
 def _pose(entry: Entry) -> Pose:

@@ -1,0 +1,24 @@
+"""Tests of the subjects of the generated sets of people."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, SUBJECTS, adults, random_subjects
+
+
+@pytest.mark.parametrize("draw", range(3))
+def test_the_committed_table_is_what_the_rule_draws(draw: int) -> None:
+    assert RANDOM_SUBJECTS[draw] == random_subjects(draw)
+    assert list(RANDOM_SUBJECTS[draw]) == [f"{kind}-{n}" for n in range(1, 6) for kind in ("man", "woman", "child")]
+
+
+def test_random_subjects_stay_away_from_those_of_the_other_sets() -> None:
+    others = np.array([astuple(subject) for subject in (*SUBJECTS.values(), *adults().values())])
+    drawn = np.array([astuple(subject) for subjects in RANDOM_SUBJECTS for subject in subjects.values()])
+    distances = np.linalg.norm(drawn[:, np.newaxis] - others, axis=2)
+    assert distances.shape == (45, 55) and distances.min() >= 0.25
+    assert np.abs(distances - 0.25).min() > 1e-9, "no draw hangs on the last bits of a distance"
