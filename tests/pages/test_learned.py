@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
 from tests.rows import is_form
-from tools.studies import continued, field_detail, field_scans, learning_curve, printed_network, strict_training
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
@@ -44,24 +42,6 @@ def records() -> pd.DataFrame:
     found = open_results(ROOT / "results", published=True).records()
     found = found[(found["scorer"] == "cm-bof") & (found["status"] == "ok")].sort_values("finished")
     return found.drop_duplicates(["gallery", "input", "method"], keep="last")
-
-
-@pytest.mark.parametrize(
-    ("table", "figures"),
-    [
-        (continued.table, "continued.json"),
-        (learning_curve.table, "learning-curve.json"),
-        (strict_training.table, "strict.json"),
-        (field_detail.table, "field-detail.json"),
-        (field_scans.table, "field-scans.json"),
-        (printed_network.table, "printed-network.json"),
-    ],
-)
-def test_tables_are_those_that_were_measured(table, figures: str) -> None:
-    found = json.loads((ROOT / "results" / figures).read_text(encoding="utf-8"))
-    assert len(found) > 1
-    rows = [line for line in table(found).splitlines() if not line.startswith(("| ---", "| *chance*"))]
-    assert [line for line in rows if line not in PAGE] == []
 
 
 def test_our_row_is_above_every_form_of_a_view_in_each_fold(records: pd.DataFrame) -> None:

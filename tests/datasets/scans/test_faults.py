@@ -30,7 +30,6 @@ from benchmark.jobs.pairs import stream
 from benchmark.jobs.pairs.stream import varied_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.geometry.surfaces import joined, limbed_body, sphere
-from tools.studies import range_scanning
 
 HEIGHT = 2.0
 
@@ -174,15 +173,12 @@ def modules() -> list:
 def test_no_recipe_of_a_scan_is_shared() -> None:
     foreign = ("benchmark.datasets.scanning", "benchmark.datasets.humans", "benchmark.datasets.camera")
     foreign += ("benchmark.datasets.perturbations",)
-    third = range_scanning.__name__
     found = [(module.__name__, each) for module in modules() for each in vars(module).values()]
     assert len(modules()) >= 8
     for name, each in found:
-        assert not str(getattr(each, "__module__", "")).startswith((*foreign, third)), (name, each)
+        assert not str(getattr(each, "__module__", "")).startswith(foreign), (name, each)
     names = {name for module in modules() for name in vars(module)}
     assert not names & {"scan_like", "membrane", "sheltered_vertices", "isotropic_remesh", "POSES", "SUBJECTS", "FRONT"}
-    for each in vars(range_scanning).values():
-        assert not str(getattr(each, "__module__", "")).startswith((*foreign, scans.__name__))
 
 
 def test_poses_are_those_without_an_authored_one() -> None:

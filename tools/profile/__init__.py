@@ -1,1 +1,0 @@
-"""Where the time of the workers of a run goes: ``python -m tools.profile run --all --quick``."""
