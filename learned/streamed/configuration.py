@@ -121,7 +121,8 @@ STREAMED: dict[str, Streamed] = {
         ),
     )
 }
-"""All configurations by name. The weights make each term as large as the others early in a training."""
+"""All configurations by name. The weights are those that make each term as large as the others early in a training;
+which of them earn their place is what ``python -m tools.studies.architectures`` measures on validation bodies."""
 
 
 def streamed(name: str) -> Streamed:
