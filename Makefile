@@ -84,8 +84,9 @@ lint: setup
 docs: $(DOCUMENTED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
+# Beside other programs, as one table; about ten minutes. ARGS="scorer" measures a group alone.
 speed: setup
-	$(BIN)/python -m tools.speed
+	$(BIN)/python -m tools.speed $(ARGS)
 
 # From the records in results/; needs neither data nor models.
 tables: setup

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 import time
 from fnmatch import fnmatch
-from pathlib import Path
 from typing import NoReturn
 
 import click
@@ -15,7 +13,7 @@ import click
 from benchmark.threads import pin_threads
 from tools.faults.cases import Outcome
 from tools.faults.program import run
-from tools.faults.report import DOCUMENT, as_json, as_text, code, publish, published
+from tools.faults.report import report
 from tools.faults.sections import SECTIONS, all_cases
 
 
@@ -25,9 +23,6 @@ from tools.faults.sections import SECTIONS, all_cases
 @click.option("--kills", type=click.IntRange(min=1), default=200, show_default=True, help="Kills to try at least.")
 @click.option("--only", "patterns", multiple=True, metavar="NAME", help="A case, a section, or a pattern with *.")
 @click.option("--workers", type=click.IntRange(1, 2), default=1, show_default=True, help="Cases at a time.")
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="Write the report as JSON, too.")
-@click.option("--publish", "is_published", is_flag=True, help=f"Write {DOCUMENT} anew after each case.")
-@click.option("--rest", "is_rest", is_flag=True, help="Leave out what was published with the present code and seed.")
 @click.option("--list", "names_only", is_flag=True, help="Print the names of the cases.")
 def main(
     seed: int,
@@ -35,15 +30,12 @@ def main(
     kills: int,
     patterns: tuple[str, ...],
     workers: int,
-    output: Path | None,
-    is_published: bool,
-    is_rest: bool,
     names_only: bool,
 ) -> None:
     """Try the suite with faults of every kind, and report what they cost."""
     pin_threads()
     signal.signal(signal.SIGTERM, _interrupt)
-    begun, tried = time.monotonic(), code()
+    begun = time.monotonic()
     cases = [
         case
         for case in all_cases(kills, seed, shuffled=seconds is not None)
@@ -51,9 +43,6 @@ def main(
     ]
     if not cases:
         raise click.UsageError(f"no such case; choose from {', '.join(SECTIONS)}, or see --list")
-    if is_rest:
-        done = published(seed, tried)
-        cases = [case for case in cases if case.name not in done]
     if names_only:
         click.echo("\n".join(case.name for case in cases))
         return
@@ -63,14 +52,9 @@ def main(
         click.echo(f"{outcome.seconds:6.1f} s  {outcome.name:<32}  {said}", err=True)
         for crossing in outcome.crossings:
             click.echo(f"          {crossing.said}", err=True)
-        if is_published:
-            publish(as_json([outcome], seed, outcome.seconds, tried))
 
     outcomes = run(cases, seed, seconds=seconds, workers=workers, tell=tell)
-    report = as_json(outcomes, seed, time.monotonic() - begun, tried)
-    click.echo(as_text(report), nl=False)
-    if output:
-        output.write_text(json.dumps(report, indent=1) + "\n")
+    click.echo(report(outcomes, seed, time.monotonic() - begun), nl=False)
     sys.exit(any(outcome.crossings for outcome in outcomes))
 
 

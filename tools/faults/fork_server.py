@@ -32,10 +32,6 @@ PRELOADED = (
     "benchmark.methods.inspection",
 )
 
-PRELOADED_METHODS = {
-    "surface-area": "baselines.surface_area:SurfaceArea", "identity": "baselines.identity:Identity",
-}  # fmt: skip
-
 _DEATH_SIGNAL, _SUBREAPER, _DROP_CAPABILITY = 1, 36, 24
 
 #: Rights by which root reads and writes what nobody may.
@@ -48,7 +44,6 @@ def serve() -> None:
     _control(_DEATH_SIGNAL, signal.SIGKILL)
     for name in PRELOADED:
         importlib.import_module(name)
-    _read_sources()
     print("ready", flush=True)
     for line in sys.stdin:
         child = os.fork()
@@ -58,18 +53,6 @@ def serve() -> None:
         print(child, flush=True)
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
         _bury()
-
-
-def _read_sources() -> None:
-    """Find out which code the methods run, which every command would do anew; an edit is noticed all the same."""
-    from benchmark.jobs.recipes import job_code
-    from benchmark.methods.scorers import ScorerSpec
-    from benchmark.methods.specs import MethodSpec
-    from benchmark.system import fingerprints
-
-    for name, target in PRELOADED_METHODS.items():
-        job_code("benchmark.datasets.folder", "mesh", MethodSpec(name, target), ScorerSpec())
-    fingerprints.clear_cache()
 
 
 def _become(request: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Runs cases side by side, within a time, and gathers what came of them."""
+"""Runs cases side by side, within a time, and collects what came of them."""
 
 from __future__ import annotations
 

@@ -98,5 +98,3 @@ OLDEST = Variant(
 TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
 #: The same with what can be tested at once in one variant, for continuous integration.
 TOGETHER = (OLDEST, HASWELL, ZEN, SKYLAKEX)
-#: Between these the scores are compared: the extremes, and what lies between.
-SCORED = (SKYLAKEX, HASWELL, OLDEST)
