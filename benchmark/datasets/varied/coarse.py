@@ -114,10 +114,23 @@ def coarse_model(triangles: int) -> CoarseModel:
 
     fine = body_model()
     template = fine.model.template_vertices.numpy()[fine.rows]
-    meshes = pymeshlab.MeshSet()
+    meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(template, fine.faces))
+    # pymeshlab remembers parameters from call to call, so every one is named.
     meshes.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=triangles, optimalplacement=False, preservetopology=True, preservenormal=True
+        targetfacenum=triangles,
+        targetperc=0.0,
+        qualitythr=0.3,
+        preserveboundary=False,
+        boundaryweight=1.0,
+        preservenormal=True,
+        preservetopology=True,
+        optimalplacement=False,
+        planarquadric=False,
+        planarweight=0.001,
+        qualityweight=False,
+        autoclean=True,
+        selected=False,
     )
     kept = cKDTree(template).query(meshes.current_mesh().vertex_matrix())[1]
     faces = meshes.current_mesh().face_matrix().astype(np.int32)
