@@ -12,7 +12,6 @@ from pathlib import Path
 
 from benchmark.datasets.base import Dataset, Entry, printable
 from benchmark.datasets.decimated import Decimated, decimated_name, parsed_decimation
-from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
@@ -335,5 +334,5 @@ def canonical_entry(dataset: Dataset, subject: str) -> Entry:
     shapes = [entry for entry in dataset.entries if entry.subject == subject]
     if not shapes:
         raise did_you_mean(f"subject of data set '{dataset.name}'", subject, {e.subject for e in dataset.entries})
-    pose = dataset.canonical_poses.get(subject) if isinstance(dataset, FolderDataset) else None
+    pose = getattr(dataset, "canonical_poses", {}).get(subject)
     return next((entry for entry in shapes if entry.pose == pose), shapes[0])

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import get_args
 
+from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.geometry.camera import Camera
+from benchmark.datasets.files import file_digest
+from benchmark.datasets.own import OwnDataset
+from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 from benchmark.system.fingerprints import fingerprint
 
@@ -41,9 +47,26 @@ class ChangedDataset(ABC):
         """The shapes of the clean set; none has a file of its own."""
         return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
 
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs that the clean set can be ranked under."""
+        inputs: tuple[Input, ...] = getattr(self.clean, "inputs", get_args(Input))
+        return inputs
+
+    @property
+    def canonical_poses(self) -> Mapping[str, str]:
+        """Canonical pose of each subject of which the clean set names one."""
+        poses: Mapping[str, str] = getattr(self.clean, "canonical_poses", {})
+        return poses
+
     def camera(self, entry: Entry) -> Camera:
         """Return the camera of the clean set."""
         return self.clean.camera(self.clean_entry(entry))
+
+    def sensor(self, entry: Entry) -> DepthSensor | None:
+        """Return what the depth camera of the clean set adds to its image; None for one without faults."""
+        sensor = getattr(self.clean, "sensor", None)
+        return sensor(self.clean_entry(entry)) if sensor else None
 
     @cached_property
     def _clean_entries(self) -> dict[str, Entry]:
@@ -64,4 +87,5 @@ class ChangedDataset(ABC):
     def _clean_recipe(self, entry: Entry) -> str:
         """Name what determines the mesh of the clean set, its code with it."""
         code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
-        return f"{self.clean.recipe(self.clean_entry(entry))} {fingerprint(code).digest}"
+        text = f" {file_digest(Path(code))}" if isinstance(self.clean, OwnDataset) else ""
+        return f"{self.clean.recipe(self.clean_entry(entry))} {fingerprint(code).digest}{text}"

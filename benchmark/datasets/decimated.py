@@ -117,7 +117,6 @@ class Decimated(ChangedDataset):
     """
 
     program: str
-    inputs: tuple[Input, ...] = ("mesh",)
 
     @classmethod
     def of(cls, clean: Dataset, program: str) -> Decimated:
@@ -135,6 +134,11 @@ class Decimated(ChangedDataset):
     def title(self) -> str:
         """Name in captions."""
         return f"{self.clean.title}, decimated by {self.program}"
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """The complete surfaces, where the clean set has them."""
+        return tuple(input_ for input_ in super().inputs if input_ == "mesh")
 
     def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
         """Return the decimated mesh; errors are those of :func:`decimated`."""

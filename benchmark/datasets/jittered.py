@@ -11,7 +11,6 @@ import numpy as np
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.perturbations.surface import noise
-from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.mesh import Mesh
 
 __all__ = ["AMOUNT", "Jittered", "clean_dataset", "clean_name", "jittered", "jittered_name", "parsed_jitter"]
@@ -78,11 +77,6 @@ class Jittered(ChangedDataset):
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
         return f"{self._clean_recipe(entry)} {AMOUNT!r} {self._seed(entry)}"
-
-    def sensor(self, entry: Entry) -> DepthSensor | None:
-        """Return what the depth camera of the clean set adds to its image; None for one without faults."""
-        found = getattr(self.clean, "sensor", None)
-        return found(self.clean_entry(entry)) if found else None
 
     def _seed(self, entry: Entry) -> int:
         name = f"jitter|{self.number}|{entry.identifier}".encode("utf-8", "surrogatepass")

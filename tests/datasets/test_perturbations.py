@@ -1,11 +1,15 @@
 """Perturbations do what they say, the same each time; a stronger one is more of the same."""
 
+import hashlib
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 
-from benchmark.datasets.catalogue import open_dataset, sources
+from benchmark.datasets.catalogue import canonical_entry, open_dataset, sources
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.datasets.perturbations.overview import overview
@@ -15,6 +19,7 @@ from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs import recipes
+from benchmark.protocols.galleries import galleries
 from tests.toy import rod, write_rods
 
 SURFACE = {name for name, known in PERTURBATIONS.items() if not known.of_frames}
@@ -156,3 +161,58 @@ def test_what_a_camera_adds_is_part_of_the_recipe_of_the_view_alone(rods):
     clean = open_dataset(str(rods), None)
     turn = np.dot(sets["view-angle=5"].camera(entry).direction, clean.camera(clean.entries[0]).direction)
     assert np.cos(np.radians(60)) <= turn < 1
+
+
+def test_what_a_clean_set_says_of_itself_is_said_of_its_changed_sets(rods, tmp_path):
+    noise = open_dataset(f"{rods}[depth-noise=5]", None)
+    for name in (f"{rods}[depth-noise=5][view-angle=1]", f"{rods}[depth-noise=5][view-angle=1][jitter=1]"):
+        dataset = open_dataset(name, None)
+        assert dataset.sensor(dataset.entries[0]) == noise.sensor(noise.entries[0])
+    with pytest.raises(ConfigurationError, match="has depth noise already"):
+        open_dataset(f"{rods}[depth-noise=5][depth-noise=1]", None)
+
+    folder = write_rods(tmp_path / "posed", bends=(0.0, 1.0))
+    (folder / "dataset.toml").write_text('[canonical_pose]\nthick = "1"\n')
+    for change in ("", "[noise=1]", "[jitter=1]", "[noise=1][jitter=1]"):
+        assert canonical_entry(open_dataset(f"{folder}{change}", None), "thick").identifier == "thick1"
+
+
+def test_one_sided_surfaces_are_no_complete_ones_when_they_are_changed():
+    for name in ("camera-few[noise=1]", "camera-few[jitter=1]", "camera-few[occlusion=1][jitter=1]"):
+        assert open_dataset(name, None).inputs == ("view",)
+    (gallery,) = galleries([], ["camera-few[noise=1]"])
+    assert gallery.inputs == ()  # noise is one of complete surfaces
+    with pytest.raises(ConfigurationError, match="which show one side of each shape"):
+        gallery.check_input("mesh")
+
+
+def test_an_edit_of_a_plugin_data_set_makes_its_changed_sets_new(tmp_path):
+    """Each version is read by a process of its own, as an author runs it."""
+    plugin = tmp_path / "own.py"
+    lines = """
+from benchmark.api.datasets import DatasetInfo, Entry, Mesh
+from tests.toy import rod
+
+class Own:
+    info = DatasetInfo(name="own", title="Own")
+
+    def entries(self):
+        return [Entry(f"{s}{n}", s, str(n)) for s in ("thin", "thick") for n in range(2)]
+
+    def load(self, entry):
+        return rod(0.1, 1.0, 12, RINGS)
+"""
+    read = (
+        "from benchmark.datasets.catalogue import open_dataset\n"
+        "for change in ('[noise=1]', '[jitter=1]', '[noise=1][jitter=1]'):\n"
+        f"    dataset = open_dataset('{plugin}:Own' + change, None)\n"
+        "    print(dataset.recipe(dataset.entries[0]))"
+    )
+    told = []
+    for rings in ("8", "9", "9"):
+        plugin.write_text(lines.replace("RINGS", rings))
+        done = subprocess.run([sys.executable, "-c", read], capture_output=True, text=True, check=True)
+        told.append(done.stdout.splitlines())
+    assert told[1] == told[2]
+    assert not set(told[0]) & set(told[1])
+    assert all(hashlib.sha256(plugin.read_bytes()).hexdigest() in line for line in told[2])

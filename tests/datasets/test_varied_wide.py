@@ -10,6 +10,7 @@ import trimesh
 
 from benchmark.api.streaming import N_POINTS
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
+from benchmark.datasets.scans.triangles import collapsed
 from benchmark.datasets.varied import wide
 from benchmark.datasets.varied.bodies import CLEARANCE, Body, clearance, varied_body
 from benchmark.datasets.varied.coarse import coarse_model
@@ -19,6 +20,7 @@ from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.errors import DatasetError
 from learned.streamed.configuration import STREAMED
+from tests.geometry.surfaces import sphere
 
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
 needs_the_full_body = pytest.mark.exhaustive
@@ -93,6 +95,15 @@ def test_a_coarse_body_is_the_body() -> None:
         assert solid.is_watertight
         assert solid.volume > 0
     np.testing.assert_allclose(coarse[0] - coarse[0].mean(axis=0), exact[0][0] - exact[0][0].mean(axis=0), atol=1e-3)
+
+
+@needs_the_full_body
+def test_a_coarse_body_does_not_depend_on_the_decimations_before_it() -> None:
+    first = coarse_model.__wrapped__(1500)
+    collapsed(sphere(3), 100)
+    again = coarse_model.__wrapped__(1500)
+    np.testing.assert_array_equal(first.faces, again.faces)
+    np.testing.assert_array_equal(first.bones, again.bones)
 
 
 @needs_the_full_body

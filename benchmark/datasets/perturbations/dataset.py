@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
@@ -155,20 +156,17 @@ class Some:
 
 
 @dataclass(frozen=True)
-class Perturbed:
+class Perturbed(ChangedDataset):
     """All shapes of a data set under one perturbation.
 
     Parameters
     ----------
-    clean
-        The data set.
     perturbation
         A key of :data:`PERTURBATIONS`.
     strength
         From 1, the weakest, to 5.
     """
 
-    clean: Dataset
     perturbation: str
     strength: int
 
@@ -184,30 +182,11 @@ class Perturbed:
         return f"{self.clean.title}, {known.title}: {known.unit} {self.amount:g}"
 
     @property
-    def stand_in_for(self) -> str:
-        """Return what the clean set stands in for."""
-        return self.clean.stand_in_for
-
-    @property
-    def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the clean set."""
-        return self.clean.half_width
-
-    @property
     def amount(self) -> float:
         """Amount of the perturbation at this strength."""
         return PERTURBATIONS[self.perturbation].amounts[self.strength - 1]
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """The shapes of the clean set; none has a file of its own."""
-        return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
-
-    @cached_property
-    def _clean_entries(self) -> dict[str, Entry]:
-        return {entry.identifier: entry for entry in self.clean.entries}
-
-    def load(self, entry: Entry) -> Mesh:
+    def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
         """Perturb the mesh of the clean set.
 
         Raises
@@ -215,19 +194,16 @@ class Perturbed:
         UnsupportedShape
             If the perturbation leaves nothing that can be prepared; the shape then counts as unsupported.
         """
-        mesh = self.clean.load(self._clean_entries[entry.identifier])
         on_mesh = PERTURBATIONS[self.perturbation].on_mesh
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:
         """Name what determines the mesh, the code of the clean set with it."""
-        clean = self.clean.recipe(self._clean_entries[entry.identifier])
-        code = fingerprint(type(self.clean).__module__).digest
-        return f"{clean} {code} {self.perturbation} {self.amount!r} {self._seed(entry)}"
+        return f"{self._clean_recipe(entry)} {self.perturbation} {self.amount!r} {self._seed(entry)}"
 
     def camera(self, entry: Entry) -> Camera:
         """Look as in the clean set, or from beside: turned about the vertical by up to the amount, either way."""
-        camera = self.clean.camera(self._clean_entries[entry.identifier])
+        camera = super().camera(entry)
         if self.perturbation != "view-angle":
             return camera
         angle = np.radians(self.amount) * np.random.default_rng(self._seed(entry)).uniform(-1, 1)
@@ -236,9 +212,9 @@ class Perturbed:
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
         """Return what the depth camera adds to its image; None for a camera without faults."""
-        if self.perturbation != "depth-noise":
-            return None
-        return DepthSensor(self.amount, self.amount, self._seed(entry))
+        if self.perturbation == "depth-noise":
+            return DepthSensor(self.amount, self.amount, self._seed(entry))
+        return super().sensor(entry)
 
     def _seed(self, entry: Entry) -> int:
         """The same at every strength, so that a stronger perturbation is more of the same."""
