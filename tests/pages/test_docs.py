@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from benchmark.api.contracts import CanonicalForm, Descriptor, Method, MethodInfo, Shape
-from benchmark.api.datasets import DatasetInfo, Entry, ListsShapes
-from benchmark.api.learning import ChecksOptions, Learner, TrainingData, TrainingPair
-from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
@@ -59,13 +53,6 @@ def test_every_page_is_linked_from_the_first() -> None:
     assert [name(page) for page in DOCS if page not in {first, *(target for target, _ in links(first))}] == []
 
 
-@pytest.mark.parametrize("page", DOCS, ids=name)
-def test_every_page_opens_with_what_one_can_do_after_it(page: Path) -> None:
-    heading, _, opening, *_ = TEXTS[page].split("\n")
-    assert heading.startswith("# ")
-    assert opening.startswith("After this page you ")
-
-
 def sources() -> Iterator[Path]:
     for folder in ("baselines", "benchmark", "examples", "learned", "retrieval", "tests"):
         yield from sorted((ROOT / folder).rglob("*.py"))
@@ -108,22 +95,6 @@ def test_the_command_line_lists_every_verb() -> None:
 CONTRACTS = TEXTS[ROOT / "docs" / "reference" / "plugins.md"]
 
 
-@pytest.mark.parametrize(
-    "contract", [MethodInfo, CanonicalForm, ScorerInfo, DatasetInfo, Entry, TrainingData, TrainingPair]
-)
-def test_every_field_of_a_contract_is_told(contract: type) -> None:
-    assert contract.__name__ in CONTRACTS
-    told = " ".join(re.findall(r"`([^`]+)`", prose(CONTRACTS)))
-    assert [field.name for field in fields(contract) if not re.search(rf"\b{field.name}\b", told)] == []
-
-
-@pytest.mark.parametrize("contract", [Shape, Method, Descriptor, Learner, ChecksOptions, Scorer, ListsShapes])
-def test_every_method_of_a_contract_is_told(contract: type) -> None:
-    offered = {name for name in vars(contract) if not name.startswith("_")} | set(contract.__annotations__)
-    assert offered
-    assert [name for name in offered if not re.search(rf"`(shape\.)?{name}\b", CONTRACTS)] == []
-
-
 def test_what_the_contracts_import_is_there() -> None:
     lines = re.findall(r"^    (from benchmark\.[\w.]+ import .*)$", CONTRACTS, re.MULTILINE)
     assert len(lines) >= 5
@@ -134,59 +105,6 @@ def test_what_the_contracts_import_is_there() -> None:
 # The page of the architecture ----------------------------------------------------------------------------------------
 
 ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
-
-
-def layers() -> dict[str, int]:
-    """Height of each package in the picture."""
-    (picture,) = re.findall(r"```layers\n(.*?)```", ARCHITECTURE, re.DOTALL)
-    lines = reversed(picture.splitlines())
-    return {
-        package: height
-        for height, line in enumerate(lines)
-        for package in re.match(r"((?:[\w.]+ {1,2})+)", line).group().split()  # type: ignore[union-attr]
-    }
-
-
-def package(module: str, known: dict[str, int]) -> str:
-    parts = module.split(".")
-    while parts and ".".join(parts) not in known:
-        parts.pop()
-    return ".".join(parts)
-
-
-def imports(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-
-
-def test_the_picture_of_packages_shows_all_of_them_and_the_direction_of_imports() -> None:
-    known = layers()
-    for folder in ("baselines", "benchmark", "learned", "retrieval"):
-        for path in (ROOT / folder).rglob("*.py"):
-            module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-            here = package(module, known)
-            if module in {"benchmark", "benchmark.__main__"}:
-                continue
-            assert here, f"{module} has no place in the picture"
-            for target in imports(path):
-                there = package(target, known)
-                assert not there or there == here or known[there] < known[here], (module, target)
-
-
-def test_every_file_and_function_on_the_way_of_a_shape_is_there() -> None:
-    table = ARCHITECTURE.partition("| step |")[2].partition("\n\n")[0]
-    rows = [line.strip("| ").split(" | ") for line in table.splitlines()[2:]]
-    assert len(rows) > 15
-    for _, functions, files in rows:
-        for wanted, file in zip(functions.split("; "), files.split("; "), strict=True):
-            text = (ROOT / file.strip("`")).read_text(encoding="utf-8")
-            for function in re.findall(r"`([\w.]+)`", wanted):
-                for part in function.split("."):
-                    assert re.search(rf"^ *(def|class) {part}\b", text, re.MULTILINE), (function, file)
 
 
 def test_every_file_that_the_architecture_names_exists() -> None:
