@@ -210,7 +210,7 @@ class ResultsFolder:
     @cached_property
     def _results(self) -> dict[str, Result]:
         known = self._known
-        places = by_place(known.records(heads=True))
+        places = by_place(known.records())
         seen = sorted({(place.seed, place.scorer) for place in places})
         chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}
@@ -218,7 +218,7 @@ class ResultsFolder:
     def _scored(self, key: str) -> dict[str, Any]:
         if key not in self._results:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
-        record = self._known.whole(self._results[key].record)
+        record = dict(self._results[key].record)
         if record["status"] != "ok":
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record

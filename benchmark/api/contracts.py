@@ -80,6 +80,9 @@ class MethodInfo:
         ``"equivariant"`` if scaling the shape scales the form, ``"invariant"`` if the form does not change.
     deterministic
         False if the form depends on the seed.
+    files
+        Paths of the files that a plugin works by, such as a program that it calls, relative to its own; results count
+        while these stay as they are. Files that it opens in Python are noted without being named.
     """
 
     name: str
@@ -91,6 +94,7 @@ class MethodInfo:
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"
     deterministic: bool = True
+    files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,8 @@ class ScorerInfo:
     invariant
         Whether a rotation, a translation and a scaling of the form leave its signature as it is, but for what its
         sampling adds. False for a scorer that undoes them only where a pose of its own is well defined.
+    files
+        Paths of the files that a plugin works by, relative to its own; see :class:`benchmark.api.contracts.MethodInfo`.
     """
 
     name: str
@@ -55,6 +57,7 @@ class ScorerInfo:
     requires: tuple[str, ...] = ()
     draws: int = 1
     invariant: bool = True
+    files: tuple[str, ...] = ()
 
 
 @runtime_checkable

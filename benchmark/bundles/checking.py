@@ -7,8 +7,6 @@ import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,10 +15,9 @@ from benchmark.bundles.archive import Archive
 from benchmark.bundles.known import Known
 from benchmark.bundles.manifest import LONGEST, MANIFEST, BundleError, Entry, Manifest, manifest_of
 from benchmark.bundles.outcome import Fault, Outcome, RowOutcome, claim, lie
-from benchmark.bundles.remaking import Remade, Remaking, code_of, made_again, unpack_plugin
+from benchmark.bundles.remaking import Remade, Remaking, made_again
 from benchmark.bundles.rows import RowCheck
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.recipes import method_code
 from benchmark.methods.registry import BUILT_IN
 from benchmark.parameters.grid import split_name
 from benchmark.report.statistics.queries import queries_of
@@ -28,7 +25,7 @@ from benchmark.report.statistics.significance import intervals
 from benchmark.storage.record_schema import fault_of
 from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.system.calls import BrokenCall, Guard, call_apart
-from benchmark.system.fingerprints import FIRST_PARTY
+from benchmark.system.code import digest_of_source
 from benchmark.system.text import is_name
 from retrieval.measures import PRINTED
 
@@ -159,18 +156,20 @@ class _Check:
         return found
 
     def _is_source_of_records(self) -> bool:
-        """Return whether the source has the fingerprints that the recipes of the records name; it is not run."""
-        assert self.manifest.plugin  # noqa: S101
-        with TemporaryDirectory(prefix="canonical-forms-") as folder:
-            path = unpack_plugin(self.archive, self.manifest.plugin, Path(folder))
-            source: Any = SimpleNamespace(module=str(path), inherited=())
+        """Return whether the source is that which the recipes of the records name; it is not run."""
+        plugin = self.manifest.plugin
+        assert plugin  # noqa: S101
+        for entry in self.manifest.entries:
+            sources = self.archive.json(entry.record)["recipe"].get("plugin", {})
+            known = {name: sources.get(name.removeprefix("plugin/")) for name in plugin.digests}
             try:
-                code = method_code(source).code
-            except (OSError, SyntaxError, ValueError, RecursionError):
+                if known[plugin.file] is None or any(
+                    digest and digest_of_source(self.archive.read(name)) != digest for name, digest in known.items()
+                ):
+                    return False
+            except (SyntaxError, ValueError, RecursionError):
                 return False
-        own = {name: text for name, text in code.items() if name.partition(".")[0] not in FIRST_PARTY}
-        records = (self.archive.json(entry.record) for entry in self.manifest.entries)
-        return all(own.items() <= code_of(record).items() for record in records)
+        return True
 
     def record(self, entry: Entry) -> Record:
         """Return a record; raises :class:`BundleError` if it is none, contradicts itself, or is of another method."""

@@ -24,13 +24,14 @@ from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.foreign.specs import ForeignMethodSpec
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import Preparation, require_arrays
-from benchmark.jobs.recipes import method_code
+from benchmark.jobs.recipes import method_components
 from benchmark.jobs.stages import distances, features
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import Model, find_models
 from benchmark.report.content import own_table
+from benchmark.storage.lock import versions_of
 from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.arrays import Arrays, load_arrays
@@ -87,12 +88,6 @@ class Remaking:
     data_root: Path | None
     results: Path
     shapes: tuple[str, ...]
-
-
-def code_of(record: Record) -> Mapping[str, str]:
-    """Return the fingerprints of the code of the method that a record names."""
-    found: Mapping[str, str] = record["recipe"].get("code", {}).get("method", {}).get("code", {})
-    return found
 
 
 def unpack_plugin(archive: Archive, plugin: Plugin, folder: Path) -> Path:
@@ -171,7 +166,8 @@ def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict
         vectors = [arrays["descriptor"] for arrays in items.values()]
         compare = lambda items: distances.descriptor_distances(method, items)  # noqa: E731
         made = in_shuffled_order(list(items), vectors, compare).tolist()
-    is_same = bool(target) or dict(method_code(spec).code) == code_of(record)
+    versions = versions_of(method_components(spec))
+    is_same = bool(target) or versions.items() <= record["recipe"].get("versions", {}).items()
     return {"apart": min(apart, 1e9), "distances": made, "is_same_code": is_same}
 
 

@@ -187,7 +187,7 @@ def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[En
                 arrays = _signature(run, by_name[name], arrays)
         found.append(arrays)
     forms = [run.recipe(by_name[name]) for name in answered_shapes(record)]
-    matrices = [store.find(distances_recipe(forms, scorer, draw)) for draw in draws_of(run.spec, scorer)]
+    matrices = [store.find(distances_recipe(forms, run.spec, scorer, draw)) for draw in draws_of(run.spec, scorer)]
     if not all(matrices):
         raise StorageError("its distances are not kept here", "run it again here")
     holds: Holds = "descriptors" if run.describes else "signatures" if withheld else "forms"

@@ -13,20 +13,6 @@ if TYPE_CHECKING:
 
 Rows = list[dict[str, str]]
 
-#: Rows of the methods of the suite, as they were last made.
-_REMEMBERED = Path(__file__).parent / "__pycache__" / "methods.json"
-
-
-def remembered_methods() -> Rows | None:
-    """Rows of :func:`methods` as an earlier process of the same code and packages wrote them down; None without.
-
-    To make them takes the import of all methods. Where installed packages bring some, nothing is written down.
-    """
-    from benchmark.storage.derived import read_derived, suite_digest
-
-    found: Rows | None = read_derived(_REMEMBERED, suite_digest())
-    return found
-
 
 def methods(plugins: Iterable[Path] = ()) -> Rows:
     """Name, family, availability and summary of each method, and of each variant that has rows of its own.
@@ -35,7 +21,6 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
     """
     from benchmark.methods import registry
     from benchmark.protocols.rows import VARIANTS
-    from benchmark.storage.derived import suite_digest, write_derived
 
     rows: Rows = []
     for name, spec in registry.methods(plugins).items():
@@ -50,9 +35,6 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
             chosen = ", ".join(f"{key}={value}" for key, value in variant.parameters.items())
             other = {"name": variant.name, "title": variant.title, "family": "extended", "summary": f"with {chosen}"}
             rows.append({**rows[-1], **other})
-    is_ours = not registry.unusable() and registry.methods(plugins).keys() == registry.BUILT_IN.keys()
-    if is_ours and all(row["state"] != "broken" for row in rows):
-        write_derived(_REMEMBERED, suite_digest(), rows)
     return rows
 
 
@@ -130,7 +112,7 @@ def _data_of(table: Table, data_root: Path | None) -> str:
 
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
-    from benchmark.api.learning import CARD, Learner, card_digest, read_card
+    from benchmark.api.learning import CARD, Learner, read_card
     from benchmark.methods import registry
     from benchmark.protocols.model_places import MODELS_VARIABLE, model_places
     from benchmark.storage.store import Store
@@ -146,7 +128,7 @@ def models(results: Path) -> Rows:
         for path in sorted(folder.glob(f"*/*/{CARD}")):
             try:
                 card = read_card(path.parent)
-                digest, schedule = card_digest(card)[:12], str(card.get("schedule_in_words", ""))
+                digest, schedule = card["digest"][:12], str(card.get("schedule_in_words", ""))
             except ConfigurationError as error:
                 digest, schedule = "", f"unusable: {error}"
             rows.append(

@@ -19,12 +19,10 @@ from benchmark.cli.options import INTERRUPTED, NOT_OK, OK, TERMINATED, USAGE
 from benchmark.cli.verbs.compilation import compile_
 from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
-from benchmark.cli.verbs.gather import gather
 from benchmark.cli.verbs.leaderboard import leaderboard
 from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
 from benchmark.cli.verbs.paper import paper
-from benchmark.cli.verbs.rekey import rekey, sample
 from benchmark.cli.verbs.results import compare, merge, prune, why
 from benchmark.cli.verbs.retrieve import retrieve
 from benchmark.cli.verbs.run import plan, run
@@ -68,7 +66,7 @@ def completion_(shell: str) -> None:
 
 for verb in (
     run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
-    data, train, merge, gather, compare, submit, verify, leaderboard, prune, why, rekey, sample, compile_,
+    data, train, merge, compare, submit, verify, leaderboard, prune, why, compile_,
 ):  # fmt: skip
     cli.add_command(verb)
 

@@ -14,9 +14,10 @@ from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import JobSpec
 from benchmark.jobs.plan import Job, unavailable_record
-from benchmark.storage.environment import ROOT, environment_text
+from benchmark.storage.environment import environment_text
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store, sweep_leftovers
+from benchmark.system.code import ROOT
 from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores

@@ -6,16 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import get_args
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.files import file_digest
-from benchmark.datasets.own import OwnDataset
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["ChangedDataset"]
 
@@ -85,7 +81,5 @@ class ChangedDataset(ABC):
         return self.changed(self.clean.load(self.clean_entry(entry)), entry)
 
     def _clean_recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh of the clean set, its code with it."""
-        code = getattr(self.clean, "code", type(self.clean).__module__)  # that of a plugin is its file
-        text = f" {file_digest(Path(code))}" if isinstance(self.clean, OwnDataset) else ""
-        return f"{self.clean.recipe(self.clean_entry(entry))} {fingerprint(code).digest}{text}"
+        """Name what determines the mesh of the clean set."""
+        return self.clean.recipe(self.clean_entry(entry))

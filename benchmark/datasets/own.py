@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +18,7 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
 from benchmark.system.arrays import Arrays
-from benchmark.system.plugins import classes_of, import_plugin, is_closed
+from benchmark.system.plugins import classes_of, import_plugin, is_closed, sources_of
 from benchmark.system.services import Ask, Service
 from benchmark.system.text import LONGEST_NAME, clean, is_name
 
@@ -48,6 +48,16 @@ class OwnDataset:
     made: ListsShapes
     entries: tuple[Entry, ...]
     code: str
+
+    @cached_property
+    def sources(self) -> dict[str, str]:
+        """What the plugin consists of."""
+        return sources_of(self.code)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Files that the plugin has read so far, with their digests."""
+        return {}
 
     @property
     def name(self) -> str:
@@ -118,6 +128,7 @@ class _Told:
     source: str
     info: DatasetInfo
     makes_meshes: bool
+    sources: Mapping[str, str]
 
 
 class _ForeignDataset(OwnDataset):
@@ -133,8 +144,18 @@ class _ForeignDataset(OwnDataset):
             Entry(each["identifier"], each["subject"], each["pose"], Path(each["path"]) if each["path"] else None)
             for each in told["entries"]
         )
-        made: Any = _Told(source, DatasetInfo(**told["info"]), told["makes_meshes"])
+        made: Any = _Told(source, DatasetInfo(**told["info"]), told["makes_meshes"], told["sources"])
         return cls(made, entries, source.rpartition(":")[0])
+
+    @cached_property
+    def sources(self) -> dict[str, str]:
+        """What the plugin consists of."""
+        return dict(self.made.sources)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Files that the plugin has read so far, with their digests."""
+        return _service(self.made.source).files
 
     def load(self, entry: Entry) -> Mesh:
         """See :meth:`OwnDataset.load`."""
@@ -167,18 +188,19 @@ def _service(source: str) -> Service:
 _served: list[OwnDataset] = []
 
 
-def _serve(facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:
+def _serve(asked: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:
     """Answer what a :class:`_ForeignDataset` asks, in the process of the file."""
-    if facts["work"] == "open":
-        found = open_own(facts["source"])
+    if asked["work"] == "open":
+        found = open_own(asked["source"])
         _served.append(found)
         entries = [{**asdict(each), "path": str(each.path) if each.path else None} for each in found.entries]
-        return {"info": asdict(found.made.info), "makes_meshes": hasattr(found.made, "load"), "entries": entries}, {}
+        facts = {"info": asdict(found.made.info), "makes_meshes": hasattr(found.made, "load"), "sources": found.sources}
+        return facts | {"entries": entries}, {}
     dataset = _served[0]
-    entry = next(each for each in dataset.entries if each.identifier == facts["identifier"])
-    if facts["work"] == "recipe":
+    entry = next(each for each in dataset.entries if each.identifier == asked["identifier"])
+    if asked["work"] == "recipe":
         return {"recipe": dataset.recipe(entry)}, {}
-    if facts["work"] == "camera":
+    if asked["work"] == "camera":
         return asdict(dataset.camera(entry)), {}
     mesh = dataset.load(entry)
     return {}, {"vertices": mesh.vertices, "faces": mesh.faces}

@@ -68,7 +68,7 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     to_run = list({job.key: job for job in jobs if job.to_run}.values())
     if not to_run:
         return Estimate(0.0, 0, None)
-    costs = [record for record in (*store.published.heads(), *store.records.heads()) if "cost" in record]
+    costs = [record for record in (*store.published, *store.records) if "cost" in record]
     seconds, unknown, n_forms = 0.0, 0, 0
     shared: dict[tuple[str, str, str], dict[str, float]] = {}
     for job in to_run:

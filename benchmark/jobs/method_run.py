@@ -21,6 +21,7 @@ from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
 from benchmark.storage.store import Artefact, Store
+from benchmark.system.opened_files import with_files
 
 __all__ = ["MethodRun", "ShapeResult"]
 
@@ -113,7 +114,7 @@ class MethodRun:
         recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
         found = self.store.get_or_compute(
             recipe,
-            lambda: attempted(lambda: features.extract(scorer, shape)),
+            lambda: with_files(attempted(lambda: features.extract(scorer, shape)), files_of(scorer)),
             work="features",
             scratch=not isinstance(self.preparation.dataset, DepthFolder),  # 'retrieve' asks for those of frames
         )
@@ -176,13 +177,13 @@ class MethodRun:
 
         def compute() -> Arrays:
             shape = self.preparation.shape(entry, self.seed)
-            method = self._method_for(entry)
             if isinstance(method, Method):
                 return form.canonicalise(method, shape)
             return form.describe(method, shape)
 
-        work = f"canonicalise {self.preparation.input} {self.spec.base_name}"
-        return self.store.get_or_compute(self.recipe(entry), lambda: attempted(compute), work=work)
+        method, work = self._method_for(entry), f"canonicalise {self.preparation.input} {self.spec.base_name}"
+        compute_kept = lambda: with_files(attempted(compute), files_of(method))  # noqa: E731
+        return self.store.get_or_compute(self.recipe(entry), compute_kept, work=work)
 
     def _method_for(self, entry: Entry) -> Method | Descriptor:
         """The method that treats a shape; each model is loaded once."""
@@ -198,6 +199,11 @@ class MethodRun:
 def _is_small(name: str) -> bool:
     """Return whether an array tells about a stage, rather than being its result."""
     return name.startswith("note:") or name == REFUSED
+
+
+def files_of(plugin: object) -> dict[str, str]:
+    """Files that foreign code has read, with their digests."""
+    return plugin.files if isinstance(plugin, Foreign) else {}
 
 
 def features_of(found: ShapeResult) -> Arrays:

@@ -20,15 +20,16 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
+from benchmark.storage.lock import edited, key_of, words_of_edit
 from benchmark.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
 from benchmark.storage.store import Store
-from benchmark.system.fingerprints import parse_cache
+from benchmark.system.opened_files import changed_files
 from retrieval.chance import chance_levels
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
 
 #: Recipe parts in the order in which a change is worth telling.
-PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "code")
+PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "versions", "plugin")
 
 #: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
 CHANGED = "changed"
@@ -189,17 +190,16 @@ def make_plan(
     settings
         Of all jobs; None for the usual ones.
     """
-    plan = _Planning(store, settings or JobSettings(), store.records.heads())
+    plan = _Planning(store, settings or JobSettings(), list(store.records))
     specs, wanted_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     known: dict[tuple[str, str], str] = {}
-    with parse_cache():
-        for gallery in galleries:
-            rows = gallery.rows(specs, store.models)
-            for input_ in wanted_inputs:
-                if rows and input_ in gallery.inputs:
-                    data = data_recipe(gallery, input_, known)
-                    jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
+    for gallery in galleries:
+        rows = gallery.rows(specs, store.models)
+        for input_ in wanted_inputs:
+            if rows and input_ in gallery.inputs:
+                data = data_recipe(gallery, input_, known)
+                jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
     return jobs
 
 
@@ -213,7 +213,7 @@ class _Planning:
 
     @cached_property
     def _before(self) -> Mapping[Place, list[Record]]:
-        return by_place(self.made_here)
+        return by_place(record for record in self.made_here if "-" not in record["key"])
 
     @cached_property
     def _by_key(self) -> Mapping[str, Record]:
@@ -221,7 +221,7 @@ class _Planning:
 
     @cached_property
     def _published(self) -> Mapping[str, Record]:
-        return {record["key"]: record for record in self.store.published.heads()}
+        return {record["key"]: record for record in self.store.published}
 
     @cached_property
     def _published_before(self) -> Mapping[Place, list[Record]]:
@@ -249,7 +249,7 @@ class _Planning:
 
         def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
             return Job(
-                **description(gallery, input_, spec, scorer, models), key=keys.digest(recipe) if recipe else "",
+                **description(gallery, input_, spec, scorer, models), key=key_of(recipe) if recipe else "",
                 recipe=recipe or {}, seed=seed, results=store.root.parent.absolute(), state=state, reason=reason,
                 ranks_again=ranks_again,
             )  # fmt: skip
@@ -266,13 +266,18 @@ class _Planning:
         except NoFolds as error:
             return job("unsupported", str(error))
         recipe = job_recipe(gallery, spec, data, models, seed, scorer)
-        key = keys.digest(recipe)
+        key, edit = key_of(recipe), edited(recipe["versions"])
         record = self._by_key.get(key)
+        if record is not None and (changed := changed_files(record.get("files", {}))):
+            return job("stale", f"{', '.join(changed[:3])} changed", recipe)
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
             status = record["status"]
             if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
-                return job("cached" if status == "ok" else "failed", _told(record), recipe)
+                reason = "; ".join(filter(None, (_told(record), words_of_edit(edit) if edit else "")))
+                return job("cached" if status == "ok" else "failed", reason, recipe)
             return job("stale", f"{status} before, asked to retry", recipe)
+        if edit:
+            return job("stale", words_of_edit(edit), recipe)
         if key in self._published:
             return job("published", "finished elsewhere; a run makes it anew here", recipe)
         place = Place(gallery.name, input_, spec.name, seed, scorer.name)
@@ -296,8 +301,10 @@ def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bo
     """Return whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
     if older["status"] != "ok" or not older.get("artefacts"):
         return False
-    parts = [{**each, "code": {**each["code"], "measures": None}} for each in (older["recipe"], keys.plain(recipe))]
-    return parts[0] == parts[1] and all(map(store.has, older["artefacts"]))
+    before, now = (
+        {**each, "versions": {**each.get("versions", {}), "measures": ""}} for each in (older["recipe"], recipe)
+    )
+    return before == now and all(map(store.has, older["artefacts"]))
 
 
 def job_recipe(
@@ -323,10 +330,11 @@ def job_recipe(
     recipe = {
         **data,
         "method": spec.base_name,
-        "parameters": spec.resolved_parameters(),
+        "parameters": spec.key_parameters(),
         "seed": seed,
         "scorer": recipes.scorer_recipe(scorer),
-        "code": recipes.job_code(recipes.dataset_module(gallery.dataset), data["input"], spec, scorer),
+        "versions": recipes.job_versions(gallery.dataset, data["input"], spec, scorer),
+        **recipes.job_plugins(gallery.dataset, spec, scorer),
     }
     if gallery.table.split_size:
         recipe["split_size"] = gallery.table.split_size
@@ -366,7 +374,7 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
 
 
 def what_changed(record: Record, now: Mapping[str, Any]) -> str:
-    """Name the parts of the recipe of a record that changed, and how to show that older code made the same.
+    """Name the parts of the recipe of a record that changed.
 
     Parameters
     ----------
@@ -375,13 +383,7 @@ def what_changed(record: Record, now: Mapping[str, Any]) -> str:
     now
         The recipe, or those parts of it that can be told.
     """
-    then = {part: record["recipe"].get(part) for part in now}
-    told = difference(then, now)
-    made_by = record["rekeyed"][-1]["to"] if record.get("rekeyed") else record.get("commit", "")
-    is_older_code = [part for part in PARTS if then.get(part) != keys.plain(now).get(part)] == ["code"]
-    if not (is_older_code and made_by and not made_by.endswith("+")):
-        return told
-    return f"{told} (older code; 'rekey --from {made_by}' may show that nothing changed)"
+    return difference({part: record["recipe"].get(part) for part in now}, now)
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
@@ -398,11 +400,10 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         old, new = before.get(part), plain.get(part)
         if old == new:
             continue
-        if part == "code":
-            changes += _changed_code(old or {}, new or {})
+        if part == "versions" and not old:
+            changes.append("made by version 0.2 or older")
         elif isinstance(old, dict) and isinstance(new, dict):
-            changed = sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))
-            changes.append(f"{part} changed: {', '.join(f'{n} {old.get(n)} -> {new.get(n)}' for n in changed[:3])}")
+            changes.append(changed_names(part, old, new))
         elif part in ("gallery", "view"):
             changes.append("the data changed" if part == "gallery" else "the camera's frame changed")
         else:
@@ -410,21 +411,10 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "; ".join(changes) or "the recipe changed"
 
 
-def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Modules and packages that changed, over all stages."""
-
-    def together(stages: Mapping[str, Any], part: str) -> dict[str, str]:
-        found = (stage.get(part, {}) for stage in stages.values() if isinstance(stage, Mapping))
-        return {name: value for each in found for name, value in each.items()}
-
-    changes = []
-    old, new = together(before, "code"), together(now, "code")
-    modules = sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))
-    if modules:
-        changes.append(f"code of {', '.join(modules[:3])}{' and others' if len(modules) > 3 else ''} changed")
-    old, new = together(before, "packages"), together(now, "packages")
-    moved = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
-    return changes + [f"{name} {old.get(name, 'absent')} -> {new.get(name, 'absent')}" for name in moved]
+def changed_names(part: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Name the first of the entries in which a part of a recipe differs."""
+    changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+    return f"{part} changed: {', '.join(f'{name} {before.get(name)} -> {now.get(name)}' for name in changed[:3])}"
 
 
 def unavailable_record(job: Job) -> Record:

@@ -13,14 +13,16 @@ from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.depth_folder import DepthFolder
+from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import frame_of, half_width_of, seen
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
-from benchmark.storage.keys import digest
+from benchmark.storage.lock import key_of
 from benchmark.storage.store import Artefact, Store
+from benchmark.system.opened_files import with_files
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -65,7 +67,8 @@ class Preparation:
 
     def artefact(self, entry: Entry) -> Artefact:
         """The arrays of a prepared shape, or why there are none; see :func:`require_arrays`."""
-        return self._kept(self.recipe(entry), lambda: attempted(lambda: self._compute(entry)), f"prepare {self.input}")
+        compute = lambda: with_files(attempted(lambda: self._compute(entry)), files_of(self.dataset))  # noqa: E731
+        return self._kept(self.recipe(entry), compute, f"prepare {self.input}")
 
     def is_prepared(self, entry: Entry) -> bool:
         """Return whether there is a prepared shape, which methods can get."""
@@ -88,7 +91,7 @@ class Preparation:
     @property
     def frame_key(self) -> str:
         """Name of the artefact that holds a frame fitted to the data set; "" where there is none."""
-        return digest(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
+        return key_of(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
 
     def mesh(self, entry: Entry) -> Mesh:
         """The mesh of the data set; generated ones are kept for the while of a run, for some take seconds to make."""
@@ -137,6 +140,13 @@ class Preparation:
         if self.store is not None:
             return self.store.get_or_compute(recipe, compute, work=work, scratch=scratch)
         return Artefact("", compute(), Cost(), environment_text(), was_cached=False)
+
+
+def files_of(dataset: Dataset) -> dict[str, str]:
+    """Files that the plugin of a data set has read, with their digests."""
+    while isinstance(dataset, ChangedDataset):
+        dataset = dataset.clean
+    return dataset.files if isinstance(dataset, OwnDataset) else {}
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:

@@ -1,30 +1,31 @@
-"""Recipes: what determines each stage of each shape, without computing it."""
+"""Recipes: what determines each stage of each shape, without computing it.
+
+A recipe names the versions of all components that have a part in its result, those of earlier stages included; see
+:mod:`benchmark.storage.lock`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.depth_folder import DepthFolder
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError
 from benchmark.geometry.camera import DepthSensor
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.storage import keys
-from benchmark.system import fingerprints
+from benchmark.storage.lock import read_lock, versions_of
 
 Recipe = dict[str, Any]
 
-_STAGES = "benchmark.jobs.stages"
-
-#: Module of the stage that prepares a shape for each input.
-PREPARATION: dict[Input, str] = {"mesh": f"{_STAGES}.complete", "view": f"{_STAGES}.view"}
-
-#: What a learner's own training imports, and the look at its options before it, cannot change a form that a finished
-#: model makes.
-_NOT_FOR_FORMS = ("train", "check_options")
+#: Component of what plugins are offered: geodesics, the Laplacian, eigenpairs.
+OFFERED = "api"
 
 
 def dataset_module(dataset: Dataset) -> str:
@@ -32,52 +33,80 @@ def dataset_module(dataset: Dataset) -> str:
     return dataset.code if isinstance(dataset, OwnDataset) else type(dataset).__module__
 
 
-def source_code(module: str) -> fingerprints.Fingerprint:
-    """Code that makes the meshes of a data set, by its module: readers of files, a generator, or a plugin file."""
-    return fingerprints.fingerprint(module, *([OwnDataset.__module__] if module.endswith(".py") else []))
+def source_components(dataset: Dataset) -> list[str]:
+    """Components that make the meshes of a data set: readers of files or a generator, and the changes in brackets."""
+    known, original = read_lock().components, _original(dataset)
+    changes = [f"change/{name}" for name in re.findall(r"\[([a-z-]+)=", dataset.name)]
+    if isinstance(original, OwnDataset):
+        base = OFFERED
+    elif isinstance(original, FolderDataset):
+        base = "data/frames" if isinstance(original, DepthFolder) else "data/files"
+    else:
+        base = f"data/{original.name.partition('[')[0]}"
+    return [base, *(name for name in changes if name in known)]
 
 
-def preparation_code(input_: Input) -> fingerprints.Fingerprint:
-    """Code between the mesh and the prepared shape."""
-    return fingerprints.fingerprint(PREPARATION[input_])
+def _original(dataset: Dataset) -> Dataset:
+    """Return the data set that a changed one is made of."""
+    while (clean := getattr(dataset, "clean", None)) is not None:
+        dataset = clean
+    return dataset
 
 
-def method_code(spec: MethodSpec) -> fingerprints.Fingerprint:
-    """Code between the prepared shape and the form."""
-    return fingerprints.fingerprint(spec.module, *spec.inherited, f"{_STAGES}.form", without=_NOT_FOR_FORMS)
+def preparation_components(dataset: Dataset, input_: Input) -> list[str]:
+    """Components between the mesh, or the depth frame, and the prepared shape."""
+    frame = ["preparation/frame"] if isinstance(dataset, DepthFolder) else []
+    return [f"preparation/{input_}", *frame]
 
 
-def training_code(spec: MethodSpec) -> dict[str, str]:
-    """Return the fingerprints of the modules that only the training of a learner imports; they make no form."""
-    of_forms = method_code(spec).code
-    return {name: text for name, text in fingerprints.fingerprint(spec.module).code.items() if name not in of_forms}
+def method_components(spec: MethodSpec) -> list[str]:
+    """Components between the prepared shape and the form, or the distances of a descriptor."""
+    return [OFFERED if spec.is_foreign else f"method/{spec.base_name}"]
 
 
-def features_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
-    """Code between the form and its signature."""
-    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features")
+def scorer_components(spec: MethodSpec, scorer: ScorerSpec) -> list[str]:
+    """Components between the form and the distances of a gallery; none for a descriptor."""
+    return [] if spec.describes else [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]
 
 
-def distances_code(scorer: ScorerSpec) -> fingerprints.Fingerprint:
-    """Code between the forms and the distances of a gallery."""
-    index = (scorer.index_module, "retrieval.neighbours") if scorer.neighbours else (f"{_STAGES}.distances",)
-    return fingerprints.fingerprint(scorer.module, f"{_STAGES}.features", *index)
+def job_versions(dataset: Dataset, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, str]:
+    """Return the versions of all components of a job by name."""
+    return versions_of(
+        [
+            *source_components(dataset),
+            *preparation_components(dataset, input_),
+            *method_components(spec),
+            *scorer_components(spec, scorer),
+            "measures",
+        ]
+    )
 
 
-def measures_code() -> fingerprints.Fingerprint:
-    """Code between the distances and the measures of a gallery."""
-    return fingerprints.fingerprint(f"{_STAGES}.measures")
+def job_plugins(dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> Recipe:
+    """Return the part of a recipe that names the sources of the plugins of a job; empty without plugins."""
+    return _plugins(_original(dataset), spec, *([] if spec.describes else [scorer]))
 
 
-def nearest_code() -> fingerprints.Fingerprint:
-    """Code between the nearest shapes and the measures of a gallery."""
-    return fingerprints.fingerprint(f"{_STAGES}.neighbours")
+def _plugins(*plugins: Any) -> Recipe:
+    """Digests of plugin files with what they import, and versions of distributions; empty where nothing is foreign."""
+    sources: dict[str, str] = {}
+    for plugin in plugins:
+        sources |= getattr(plugin, "sources", {})
+    return {"plugin": sources} if sources else {}
+
+
+def _versions(upstream: Iterable[Recipe], components: Iterable[str]) -> dict[str, str]:
+    """Return the versions of components with those of all earlier stages."""
+    versions: dict[str, str] = {}
+    for recipe in upstream:
+        versions |= recipe["versions"]
+    return versions | versions_of(components)
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
     """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
-    code = source_code(dataset_module(dataset)).digest
-    return {"stage": "source", "data": source_data(dataset, entry), "code": code}
+    recipe = {"stage": "source", "data": source_data(dataset, entry), **_plugins(_original(dataset))}
+    return recipe | {"versions": _versions((), source_components(dataset))}
 
 
 def source_data(dataset: Dataset, entry: Entry) -> str:
@@ -91,11 +120,11 @@ def source_data(dataset: Dataset, entry: Entry) -> str:
 def frame_recipe(dataset: Dataset) -> Recipe:
     """Return what determines the scale of the depth images: a constant, or all shapes of the set."""
     if dataset.half_width is not None:
-        return {"stage": "frame", "half_width": dataset.half_width}
-    shapes = [
-        (entry.identifier, source_recipe(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries
-    ]
-    return {"stage": "frame", "shapes": keys.digest(shapes), "code": preparation_code("view").digest}
+        return {"stage": "frame", "half_width": dataset.half_width, "versions": {}}
+    shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries]
+    components = [*source_components(dataset), *preparation_components(dataset, "view")]
+    recipe = {"stage": "frame", "shapes": keys.digest(shapes), **_plugins(_original(dataset))}
+    return recipe | {"versions": _versions((), components)}
 
 
 def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
@@ -108,7 +137,9 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     frame
         :func:`frame_recipe` of the data set; of no account for the mesh input.
     """
-    recipe = {"stage": input_, "source": source_recipe(dataset, entry), "code": preparation_code(input_).digest}
+    source = source_recipe(dataset, entry)
+    versions = _versions([source], preparation_components(dataset, input_))
+    recipe = {"stage": input_, "source": source, "versions": versions}
     if input_ == "mesh":
         from benchmark.jobs.stages.complete import N_VERTICES
 
@@ -120,8 +151,8 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
 
 def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:
     """Return the sensor of a data set, which adds faults to its depth images; None where it says nothing of one."""
-    found = getattr(dataset, "sensor", None)
-    return found(entry) if found else None
+    sensor = getattr(dataset, "sensor", None)
+    return sensor(entry) if sensor else None
 
 
 def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, model: str = "") -> Recipe:
@@ -138,16 +169,17 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
     seed
         Base seed.
     model
-        Digest of the trained model; "" where the method does not learn.
+        Digest of the weights of the trained model; "" where the method does not learn.
     """
     recipe = {
         "stage": "form",
         "shape": shape,
         "identifier": identifier,
         "method": spec.base_name,
-        "parameters": spec.resolved_parameters(),
+        "parameters": spec.key_parameters(),
         "seed": seed,
-        "code": method_code(spec).digest,
+        "versions": _versions([shape], method_components(spec)),
+        **_plugins(spec),
     }
     return recipe | ({"model": model} if model else {})
 
@@ -158,25 +190,21 @@ def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
         "stage": "features",
         "form": form,
         "scorer": _named(scorer),
-        "code": features_code(scorer).digest,
+        "versions": _versions([form], [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]),
+        **_plugins(scorer),
     }
 
 
-def distances_recipe(forms: list[Recipe], scorer: ScorerSpec, draw: int | None) -> Recipe:
+def distances_recipe(forms: list[Recipe], spec: MethodSpec, scorer: ScorerSpec, draw: int | None) -> Recipe:
     """Return the recipe of the distances of a gallery: its forms or descriptors in order, and the scorer's draw."""
     return {
         "stage": "distances",
         "forms": forms,
         "scorer": _named(scorer),
         "codebook": draw,
-        "code": distances_code(scorer).digest,
-        **_neighbours(scorer),
+        "versions": _versions(forms, scorer_components(spec, scorer)),
+        **_plugins(*([] if spec.describes else [scorer])),
     }
-
-
-def index_recipe(distances: Recipe) -> Recipe:
-    """Return the recipe of the index that the neighbours of a gallery come from, however many are looked for."""
-    return {name: part for name, part in distances.items() if name != "neighbours"} | {"stage": "index"}
 
 
 def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
@@ -186,34 +214,10 @@ def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
 
 def scorer_recipe(scorer: ScorerSpec) -> Recipe:
     """The scorer as part of the recipe of a job; the draws go by the name that they have for the default one."""
-    return {**_named(scorer), "codebooks": list(range(scorer.info.draws)), **_neighbours(scorer)}
-
-
-def _neighbours(scorer: ScorerSpec) -> Recipe:
-    """Return the part of a recipe that names the neighbours; empty where all pairs are compared."""
-    return {"neighbours": scorer.neighbours} if scorer.neighbours else {}
+    return {**_named(scorer), "codebooks": list(range(scorer.info.draws))}
 
 
 def _named(scorer: ScorerSpec) -> Recipe:
     """Parameters of a scorer, and its name where it is not the default one."""
-    name = {} if scorer.base_name == DEFAULT else {"name": scorer.base_name}
-    return {**scorer.resolved_parameters(), **name}
-
-
-def job_code(source: str, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, dict[str, dict[str, str]]]:
-    """Fingerprints of all stages of a job, so that a plan can name what changed.
-
-    Parameters
-    ----------
-    source
-        :func:`dataset_module` of the data set.
-    input_, spec, scorer
-        The job.
-    """
-    return {
-        "source": source_code(source).plain(),
-        "preparation": preparation_code(input_).plain(),
-        "method": method_code(spec).plain(),
-        "scorer": distances_code(scorer).plain(),
-        "measures": (nearest_code() if scorer.neighbours else measures_code()).plain(),
-    }
+    name: Mapping[str, Any] = {} if scorer.base_name == DEFAULT else {"name": scorer.base_name}
+    return {**scorer.key_parameters(), **name}

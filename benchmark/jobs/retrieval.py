@@ -210,7 +210,7 @@ class GallerySearch:
 
     def _index_recipes(self, entries: Sequence[Entry], spec: ScorerSpec, preparation: Preparation) -> list[Recipe]:
         forms = [self._recipe(entry, preparation) for entry in entries]
-        return [index_recipe(distances_recipe(forms, spec, draw)) for draw in draws_of(self.spec, spec)]
+        return [index_recipe(distances_recipe(forms, self.spec, spec, draw)) for draw in draws_of(self.spec, spec)]
 
     def form(self, entry: Entry) -> Mesh | None:
         """Return the canonical form of a shape of the gallery; None where it is not kept, or there is none."""

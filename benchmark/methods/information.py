@@ -56,6 +56,8 @@ def _problems_of_texts(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str
         yield "title is empty", "say what the tables shall print"
     if not _are_words(info.requires):
         yield f"requires is {info.requires!r}", "write a tuple of the import names of packages"
+    if not _are_words(info.files):
+        yield f"files is {info.files!r}", "write a tuple of paths"
 
 
 def _are_words(values: Any) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
-import inspect
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
@@ -22,9 +21,10 @@ from benchmark.methods.information import problems_of
 from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
 from benchmark.storage.records import DEFAULT_SCORER
-from benchmark.system import fingerprints, process_reaper
+from benchmark.system import process_reaper
+from benchmark.system.code import FIRST_PARTY
 from benchmark.system.forks import one_of_us
-from benchmark.system.plugins import classes_of, import_plugin, require_open_process
+from benchmark.system.plugins import classes_of, files_named, import_plugin, require_open_process, sources_of
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)
 Made = TypeVar("Made")
@@ -98,7 +98,7 @@ class PluginSpec(Generic[Info, Made]):
     @property
     def is_foreign(self) -> bool:
         """Return whether it comes from a plugin file or an installed package."""
-        return self.module.partition(".")[0] not in fingerprints.FIRST_PARTY
+        return self.module.partition(".")[0] not in FIRST_PARTY
 
     @property
     def info(self) -> Info:
@@ -164,9 +164,21 @@ class PluginSpec(Generic[Info, Made]):
         """All parameters, defaults included, normalised."""
         return dict(self._resolved)
 
+    def key_parameters(self) -> dict[str, Any]:
+        """Parameters as keys name them: of a part of the suite, whose defaults its golden results hold, the others."""
+        return self.resolved_parameters() if self.is_foreign else dict(self.parameters)
+
     @cached_property
     def _resolved(self) -> Mapping[str, Any]:
         return parameter_values(self.create())
+
+    @cached_property
+    def sources(self) -> dict[str, str]:
+        """What a plugin consists of, see :func:`benchmark.system.plugins.sources_of`; empty for a part of the suite."""
+        if not self.is_foreign:
+            return {}
+        self.load()
+        return sources_of(self.module) | files_named(self.module, self.info.files)
 
     def missing_packages(self) -> tuple[str, ...]:
         """Packages that it declares and that are not installed."""
@@ -186,12 +198,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     contracts = (Method, Descriptor)
     lacking = "has neither 'canonicalise' nor 'describe' and 'distances'"
     hint = "see 'Add a method' in the README"
-
-    @property
-    def inherited(self) -> tuple[str, ...]:
-        """Modules of the suite that its class, made by a decorator or inherited from elsewhere, brings along."""
-        modules = dict.fromkeys(base.__module__ for base in inspect.getmro(self.load())[1:])
-        return tuple(name for name in modules if name.partition(".")[0] in fingerprints.FIRST_PARTY)
 
     @property
     def learns(self) -> bool:

@@ -9,9 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from benchmark.api.learning import CARD, Learner, card_digest, find_model, read_card
+from benchmark.api.learning import CARD, WEIGHTS, Learner, find_model, read_card
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.datasets.files import file_digest
 from benchmark.datasets.jittered import clean_dataset, clean_name
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import MethodSpec
@@ -47,8 +48,9 @@ class Model:
 
     @cached_property
     def digest(self) -> str:
-        """Return what recipes name it by: its card, and by it the weights, wherever they lie."""
-        return card_digest(self.card)[:16]
+        """Return what recipes name it by: the digest of its weights, wherever they lie."""
+        weights = self.folder / WEIGHTS
+        return (file_digest(weights) if weights.is_file() else str(self.card["digest"]))[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether training showed a shape, or another one of its subject.

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
-from benchmark.storage.records import chance_of, coverage_of, first_key
+from benchmark.storage.records import chance_of, coverage_of
 
 Figures = Mapping[str, float]
 
@@ -139,7 +139,7 @@ def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
         if result not in done
     ]
     merged = {
-        "key": digest([first_key(record) for record in records]),
+        "key": digest([record["key"] for record in records]),
         "reason": "; ".join(told) or "not run",
         "scores": {name: statistics.fmean(each[name] for each in means) for name in names},
         "coverage": statistics.fmean(each["coverage"] for each in means),

@@ -25,7 +25,6 @@ from benchmark.report.grid import Grid, Group, Style, grid_of
 from benchmark.report.grid import Line as GridLine
 from benchmark.report.notes import notes
 from benchmark.storage.keys import digest
-from benchmark.storage.records import first_key
 
 Notes = Literal["table", "appendix", "none"]
 """Where notes stand: under their table, in a file beside that of the table, or nowhere."""
@@ -180,7 +179,6 @@ def scorer_cited(table: TableContent) -> str:
 
 def _digest(table: TableContent) -> str:
     def part(cell: Cell) -> Mapping[str, Any]:
-        key = first_key(cell.record) if "key" in cell.record else None
-        return {"key": key, "scores": cell.scores, "status": cell.status}
+        return {"scores": cell.scores, "status": cell.status}
 
     return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])

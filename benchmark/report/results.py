@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.jobs import recipes
 from benchmark.jobs.plan import data_recipe, what_changed
 from benchmark.methods.registry import MethodSpec, variant
 from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
-from benchmark.report.outdated_cache import OutdatedCache
 from benchmark.storage import keys
+from benchmark.storage.lock import edited, key_of, read_lock, words_of_edit
 from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
-from benchmark.system.fingerprints import parse_cache
-from benchmark.system.plugins import is_imported
+from benchmark.system.plugins import is_imported, sources_of
 
 __all__ = ["Result", "Results", "with_repeats"]
 
@@ -72,7 +68,6 @@ class Results:
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
     _shapes: dict[tuple[str, str], str] = field(default_factory=dict, repr=False)
-    _work: dict[tuple[str, str, str, Input], dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def all(
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
@@ -98,30 +93,23 @@ class Results:
             for place, rivals in (by_place(self.records()) if places is None else places).items()
             if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
         ]
-        is_known = all(self._known(record) is not None for rivals in wanted for record in rivals)
-        with nullcontext() if is_known else parse_cache():
-            results = [self._best(rivals) for rivals in wanted]
-        self._outdated_cache.write()
+        results = [self._best(rivals) for rivals in wanted]
         return with_repeats(result for result in results if not (fresh and result.outdated))
 
-    def records(self, *, heads: bool = False) -> list[Record]:
-        """All records, or their heads alone; of one job the one that was made here."""
+    def records(self) -> list[Record]:
+        """All records but those of edits that are undone; of one job the one that was made here."""
         folders = (self.store.published, self.store.records)
-        found = (record for folder in folders for record in (folder.heads() if heads else folder))
-        return list({record["key"]: record for record in found}.values())
-
-    def whole(self, head: Record) -> Record:
-        """Return the record of a head, or the head itself where it has gone meanwhile."""
-        key = head["key"]
-        return self.store.records.read(key, again=True) or self.store.published.read(key, again=True) or head
+        records = {record["key"]: record for folder in folders for record in folder}
+        return [record for key, record in records.items() if "-" not in key or key_of(record["recipe"]) == key]
 
     def _best(self, records: Iterable[Record]) -> Result:
         results = [Result(record, self.outdated(record)) for record in records]
 
-        def worth(result: Result) -> tuple[bool, bool, str, str]:
+        def worth(result: Result) -> tuple[bool, bool, bool, str, str]:
             record = result.record
             here = "unavailable" not in record["recipe"]
             return (
+                "-" in record["key"],
                 not result.outdated and here,
                 record["status"] == "ok",
                 str(record.get("finished", "")),
@@ -132,42 +120,25 @@ class Results:
 
     def outdated(self, record: Record) -> str:
         """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
-        if (told := self._known(record)) is not None:
-            return told
-        told = self._outdated(record)
-        return self._outdated_cache.add(record, told) if self._is_of_suite(record) else told
-
-    def _known(self, record: Record) -> str | None:
-        """Return what earlier processes have found out."""
-        if "unavailable" in record["recipe"]:
+        recipe = record["recipe"]
+        if "unavailable" in recipe:
             return ""
-        return self._outdated_cache.told(record) if self._is_of_suite(record) else None
-
-    @cached_property
-    def _outdated_cache(self) -> OutdatedCache:
-        return OutdatedCache(self.store, self.data_root)
-
-    def _is_of_suite(self, record: Record) -> bool:
-        """Return whether no plugin has a part in a record."""
-        specs = (self.known.get(_base(record["method"])), self.known_scorers.get(_base(scorer_name(record) or DEFAULT)))
-        is_own = any(spec is None or spec.is_foreign for spec in specs)
-        return not is_own and _base(record["data"]["name"]) in CATALOGUE
-
-    def _outdated(self, record: Record) -> str:
-        then = record["recipe"]
+        if not self.store.published_only and (folders := edited(recipe.get("versions", ()))):
+            return words_of_edit(folders)
         try:
             now = self._recipe_now(record)
         except BenchmarkError:
             return ""  # an unknown plugin, or a method that cannot be imported here
-        known_then = {part: then.get(part) for part in now}
-        return "" if keys.plain(now) == known_then else what_changed(record, now)
+        return "" if keys.plain(now) == {part: recipe.get(part) for part in now} else what_changed(record, now)
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:
         """The parts of the recipe that can be told without the data, and with it where it is here."""
-        what = (record["method"], scorer_name(record) or DEFAULT, str(record["data"]["module"]), record["input"])
-        if what not in self._work:  # galleries share it
-            self._work[what] = self._work_now(*what)
-        now = dict(self._work[what])
+        recipe, components = record["recipe"], read_lock().components
+        now: dict[str, Any] = {
+            "versions": {name: components[name].golden for name in recipe.get("versions", {}) if name in components}
+        }
+        if "plugin" in recipe:
+            now["plugin"] = self._plugins_now(record)
         gallery = self._gallery(record)
         if gallery is None:
             return now
@@ -184,16 +155,16 @@ class Results:
             now["models"] = {model.training: model.digest for model in models.values()}
         return now
 
-    def _work_now(self, method: str, compared_by: str, module: str, input_: Input) -> dict[str, Any]:
-        """Parameters and code of a method and a scorer on a set from a module."""
-        spec, scorer = variant(method, self.known), scorer_of(compared_by, self.known_scorers)
-        if module.endswith(".py") and not is_imported(module):
-            raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
-        return {
-            "parameters": spec.resolved_parameters(),
-            "scorer": recipes.scorer_recipe(scorer),
-            "code": recipes.job_code(module, input_, spec, scorer),
-        }
+    def _plugins_now(self, record: Record) -> dict[str, str]:
+        """Sources of the plugins of a record; raises ``ConfigurationError`` if one was not passed."""
+        module, compared_by = str(record["data"]["module"]), scorer_name(record)
+        sources: dict[str, str] = {}
+        if module.endswith(".py"):
+            if not is_imported(module):
+                raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
+            sources |= sources_of(module)
+        sources |= variant(record["method"], self.known).sources
+        return sources | (scorer_of(compared_by, self.known_scorers).sources if compared_by else {})
 
     def _gallery(self, record: Record) -> Gallery | None:
         """The gallery of a record, where it belongs to a table and its data is here."""
@@ -205,11 +176,6 @@ class Results:
             found = galleries(tables, [name], self.data_root, quick)
             self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
         return self._galleries[name, quick].get(record["gallery"])
-
-
-def _base(name: str) -> str:
-    """Return a name without its parameters."""
-    return name.partition("[")[0]
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:
@@ -240,10 +206,11 @@ def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
 
 def _is_repeat(record: Record, of: Record) -> bool:
     """Return whether two records differ in nothing but the source of their shapes."""
-    parts = ("parameters", "models", "seed", "scorer")
+    parts = ("parameters", "models", "seed", "scorer", "plugin")
     then, now = record["recipe"], of["recipe"]
-    code = [{**each.get("code", {}), "source": None} for each in (then, now)]
-    return code[0] == code[1] and all(then.get(part) == now.get(part) for part in parts)
+    versions, clean = then.get("versions", {}), now.get("versions", {})
+    is_same_code = {name: version for name, version in versions.items() if name != "change/jitter"} == clean
+    return is_same_code and all(then.get(part) == now.get(part) for part in parts)
 
 
 @cache

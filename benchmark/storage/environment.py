@@ -10,11 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmark.system.fingerprints import FIRST_PARTY
+from benchmark.system.code import FIRST_PARTY, ROOT
 from benchmark.system.text import brief
-
-#: Folder that holds the packages of the suite.
-ROOT = Path(__file__).parents[2]
 
 #: Packages that compute.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")

@@ -1,7 +1,7 @@
-"""Keys that name a recipe: inputs, code, packages, parameters and seed; never the bytes that came out.
+"""Keys that name a recipe: inputs, versions, parameters and seed; never the bytes that came out.
 
-Output bytes change between BLAS builds and thread counts, a recipe does not. The code and the packages in a recipe are
-those of :mod:`benchmark.system.fingerprints`.
+Output bytes change between BLAS builds and thread counts, a recipe does not. Code is named by the versions of the
+components that ran, see :mod:`benchmark.storage.lock`.
 """
 
 from __future__ import annotations

@@ -10,8 +10,9 @@ import json
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from benchmark.storage.keys import digest
 from benchmark.system.code import ROOT, code_of, digest_of_bytes, forget_sources, text_of
 from benchmark.system.files import write_text
 
@@ -93,13 +94,40 @@ def versions_of(components: Iterable[str]) -> dict[str, str]:
 def edited(components: Iterable[str]) -> dict[str, str]:
     """Return the edited folders that components run, with the digest of their code; empty where all is as published."""
     changed, known = edited_folders(), read_lock().components
-    folders = {folder for name in components for folder in known[name].folders} if changed else ()
+    folders = {folder for name in components if name in known for folder in known[name].folders} if changed else ()
     return {folder: changed[folder] for folder in sorted(changed.keys() & folders)}
 
 
-def digest_of_edit(folders: Mapping[str, str]) -> str:
+def name_of_edit(folders: Mapping[str, str]) -> str:
     """Return the name of a state of edited folders; "" where there are none."""
     return digest_of_bytes(json.dumps(folders, sort_keys=True).encode()) if folders else ""
+
+
+def key_of(recipe: Mapping[str, Any]) -> str:
+    """Return the key of a recipe; that of edited code is the name of the edit, a hyphen, and the key without one."""
+    name = name_of_edit(edited(recipe.get("versions", ())))
+    return f"{name}-{digest(recipe)}" if name else digest(recipe)
+
+
+def words_of_edit(folders: Iterable[str]) -> str:
+    """Return what a reader is told of edited code."""
+    return f"edited: {', '.join(folders)}; run make golden"
+
+
+def with_current_versions(recipe: Any, folders: Iterable[str]) -> Any:
+    """Return a recipe with today's versions of the components that run certain folders, wherever it names them."""
+    if isinstance(recipe, list):
+        return [with_current_versions(part, folders) for part in recipe]
+    if not isinstance(recipe, dict):
+        return recipe
+    known, moved = read_lock().components, set(folders)
+    current = {name: with_current_versions(part, folders) for name, part in recipe.items()}
+    if "versions" in current:
+        current["versions"] = {
+            name: known[name].golden if name in known and moved & set(known[name].folders) else version
+            for name, version in current["versions"].items()
+        }
+    return current
 
 
 def _lines(section: Mapping[str, object]) -> str:

@@ -94,14 +94,14 @@ _RECORD: Kind = {
     "scorer?": str, "scorer_title?": str,
     "recipe": {
         "seed?": _is_seed, "unavailable?": str, "parameters?": dict, "models?": _are_named_texts,
-        "code?": {...: _STAGE},
+        "versions?": _are_named_texts, "plugin?": _are_named_texts, "code?": {...: _STAGE},
     },
     "data": {
         "name": str, "title": str, "stand_in_for": str, "source": str, "module": str, "quick": bool,
         "n_shapes": _is_count, "n_classes": _is_count, "chance": {...: _is_share} | _PRINTED,
     },
     "unsupported?": [_is_pair], "environments?": [dict], "artefacts?": _are_texts, "models?": [_MODEL],
-    "digests?": _are_named_texts, "commit?": str, "rekeyed?": [dict],
+    "digests?": _are_named_texts, "files?": _are_named_texts, "commit?": str, "rekeyed?": [dict],
     "seen?": _are_texts, "notes?": {...: _is_mapping_or_none}, "peak_mib?": _is_number_or_none,
 }  # fmt: skip
 
@@ -132,7 +132,7 @@ def fault_of(content: Any) -> str:
         fault = _fault(content, _RECORD, "")
         if not fault and content["status"] == "ok":
             fault = _fault(content, _NEAREST if "neighbours" in content else _SCORED, "") or _miscount(content)
-        if not fault and digest(content["recipe"]) != content["key"]:
+        if not fault and digest(content["recipe"]) != content["key"].rpartition("-")[2]:
             fault = "its key is not that of its recipe"
         if not fault:
             json.dumps({name: part for name, part in content.items() if name not in _CHECKED}, allow_nan=False)

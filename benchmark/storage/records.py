@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmark.storage.head_index import INDEX, HeadIndex
+from benchmark.storage.adoption import EDITED
 from benchmark.storage.keys import digest
 from benchmark.storage.lines import KINDS, SharedParts, as_line, key_of, unpacked
 from benchmark.storage.record_schema import chance_of_labels, fault_of, not_a_number
@@ -32,14 +32,25 @@ _PARTS = "parts"
 
 #: Parts that say when and where a job was done, not what came out.
 CIRCUMSTANCES = frozenset(
-    {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts", "digests", "commit", "rekeyed"}
+    {
+        "finished",
+        "wall_seconds",
+        "environments",
+        "cost",
+        "peak_mib",
+        "artefacts",
+        "digests",
+        "commit",
+        "rekeyed",
+        "files",
+    }
 )
 
 #: Stages whose digests a record holds, in their order; descriptors have no signatures.
 DIGESTS = ("shapes", "forms", "signatures", "distances")
 
 #: Parts that have no meaning on another machine.
-LOCAL = frozenset({"artefacts"})
+LOCAL = frozenset({"artefacts", "files"})
 
 
 #: Scorer of a record that names none, and what the record of a descriptor says in its place.
@@ -89,14 +100,10 @@ class Records:
         """
         write_text(self._path(record["key"]), as_text(record), durable=True)
 
-    def read(self, key: str, *, again: bool = False) -> Record | None:
-        """Return the record of a job; None when there is none that can be read.
-
-        ``again`` says that its head has been read: what was found to be a record then is not looked through once more.
-        """
-        index = HeadIndex(self.folder / INDEX) if again else None
+    def read(self, key: str) -> Record | None:
+        """Return the record of a job; None when there is none that can be read."""
         sources = (self._file(self._path(key)), self._lines.get(key))
-        return next((record for source in sources if source and (record := self._record(source, index))), None)
+        return next((record for source in sources if source and (record := self._record(source))), None)
 
     def remove(self, *keys: str) -> None:
         """Remove the records of jobs."""
@@ -123,7 +130,7 @@ class Records:
             If the folder cannot be written; every record is in its file or in a line still.
         """
         with locked(self.folder, alone=True):
-            files = [source for source in self._files() if self._record(source)]
+            files = [source for source in self._files() if "-" not in source.key and self._record(source)]
             self._reread()
             if files:
                 self._rewrite([*files, *self._lines.values()])
@@ -141,17 +148,6 @@ class Records:
             if source.key not in found and (record := self._record(source)):
                 found[source.key] = record
         return iter(_by_age(found.values()))
-
-    def heads(self) -> list[Record]:
-        """Return all records without what is large, oldest first; see :mod:`benchmark.storage.head_index`."""
-        index, found = HeadIndex(self.folder / INDEX), dict[str, Record]()
-        for source in self._sources():
-            if source.key not in found and (head := index.head(source.text, source.key)):
-                found[source.key] = head
-            elif source.key not in found and (record := self._record(source)):
-                found[source.key] = index.add(source.text, record)
-        index.write()
-        return _by_age(found.values())
 
     @property
     def has_files(self) -> bool:
@@ -173,7 +169,8 @@ class Records:
     # ------------------------------------------------------------------------------------------------------------------
 
     def _path(self, key: str) -> Path:
-        return self.folder / f"{key}.json"
+        edit, hyphen, _ = key.partition("-")
+        return (self.folder.parent / EDITED / edit / "records" if hyphen else self.folder) / f"{key}.json"
 
     def _sources(self) -> Iterator[_Source]:
         """Texts of all records, those of files first: what is gathered meanwhile is found in its line."""
@@ -185,7 +182,8 @@ class Records:
             yield from self._lines.values()
 
     def _files(self) -> Iterator[_Source]:
-        return (source for path in self.folder.glob("*.json") if (source := self._file(path)))
+        paths = (*self.folder.glob("*.json"), *self.folder.parent.glob(f"{EDITED}/*/records/*.json"))
+        return (source for path in paths if (source := self._file(path)))
 
     def _file(self, path: Path) -> _Source | None:
         text = self._bytes(path, LARGEST_FILE)
@@ -256,10 +254,10 @@ class Records:
             self.skipped[path.name] = f"it cannot be read: {error.strerror}"
         return None
 
-    def _record(self, source: _Source, index: HeadIndex | None = None) -> Record | None:
-        """Record of a text; None, with a note why, where it holds none: an index tells what needs no look."""
+    def _record(self, source: _Source) -> Record | None:
+        """Record of a text; None, with a note why, where it holds none."""
         content, fault = _parsed(source)
-        fault = fault or ("" if index and index.knows(source.text) else fault_of(content))
+        fault = fault or fault_of(content)
         if not fault and content["key"] != source.key:
             fault = "it has the name of another job"
         if fault:
@@ -318,12 +316,6 @@ def answered_labels(record: Mapping[str, Any]) -> list[str]:
     """Return the classes of :func:`answered_shapes`."""
     labels = dict(zip(record["shapes"], record["labels"], strict=True))
     return [labels[name] for name in answered_shapes(record)]
-
-
-def first_key(record: Mapping[str, Any]) -> str:
-    """Return the key under which a record was made, whatever keys it has got since."""
-    notes = record.get("rekeyed") or [record]
-    return str(notes[0].get("key", record["key"]))
 
 
 def coverage_of(record: Mapping[str, Any]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from benchmark.errors import BenchmarkError
+from benchmark.storage.adoption import CODE_FILE, EDITED, RECIPE, adopt_edited, stale_edits
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
-from benchmark.storage.keys import digest
+from benchmark.storage.keys import plain
+from benchmark.storage.lock import edited, key_of
 from benchmark.storage.records import Record, Records, by_place
 from benchmark.system.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.system.files import is_alive, leftovers, write_atomically
+from benchmark.system.opened_files import FILES, changed_files, files_among
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 
@@ -43,6 +47,8 @@ class Artefact:
         Whether they were read.
     digest
         Digest of all arrays of the stage, also where some were read alone; "" for a file that does not tell.
+    files
+        Digests of the files that a plugin read to make them, by path.
     """
 
     key: str
@@ -51,6 +57,7 @@ class Artefact:
     environment: str
     was_cached: bool
     digest: str = ""
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,8 @@ class Store:
 
     ``DIR/runs/artefacts`` keeps arrays by the digest of their recipe, ``DIR/runs/scratch`` those that are large and
     made again quickly, ``DIR/runs/records`` the records of the jobs done here, and ``DIR/records`` those that travel
-    with the suite.
+    with the suite. What edited code makes lies apart, in ``DIR/runs/edited/EDIT`` with the name of the edit, until its
+    golden results are made anew: then :mod:`benchmark.storage.adoption` brings it to the rest.
 
     Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
     second one merely replaces the first.
@@ -95,6 +103,7 @@ class Store:
             raise StorageError(
                 f"cannot write to {results}: {error.strerror}", "choose another --results DIR"
             ) from error
+        adopt_edited(store.root)
         return replace(store, published_only=published_only)
 
     @property
@@ -145,17 +154,21 @@ class Store:
         scratch
             Whether the arrays may go as soon as no job needs them.
         """
-        key = digest(recipe)
+        key = key_of(recipe)
         path = self._path(key, scratch=scratch)
-        found = _load(path, key)
-        if found is not None:
-            return found
+        artefact = _load(path, key)
+        if artefact is not None:
+            return artefact
         with self.meter.measured(work) as cost:
-            arrays = compute()
-        told = {_COST: cost().to_json(), _ENVIRONMENT: environment_text(), _DIGEST: digest_of(arrays)}
-        extra = {name: np.array(text) for name, text in told.items()}
-        self._write(path, lambda file: save_arrays(file, key, {**arrays, **extra}, compressed=not scratch))
-        return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=told[_DIGEST])
+            arrays = dict(compute())
+        about = {_COST: cost().to_json(), _ENVIRONMENT: environment_text(), _DIGEST: digest_of(arrays)}
+        if "-" in key:  # its key changes when its golden results are accepted
+            self._say_which_code(key, recipe)
+            about[RECIPE] = json.dumps(plain(recipe))
+        texts = {name: np.array(text) for name, text in about.items()}
+        self._write(path, lambda file: save_arrays(file, _bare(key), {**arrays, **texts}, compressed=not scratch))
+        files = files_among(arrays)
+        return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=about[_DIGEST], files=files)
 
     def find(
         self, recipe: Mapping[str, Any], *, scratch: bool = False, wanted: Callable[[str], bool] | None = None
@@ -169,7 +182,7 @@ class Store:
         wanted
             Chooses the arrays to read by name; all by default.
         """
-        key = digest(recipe)
+        key = key_of(recipe)
         return _load(self._path(key, scratch=scratch), key, wanted)
 
     def find_anywhere(self, recipe: Mapping[str, Any]) -> Artefact | None:
@@ -201,7 +214,14 @@ class Store:
             self.scratch.mkdir()
 
     def _path(self, key: str, *, scratch: bool = False) -> Path:
-        return (self.scratch if scratch else self.artefacts) / key[:2] / f"{key}.npz"
+        root, bare = self.root / EDITED / key.partition("-")[0] if "-" in key else self.root, _bare(key)
+        return root / ("scratch" if scratch else "artefacts") / bare[:2] / f"{bare}.npz"
+
+    def _say_which_code(self, key: str, recipe: Mapping[str, Any]) -> None:
+        """Write down which edited code the folder of a key belongs to."""
+        path = self.root / EDITED / key.partition("-")[0] / CODE_FILE
+        if not path.is_file():
+            self._write(path, lambda file: file.write(json.dumps(edited(recipe["versions"])).encode()))
 
     # Records -----------------------------------------------------------------------------------------------------
 
@@ -237,15 +257,24 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     """Read an artefact; None if it is missing or damaged, in whatever way: it can be made again."""
 
     def is_read(name: str) -> bool:
-        return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST) or wanted(name)
+        return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST, FILES) or wanted(name)
 
     try:
-        arrays = load_arrays(path, key, is_read)
+        arrays = load_arrays(path, _bare(key), is_read)
         cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
         digest = str(arrays.pop(_DIGEST, ""))
+        arrays.pop(RECIPE, None)
+        files = files_among(arrays)
     except Exception:
         return None
-    return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest)
+    if changed_files(files):
+        return None
+    return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest, files=files)
+
+
+def _bare(key: str) -> str:
+    """Return a key without the name of an edit."""
+    return key.rpartition("-")[2]
 
 
 def unneeded(store: Store) -> Iterator[Path]:
@@ -257,7 +286,7 @@ def unneeded(store: Store) -> Iterator[Path]:
     needed = {key for record in newest for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
     yield from store.scratch.glob("*/*.npz")
-    yield from (path for path in (store.root / "rekey").rglob("*") if path.is_file())
+    yield from (path for edit in stale_edits(store.root) for path in edit.rglob("*") if path.is_file())
     yield from _leftovers(store)
 
 

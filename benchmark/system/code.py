@@ -28,6 +28,18 @@ def text_of(folder: str) -> str:
     return digest_of_bytes(b"".join(path.name.encode() + path.read_bytes() for path in _modules(folder)))
 
 
+def digest_of_source(source: bytes) -> str:
+    """Return the digest of the code of one module; raises ``SyntaxError`` if it is none."""
+    tree = _skeleton(_without_docstrings(ast.parse(source)))
+    return digest_of_bytes(json.dumps(tree, separators=(",", ":")).encode())
+
+
+def suite_texts() -> dict[str, str]:
+    """Return the digest of the modules of each folder of the suite."""
+    folders = {path.parent.relative_to(ROOT).as_posix() for name in FIRST_PARTY for path in (ROOT / name).rglob("*.py")}
+    return {folder: text_of(folder) for folder in sorted(folders)}
+
+
 @cache
 def code_of(folder: str) -> str:
     """Return the digest of the code of the modules in a folder: docstrings, comments and layout do not count."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from benchmark.system.fingerprints import FIRST_PARTY
+from benchmark.system.code import FIRST_PARTY
 
 #: Endings of numba's files.
 _ENDINGS = (".nbi", ".nbc")

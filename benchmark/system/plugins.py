@@ -6,6 +6,7 @@ import ast
 import difflib
 import hashlib
 import importlib
+import importlib.metadata
 import importlib.util
 import re
 import sys
@@ -18,7 +19,9 @@ from typing import TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.system import process_reaper
+from benchmark.system.code import digest_of_source
 from benchmark.system.forks import one_of_us
+from benchmark.system.opened_files import NOT_OF_PLUGINS, digest_of_file
 
 Info = TypeVar("Info")
 
@@ -183,6 +186,66 @@ def helpers_of(path: Path) -> dict[str, Path]:
             found[name] = Path(spec.origin)
             pending += found[name].parent.rglob("*.py") if spec.submodule_search_locations else [found[name]]
     return found
+
+
+def sources_of(module: str) -> dict[str, str]:
+    """Return what a plugin consists of: digests of its local modules, and the versions of the distributions it uses.
+
+    Parameters
+    ----------
+    module
+        Path of a plugin file, or name of a module of an installed package; it has been imported.
+
+    Returns
+    -------
+    dict
+        Digest of the code of each module that was imported from outside of installed distributions, by its path from
+        the folder of the plugin or else by its name; version of each distribution, by its name.
+    """
+    is_file = module.endswith(".py")
+    first = sys.modules[_module_name(module) if is_file else module]
+    folder = Path(first.__file__ or "").resolve().parent
+    sources: dict[str, str] = {}
+    pending, seen = [first], {first.__name__}
+    while pending:
+        path = Path(pending.pop().__file__ or "").resolve()
+        sources[_name_of_source(path, folder)] = digest_of_source(path.read_bytes())
+        for top in _imported(path) if is_file else (*_imported(path), module.partition(".")[0]):
+            loaded = [name for name in list(sys.modules) if name.partition(".")[0] == top and name not in seen]
+            seen.update(loaded)
+            local = [sys.modules[name] for name in loaded if _is_local(sys.modules[name])]
+            pending += local
+            if loaded and not local and top not in sys.stdlib_module_names | _PROJECT:
+                sources |= _versions(top)
+    return dict(sorted(sources.items()))
+
+
+def files_named(module: str, names: Iterable[str]) -> dict[str, str]:
+    """Return the digests of the files that a plugin names, relative to its own folder; "" for one that is not there."""
+    first = sys.modules[_module_name(module) if module.endswith(".py") else module]
+    folder = Path(first.__file__ or "").resolve().parent
+    return {name: digest_of_file(str(folder / name)) for name in names}
+
+
+def _name_of_source(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
+
+
+def _is_local(module: ModuleType) -> bool:
+    """Return whether a module is Python code outside of Python, of installed distributions and of the suite."""
+    path = getattr(module, "__file__", None)
+    if not path or not path.endswith(".py") or module.__name__.partition(".")[0] in _PROJECT:
+        return False
+    return not str(Path(path).resolve()).startswith(NOT_OF_PLUGINS)
+
+
+def _versions(top: str) -> dict[str, str]:
+    """Version of the distribution that brings a package, without the tag of its build, which says where it runs."""
+    try:
+        names = [top] if importlib.metadata.version(top) else []
+    except importlib.metadata.PackageNotFoundError:
+        names = sorted(set(importlib.metadata.packages_distributions().get(top, ())))
+    return {name.lower(): importlib.metadata.version(name).partition("+")[0] for name in names}
 
 
 def _imported(path: Path) -> Iterator[str]:

@@ -16,6 +16,7 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.system.arrays import Arrays, packed, unpacked
+from benchmark.system.opened_files import opened_files, watch_opened_files
 from benchmark.system.process_state import ProcessState
 from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import GRACE, Worker, end_like
@@ -34,6 +35,9 @@ _ERROR, _RAISED = "error", "raised"
 
 #: Entry of an answer: whether its work has left threads or processes that are still there.
 _LEFT = "left"
+
+#: Entry of an answer: digests of the files that its process has read, by path.
+_FILES = "files"
 
 _running: list[Service] = []
 _trace_file: Path | None = None
@@ -76,6 +80,8 @@ class Service:
 
     def __init__(self, serve: Serve) -> None:
         self._ours, theirs = Pipe()
+        #: Digests of the files that its process has read, by path.
+        self.files: dict[str, str] = {}
         with theirs:
             self._worker = Worker(_answer_all, serve, theirs, _trace_file)
         _running.append(self)
@@ -111,6 +117,7 @@ class Service:
         except Exception:  # whatever is at the other end
             end_like(self._ended())
         self.is_occupied = bool(told.pop(_LEFT, False))
+        self.files = dict(told.pop(_FILES, {}))
         if _ERROR in told:
             raise from_facts(told[_ERROR])
         if _RAISED in told:
@@ -161,6 +168,7 @@ def _pass_on(number: int) -> None:
 def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -> None:
     """Answer requests until there are no more, in the process; no work has its timers and signals from another."""
     os.environ.pop(DATA_VARIABLE, None)  # where the data lies is none of its business
+    watch_opened_files()
     if trace_file is not None:
         with suppress(OSError):
             trace = trace_file.open("ab")
@@ -176,7 +184,7 @@ def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -
             facts, arrays = unpacked(connection.recv_bytes())
             before = ProcessState()
             told, found = _tried(serve, facts, arrays, ask)
-            connection.send_bytes(packed({**told, _LEFT: before.restore()}, found))
+            connection.send_bytes(packed({**told, _LEFT: before.restore(), _FILES: opened_files()}, found))
 
 
 def _tried(serve: Serve, facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:

@@ -17,7 +17,6 @@ import numpy as np
 import torch
 
 from benchmark.api.learning import TrainingData
-from benchmark.system.fingerprints import fingerprint
 from learned.paired.pairs import Pairs, gather, joined
 from learned.training.checkpoint import write
 
@@ -49,8 +48,7 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
     TrainingError
         If there is no pair, or a file cannot be written.
     """
-    code = fingerprint("learned.paired.pairs").code
-    recipe = json.dumps({"data": data.digest, "resolution": resolution, "code": dict(code)}, sort_keys=True)
+    recipe = json.dumps({"data": data.digest, "resolution": resolution}, sort_keys=True)
     runs: list[Pairs] = []
     while (found := _read(_path(folder, len(runs)), recipe)) is not None:
         runs.append(found)

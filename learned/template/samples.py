@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from benchmark.errors import BenchmarkError, TrainingError, one_line
 from benchmark.geometry.mesh import Mesh
 from learned.frame import centred
 from learned.template.distances import rays_around
-from learned.training.checkpoint import training_code, write
+from learned.training.checkpoint import write
 
 KEPT = 8192
 """Rays that are kept of each shape."""
@@ -150,7 +149,7 @@ def collected(make: MakesSurfaces, bodies: int, folder: Path | None, digest: str
         If a body cannot be made or a file cannot be written. What was made before is kept.
     """
     parts = []
-    told = {"digest": digest, "rays": str(KEPT), "code": json.dumps(training_code(__name__))}
+    told = {"digest": digest, "rays": str(KEPT)}
     for number, first in enumerate(range(0, bodies, TOGETHER)):
         path = folder / SAMPLES / f"{number}.safetensors" if folder is not None else None
         count = min(TOGETHER, bodies - first)

@@ -15,7 +15,6 @@ from torch import Tensor, nn
 
 from benchmark.errors import TrainingError
 from benchmark.system.files import write_atomically
-from benchmark.system.fingerprints import fingerprint
 from learned.training.average import Average
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -25,11 +24,6 @@ SNAPSHOTS = "snapshots"
 
 VERSION = str(torch.__version__)
 """Release of torch, whose arithmetic differs from that of others."""
-
-#: Modules whose part in a training every recipe tells already.
-_TOLD_BY_THE_RECIPE = frozenset(
-    f"learned.{network}.configuration" for network in ("paired", "streamed", "field", "template")
-)
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -56,12 +50,6 @@ class Progress:
     history: tuple[Mapping[str, float], ...]
 
 
-def training_code(loop: str) -> dict[str, str]:
-    """Digests of the modules that determine the weights: that of the training loop and all that it imports."""
-    code = fingerprint(loop).code
-    return {name: digest for name, digest in code.items() if name not in _TOLD_BY_THE_RECIPE}
-
-
 def write(path: Path, content: bytes) -> None:
     """Write a file so that it is whole or not there; raises ``TrainingError`` if it cannot be written."""
     try:
@@ -83,8 +71,6 @@ class Checkpoint:
         Where it is.
     network, optimiser
         What is trained, and the Adam that trains it.
-    loop
-        Module whose code, with all that it imports, determines the result; a checkpoint of other code is refused.
     average
         Averaged weights, if there are any.
     """
@@ -92,7 +78,6 @@ class Checkpoint:
     folder: Path
     network: nn.Module
     optimiser: torch.optim.Optimizer
-    loop: str
     average: Average | None = None
 
     def keep(self, progress: Progress, recipe: Mapping[str, Any]) -> None:
@@ -118,7 +103,6 @@ class Checkpoint:
                 tensors[f"average.{name}"] = self.average.weights[name].cpu().contiguous()
         told = {
             "recipe": json.dumps(recipe, sort_keys=True),
-            "code": json.dumps(training_code(self.loop)),
             "torch": VERSION,
             "epoch": str(progress.epoch),
             "batch": str(progress.batch),
@@ -133,10 +117,8 @@ class Checkpoint:
         Raises
         ------
         TrainingError
-            If it is damaged, or was made with other options or data, by other code or another torch.
+            If it is damaged, or was made with other options or data, or another torch.
         """
-        # Read at the start, for a file that is edited while the training runs is not the one that runs.
-        running = training_code(self.loop)
         path = self.folder / CHECKPOINT
         if not path.is_file():
             return None
@@ -146,18 +128,13 @@ class Checkpoint:
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
             before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
             history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
-            code, version = json.loads(told.get("code", "{}")), told.get("torch", "")
+            version = told.get("torch", "")
         except (SafetensorError, OSError, KeyError, ValueError) as error:
             raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
         if changed := _differences(before, recipe):
             raise TrainingError(
                 f"checkpoint {path} was made with another {', '.join(changed)}",
                 "train with the same options, or delete the folder to begin anew",
-            )
-        if changed := _differences(code, running):
-            raise TrainingError(
-                f"checkpoint {path} was made by other code: {', '.join(changed)} changed",
-                "delete it to begin anew, or go on with the code that made it",
             )
         if _release(version) != _release(VERSION):
             raise TrainingError(

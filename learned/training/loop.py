@@ -238,8 +238,7 @@ class TrainingLoop(Generic[B]):
 
     @property
     def _checkpoint(self) -> Checkpoint:
-        code = type(self.objective).__module__
-        return Checkpoint(self.run.folder, self.network, self._optimiser, code, self._average)
+        return Checkpoint(self.run.folder, self.network, self._optimiser, self._average)
 
     def train(self) -> tuple[Progress, str]:
         """Train, going on from the checkpoint in the folder if there is one.

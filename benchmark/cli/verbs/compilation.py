@@ -50,7 +50,7 @@ def compile_parts(jobs: int) -> bool:
     bool
         Whether all went well; what went wrong has been said.
     """
-    from benchmark.storage.environment import ROOT
+    from benchmark.system.code import ROOT
     from benchmark.system.kernels import drop_stale_kernels
     from benchmark.system.workers import Worker, ending
 

@@ -22,9 +22,6 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
     """List what can be named on the command line."""
     from benchmark.cli import listing
 
-    if what == "methods" and not plugins and (known := listing.remembered_methods()) is not None:
-        print_rows(known, as_json)
-        return
     rows = {
         "methods": lambda: listing.methods(plugins),
         "scorers": lambda: listing.scorers(plugins),

@@ -41,7 +41,11 @@ _SHORTEST_KEY = 6
 )
 @results_option
 def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
-    """Join the records of several results folders into one; exit 1 if two machines contradict each other."""
+    """Join the records of several results folders into one; exit 1 if two machines contradict each other.
+
+    They become a file for each data set, a line for each record, unless a run is writing records there.
+    """
+    from benchmark.jobs.execution.claims import Claims
     from benchmark.storage.merging import merge_records, publish, records_under, told
     from benchmark.storage.store import Store, sweep_leftovers
 
@@ -52,7 +56,10 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
         name_skipped(*stores)
     store = Store.open(results)
     sweep_leftovers(store)
-    merged = publish(found, store.published) if published else merge_records(found, store.records)
+    with Claims.of(store) as claims:
+        merged = publish(found, store.published) if published else merge_records(found, store.records)
+        if not published and claims.is_last():
+            store.records.gather()
     name_skipped(store)
     for there, other in merged.conflicts:
         say(f"conflict: {told(there)} ({there['key'][:12]}): {_scores(there)} here, {_scores(other)} there")
@@ -214,16 +221,13 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
     for made in record.get("environments", ()):
         count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
         facts.append(("made with", count + in_words(made.get("environment", made))))
-    for note in record.get("rekeyed", ()):
-        facts.append(("rekeyed", f"{note['from']} -> {note['to']} on {note['date']} ({note['machine']}): "
-                      f"{note['last_stage']} of {', '.join(note['shapes'])} the same; "
-                      f"{len(note['functions'])} functions differed and ran"))  # fmt: skip
     if digests := record.get("digests"):
         facts.append(("digests", _plain(digests)))
     for shape, said in record.get("unsupported", ())[:10]:
         facts.append(("unsupported", f"{shape}: {said}"))
-    for stage, parts in record["recipe"].get("code", {}).items():
-        facts.append(("code", f"{stage}: {', '.join(parts.get('code', ()))}; {_plain(parts.get('packages'))}"))
+    for part in ("models", "versions", "plugin"):
+        if part in record["recipe"]:
+            facts.append((part, _plain(record["recipe"][part])))
     if title:
         say(told(record))
         say(f"  key         {record['key']}")

@@ -40,13 +40,13 @@ def run(**given: Any) -> None:
 
     ok = run_plan(plan, store, options)
     known = options.results_of(store)
-    places = by_place(known.records(heads=True))
+    places = by_place(known.records())
     results = known.all(options.seed, scorer=options.scorer_spec().name, places=places)
     name_skipped(store)
     found = {key: r for r in results for key in (r.record["key"], tuple(r.record[part] for part in _PLACE))}
     # A finished job of the same shapes, in a folder of another name, is that of the plan.
     shown = [
-        replace(result, record={**known.whole(result.record), **job.facts})
+        replace(result, record={**result.record, **job.facts})
         for job in plan
         if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
     ]

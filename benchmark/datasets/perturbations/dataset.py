@@ -19,7 +19,6 @@ from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
-from benchmark.system.fingerprints import fingerprint
 
 __all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed_name"]
 
@@ -147,8 +146,8 @@ class Some:
         return self.whole.load(entry)
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh, the code of the whole set with it."""
-        return f"{self.whole.recipe(entry)} {fingerprint(type(self.whole).__module__).digest}"
+        """Name what determines the mesh."""
+        return self.whole.recipe(entry)
 
     def camera(self, entry: Entry) -> Camera:
         """Return the depth camera for this shape."""
@@ -198,7 +197,7 @@ class Perturbed(ChangedDataset):
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh, the code of the clean set with it."""
+        """Name what determines the mesh."""
         return f"{self._clean_recipe(entry)} {self.perturbation} {self.amount!r} {self._seed(entry)}"
 
     def camera(self, entry: Entry) -> Camera:

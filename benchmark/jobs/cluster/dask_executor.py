@@ -28,7 +28,7 @@ from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.execution.worker import Status, read_status, remove_status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker, package_of
 from benchmark.jobs.job_specs import JobSpec, Task, to_json
-from benchmark.jobs.plan import difference
+from benchmark.jobs.plan import changed_names
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 from benchmark.system.text import brief, say
@@ -376,8 +376,8 @@ class DaskWorkerPool:
             return "another version of this suite"
         if (there := answer["suite"]["distributed"]) != (here := self._suite["distributed"]):
             say(f"worker {node.address} has distributed {there}, this machine {here}", err=True)
-        codes = ({"code": {"task": {"code": each["code"], "packages": {}}}} for each in (self._suite, answer["suite"]))
-        return "" if answer["suite"]["code"] == self._suite["code"] else difference(*codes)
+        parts = ((part, self._suite[part], answer["suite"][part]) for part in ("code", "packages"))
+        return "; ".join(changed_names(part, here, there) for part, here, there in parts if here != there)
 
 
 def _aside(call: Callable[[], T]) -> futures.Future[T]:

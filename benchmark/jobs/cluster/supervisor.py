@@ -15,11 +15,14 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmark.errors import BenchmarkError, one_line
 from benchmark.jobs.cluster.dask_worker import SAME_SUITE
+from benchmark.storage.environment import PACKAGES, environment
+from benchmark.system.code import suite_texts
 from benchmark.system.kernel_cache import choose_kernel_cache
 from benchmark.threads import pin_threads
 
@@ -108,10 +111,10 @@ def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
     for description in message["jobs"]:
         try:
             job = from_json(description)
-            found = recipes.job_code(job.facts["data"]["module"], job.input, job.method, job.scorer)
-            if job.recipe["code"] != found:
-                problems[difference({"code": job.recipe["code"]}, {"code": found})] = None
-            open_dataset(job.dataset, job.data_root)
+            dataset = open_dataset(job.dataset, job.data_root)
+            now = {"plugin": None, **recipes.job_plugins(dataset, job.method, job.scorer)}
+            if now["plugin"] != job.recipe.get("plugin"):
+                problems[difference({"plugin": job.recipe.get("plugin")}, now)] = None
             for model in job.models.values():
                 if card_digest(read_card(model.folder)) != card_digest(model.card):
                     problems[f"another model {model.training} ({model.digest})"] = None
@@ -123,11 +126,10 @@ def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def suite() -> dict[str, Any]:
-    """Return the ``code`` by which this machine takes tasks, and its version of ``distributed``."""
-    from benchmark.system.fingerprints import fingerprint
-
-    found = fingerprint("benchmark.jobs.cluster.supervisor")
-    return {"code": dict(found.code), "distributed": found.packages["distributed"]}
+    """Return digests of the ``code`` of this machine, and versions of its ``packages`` and of ``distributed``."""
+    known = environment()
+    packages = {name: known[name] for name in PACKAGES if name in known}
+    return {"code": suite_texts(), "packages": packages, "distributed": version("distributed")}
 
 
 def _is_shared(marker: Path, written: str) -> bool:

@@ -25,6 +25,7 @@ from benchmark.jobs.recipes import Recipe
 from benchmark.jobs.stages import distances
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
+from benchmark.storage.lock import key_of
 from benchmark.storage.store import Artefact, Store
 from benchmark.system.arrays import ABOUT, Arrays
 from retrieval.neighbours import Nearest, nearest
@@ -128,7 +129,8 @@ class RankedGallery:
         forms = [self.method_run.recipe(entry) for entry in self.entries]
         scorer = self.method_run.scorer_spec
         draws = recipes.draws_of(self.method_run.spec, scorer)
-        self.recipes = {draw: recipes.distances_recipe(forms, scorer, draw) for draw in draws}
+        spec = self.method_run.spec
+        self.recipes = {draw: recipes.distances_recipe(forms, spec, scorer, draw) for draw in draws}
 
     def _signed(self, entry: Entry, found: ShapeResult) -> ShapeResult:
         """Return what was found of a shape with its signature, of which neighbours need the facts alone."""
@@ -145,7 +147,7 @@ class RankedGallery:
     @property
     def keys(self) -> list[str]:
         """Names of the distances, or of nearest shapes and index, in the store."""
-        return [*(keys.digest(recipe) for recipe in self.recipes.values()), *self._index_keys]
+        return [*(key_of(recipe) for recipe in self.recipes.values()), *self._index_keys]
 
     @property
     def _index_keys(self) -> list[str]:

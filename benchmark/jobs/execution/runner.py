@@ -21,16 +21,15 @@ from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, mes
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
 from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, ShapeBatch, Task, from_json
-from benchmark.jobs.method_run import MethodRun, ShapeResult
+from benchmark.jobs.method_run import MethodRun, ShapeResult, files_of
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import measures, neighbours
-from benchmark.storage import keys
+from benchmark.storage import keys, lock
 from benchmark.storage.costs import Cost
 from benchmark.storage.environment import commit
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system import fingerprints
 from benchmark.system.services import ForeignError
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
@@ -121,7 +120,7 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
                 made[job.key] += [
                     a.key for a in (found.prepared, found.answer, found.features) if a and not a.was_cached
                 ]
-    fingerprints.clear_cache()
+    lock.forget()
     for job in batch.jobs:
         if job.key in store.records:
             continue
@@ -154,11 +153,15 @@ class _CodeChanged(BenchmarkError):
 
 def _require_same_code(job: JobSpec, dataset: Dataset) -> None:
     """Raise unless this process reads the code that the plan was made for."""
-    found = keys.plain(recipes.job_code(recipes.dataset_module(dataset), job.input, job.method, job.scorer))
-    planned = keys.plain(job.recipe["code"])
-    if found != planned:
-        changed = difference({"code": planned}, {"code": found})
-        raise _CodeChanged(f"the code changed during the run ({changed})", "run again")
+    versions = recipes.job_versions(dataset, job.input, job.method, job.scorer)
+    now = {"plugin": None, "versions": versions, **recipes.job_plugins(dataset, job.method, job.scorer)}
+    if lock.key_of(job.recipe) != job.key:
+        changed = lock.words_of_edit(lock.edited(versions)) if lock.edited(versions) else "an edit was undone"
+    elif (planned := {part: job.recipe.get(part) for part in now}) != now:
+        changed = difference(planned, now)
+    else:
+        return
+    raise _CodeChanged(f"the code changed during the run ({changed})", "run again")
 
 
 @contextmanager
@@ -281,8 +284,18 @@ def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda sa
             {a.key for t in results for a in (t.prepared, t.answer)}
             | {key for key in (*gallery.keys, gallery.method_run.preparation.frame_key) if key}
         ),
+        **_files(results, gallery),
         **_learning(job, gallery.method_run, entries),
     }
+
+
+def _files(results: Sequence[ShapeResult], gallery: RankedGallery) -> dict[str, Any]:
+    """Return the part of a record that names the files that plugins have read; empty where they read none."""
+    artefacts = [a for result in results for a in (result.prepared, result.answer, result.features) if a]
+    files: dict[str, str] = {}
+    for part in (*(artefact.files for artefact in artefacts), files_of(gallery.scorer)):
+        files |= part
+    return {"files": files} if files else {}
 
 
 def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry]) -> dict[str, Any]:

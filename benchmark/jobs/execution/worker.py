@@ -12,8 +12,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmark.jobs.job_specs import from_json
+from benchmark.storage import lock
 from benchmark.storage.store import StorageError
-from benchmark.system import fingerprints, plugins, services
+from benchmark.system import plugins, services
 from benchmark.system.files import write_text
 from benchmark.system.workers import UNWRITTEN, Worker
 
@@ -78,7 +79,7 @@ class TaskWorker:
         self._handover = _beside(status_file, "task")
         remove_status(status_file)
         self._handover.unlink(missing_ok=True)
-        self._worker = Worker(_do_in_turn, task, status_file, fingerprints.export_cache(), memory=memory)
+        self._worker = Worker(_do_in_turn, task, status_file, memory=memory)
 
     @property
     def sentinel(self) -> int:
@@ -146,11 +147,11 @@ def _beside(status_file: Path, what: str) -> Path:
     return status_file.with_name(f"{status_file.name}-{what}")
 
 
-def _do_in_turn(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
+def _do_in_turn(task: str, status_file: Path) -> None:
     """Do the task, and then those that come after it, in their process; it is killed when there are no more."""
     following = _beside(status_file, "task")
     while True:
-        _do(task, status_file, known)
+        _do(task, status_file)
         finished = time.monotonic()
         while not following.exists():
             if time.monotonic() > finished + _PATIENCE:
@@ -159,13 +160,12 @@ def _do_in_turn(task: str, status_file: Path, known: fingerprints.ImportCache) -
         task, name = json.loads(following.read_text(encoding="utf-8"))
         status_file = Path(name)
         following.unlink()
-        fingerprints.clear_cache()  # the code may have changed since
+        lock.forget()  # the code may have changed since
 
 
-def _do(task: str, status_file: Path, known: fingerprints.ImportCache) -> None:
+def _do(task: str, status_file: Path) -> None:
     """Do the task, in its process."""
     plugins.close_process()
-    fingerprints.import_cache(known)
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
         trace_file = _beside(status_file, "trace")
         services.trace_to(trace_file)

@@ -35,8 +35,9 @@ def serve(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
 def _tell(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
     spec = _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"])
     told = {"info": dataclasses.asdict(spec.info), "title": spec.title, "parameters": plain(spec.resolved_parameters())}
+    told["sources"] = spec.sources
     if isinstance(spec, MethodSpec):
-        told |= {"inherited": spec.inherited, "describes": spec.describes, "learns": spec.learns}
+        told |= {"describes": spec.describes, "learns": spec.learns}
     return told, {}
 
 

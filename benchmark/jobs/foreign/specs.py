@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NoReturn, Self, cast
 
@@ -54,6 +54,11 @@ class _FromItsProcess(PluginSpec[Info, Made]):
         """All parameters as JSON tells them."""
         return dict(self._facts["parameters"])
 
+    @cached_property
+    def sources(self) -> dict[str, str]:
+        """What the plugin consists of."""
+        return dict(self._facts["sources"])
+
     def load(self) -> NoReturn:
         """Raise, for the class is in another process."""
         raise AssertionError(f"{self.target} is not imported here")
@@ -70,11 +75,6 @@ class _FromItsProcess(PluginSpec[Info, Made]):
 @dataclass(frozen=True)
 class ForeignMethodSpec(_FromItsProcess[MethodInfo, Method | Descriptor], MethodSpec):
     """A method of a plugin."""
-
-    @property
-    def inherited(self) -> tuple[str, ...]:
-        """Modules of the suite that its class inherits from."""
-        return tuple(self._facts["inherited"])
 
     @property
     def describes(self) -> bool:
@@ -125,6 +125,19 @@ class _Remote:
 
     facts: Mapping[str, str]
 
+    @property
+    def _places(self) -> tuple[tuple[str, ...], ...]:
+        """Place of its process, that which it shares with others of its plugin, and that which is its own."""
+        shared = (self.facts["kind"], self.facts["target"].rpartition(":")[0])
+        own = (*shared, self.facts["base_name"])
+        return (own if own in _services else shared), shared, own
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Files that its process has read, with their digests."""
+        service = _services.get(self._places[0])
+        return service.files if service else {}
+
     def request(
         self, work: str, facts: Mapping[str, Any], arrays: Arrays, shape: Shape | None = None
     ) -> tuple[Facts, Arrays]:
@@ -135,9 +148,7 @@ class _Remote:
             seed_sequence: Any = shape.random(str(asked["purpose"])).bit_generator.seed_seq
             return {"entropy": seed_sequence.entropy}
 
-        shared = (self.facts["kind"], self.facts["target"].rpartition(":")[0])
-        own = (*shared, self.facts["base_name"])
-        place = own if own in _services else shared
+        place, shared, own = self._places
         if place not in _services:
             from benchmark.jobs.foreign.serving import serve
 
@@ -173,6 +184,11 @@ class Foreign:
     numbers: Mapping[str, int] = field(default_factory=dict)
     book: Callable[[Cost], None] = lambda cost: None
     model: str = ""
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Files that its process has read so far, with their digests."""
+        return self.remote.files
 
     def known_by(self, numbers: Mapping[str, int], book: Callable[[Cost], None]) -> Self:
         """Return the same with numbers for the shapes, and a place to book costs."""

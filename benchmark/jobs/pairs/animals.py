@@ -15,8 +15,8 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
-from benchmark.jobs.recipes import dataset_module, source_code
 from benchmark.protocols.trainings import ANIMAL_POSES
+from benchmark.storage.lock import versions_of
 
 SEED = 2
 """Of the animals, and of the stream of people: 0 and 1 train and validate learners on people alone."""
@@ -32,8 +32,6 @@ MOST_DRAWS = 60
 
 _IMAGES = 1 + ANIMAL_POSES
 
-_CODE = ("benchmark.datasets.varied_animals.sampler", "benchmark.datasets.varied.sampler")
-
 
 def sampled_animals(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingData:
     """Pairs of sampled bodies, people and animals by turns.
@@ -45,10 +43,17 @@ def sampled_animals(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingDat
     unseen
         Makes pairs of the subjects that are tested.
     """
-    code = [source_code(module).digest for module in (*_CODE, dataset_module(asked.dataset))]
     return asked.data(
         f"{asked.n_bodies} sampled animals and people in {ANIMAL_POSES} poses each, none of them in a set",
-        [SEED, TURN, SHORTEST_ADULT, _IMAGES, asked.n_bodies, asked.frame(FRONT, SIDE), code],
+        [
+            SEED,
+            TURN,
+            SHORTEST_ADULT,
+            _IMAGES,
+            asked.n_bodies,
+            asked.frame(FRONT, SIDE),
+            versions_of(["sampler/animals"]),
+        ],
         _IMAGES,
         lambda start=0: asked.pairs(made_body, _IMAGES, start),
         unseen,

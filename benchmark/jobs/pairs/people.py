@@ -11,8 +11,8 @@ from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
-from benchmark.jobs.recipes import dataset_module, source_code
 from benchmark.protocols.trainings import SAMPLED_POSES
+from benchmark.storage.lock import versions_of
 
 _Body = tuple[humans.Subject, Sequence[Pose]]
 
@@ -34,7 +34,7 @@ def sampled_people(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingData
     recipes = [humans.recipe(body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses)]
     return asked.data(
         f"{asked.n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {asked.dataset.title}",
-        [recipes, asked.frame(FRONT), source_code(dataset_module(asked.dataset)).digest],
+        [recipes, asked.frame(FRONT), versions_of(["sampler/people"])],
         _IMAGES,
         lambda start=0: _pairs(bodies, asked, start),
         unseen,

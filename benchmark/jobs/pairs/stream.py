@@ -14,8 +14,8 @@ from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
-from benchmark.jobs.recipes import source_code
 from benchmark.storage import keys
+from benchmark.storage.lock import versions_of
 
 TRAINED, VALIDATED = 0, 1
 """Seeds of the streams."""
@@ -38,11 +38,10 @@ def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedAndScan
         Makes pairs of the subjects that are tested.
     """
     fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
-    code = source_code("benchmark.datasets.varied.sampler").digest
     plain = StreamedData(
         name=asked.training.name,
         title="fresh bodies in free poses, none of them a subject of a generated set of people",
-        digest=keys.digest([repr(fresh), repr(validation), SAMPLE, code]),
+        digest=keys.digest([repr(fresh), repr(validation), SAMPLE, versions_of(["sampler/varied"])]),
         subjects=(f"varied-{TRAINED}-0-0 and all that follow",),
         identifiers=(f"varied-{TRAINED}-0-0 and all that follow",),
         n_pairs=SAMPLE,
@@ -54,11 +53,10 @@ def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedAndScan
         validation_surfaces=validation.surfaces,
     )
     wide = WideSampler(seed=TRAINED, views=VIEWS)
-    code = source_code("benchmark.datasets.varied.wide").digest
     wide_stream = replace(
         plain,
         title="fresh bodies in free poses from several sides, no subject and no authored pose of a generated set",
-        digest=keys.digest([repr(wide), repr(validation), SAMPLE, code]),
+        digest=keys.digest([repr(wide), repr(validation), SAMPLE, versions_of(["sampler/wide"])]),
         subjects=(f"wide-{TRAINED}-0-0 and all that follow",),
         identifiers=(f"wide-{TRAINED}-0-0 and all that follow",),
         fresh=wide,
@@ -69,11 +67,10 @@ def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedAndScan
 def _scanned(plain: StreamedData) -> ScannedData:
     """The stream of scans; the pairs are those of the plain one, for nobody who trains on scans looks at them."""
     scans, validation = ScanSampler(seed=TRAINED), ScanSampler(seed=VALIDATED)
-    code = source_code("benchmark.datasets.scans.sampler").digest
     return ScannedData(
         name=plain.name,
         title="fresh bodies as scanners leave them, no subject, no authored pose and no scan of a generated set",
-        digest=keys.digest([repr(scans), repr(validation), code]),
+        digest=keys.digest([repr(scans), repr(validation), versions_of(["sampler/scans"])]),
         subjects=(f"scanned-{TRAINED}-0-0 and all that follow",),
         identifiers=(f"scanned-{TRAINED}-0-0 and all that follow",),
         n_pairs=plain.n_pairs,

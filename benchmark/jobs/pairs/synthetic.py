@@ -13,9 +13,9 @@ from benchmark.datasets.base import Dataset
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.recipes import preparation_code
 from benchmark.protocols.trainings import Training
 from benchmark.storage import keys
+from benchmark.storage.lock import versions_of
 
 Say = Callable[[str], None]
 
@@ -49,7 +49,7 @@ class SyntheticTraining:
 
     def frame(self, *cameras: Camera) -> list[object]:
         """Return what determines the images of given meshes, for a digest."""
-        return [*map(repr, cameras), self.half_width, preparation_code("view").digest]
+        return [*map(repr, cameras), self.half_width, versions_of(["preparation/view"])]
 
     def data(
         self, title: str, recipe: list[object], images: int, pairs: MakesPairs, unseen: MakesPairs

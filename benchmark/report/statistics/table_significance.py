@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
-from benchmark.report.statistics.remembered import remembered
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
 from retrieval.nearest_measures import printed_of
 
@@ -94,9 +93,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     noise = [[(cell.preparation_sd or {}).get(measure, 0.0) for cell in cells] for measure in measures]
     contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
     best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
-    low, high, found = remembered(
-        [columns, np.array(noise)], [labels, contest, best], lambda: _judged(columns, labels, contest, best, noise)
-    )
+    low, high, found = _judged(columns, labels, contest, best, noise)
     probabilities = {(m, k): value for m, k, value in found}
     return {
         (row.method, input_, measure): FigureSignificance(
