@@ -33,6 +33,13 @@ ENDINGS = tuple(f"{mark}{what}{end}" for mark in (".", "_", "-") for what in ("i
 CENTRAL = (0.25, 0.75)
 """Shares of the width and height between which a principal point lies, where nothing says how large the image is."""
 
+#: Coefficients of Brown's model with its rational extension, and the names that files call it by; no name means it.
+_BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown", "radtan", "opencv", "pinhole")
+
+#: Models that are no pinhole camera, whatever their coefficients; of other ones zeros are accepted.
+_BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
+
 _LARGEST_FILE = 1_000_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
@@ -154,7 +161,7 @@ def read_intrinsics(path: Path) -> Intrinsics:
         raise InvalidIntrinsics(f"{path} is no text, as an image is none", _HINT) from error
     try:
         if text.lstrip().startswith("{"):
-            return _of_json(json.loads(text))
+            return _of_mapping(json.loads(text))
         return _of_yaml(text) if re.search(r"(?m)^\s*(camera_matrix|[Kk])\s*:", text) else parse_intrinsics(text)
     except InvalidIntrinsics as error:
         raise InvalidIntrinsics(f"{path}: {error.problem}", error.hint) from error
@@ -180,44 +187,68 @@ def find_intrinsics(image: Path) -> Path | None:
     return None
 
 
-def _of_numbers(numbers: Sequence[float], text: str) -> Intrinsics:
+def _of_numbers(
+    numbers: Sequence[float], text: str, size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
+) -> Intrinsics:
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
-        return Intrinsics(fx, fy, cx, cy)
-    if len(numbers) in (9, 16):
-        return _of_matrix(np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3])
-    raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _HINT)
-
-
-def _of_matrix(
-    matrix: NDArray[np.float64], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
-) -> Intrinsics:
+        return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
+    if len(numbers) not in (9, 16):
+        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _HINT)
+    matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3]
     if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
         said = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
         raise InvalidIntrinsics(f"the matrix {said} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
-    if len(distortion) not in (0, 4, 5, 8) and any(distortion):
-        raise InvalidIntrinsics(f"{len(distortion)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
     fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    return Intrinsics(fx, fy, cx, cy, size, tuple(map(float, distortion)) if any(distortion) else ())
+    return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
 
 
-def _of_json(content: Mapping[str, Any]) -> Intrinsics:
-    found: Any = content.get("intrinsic", content)
-    if isinstance(found, list):
-        return _of_numbers([float(value) for value in np.ravel(found)], str(found))
-    size = _size(found)
-    distortion = [float(value) for value in found.get("coeffs", found.get("D", found.get("d", ())))]
+def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
+    """Read what JSON or YAML says: ``camera.json`` of Open3D, ``camera_info`` of ROS, or focal lengths by name."""
+    inner = content.get("intrinsic", {})
+    found = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
+    size, distortion = _size(found), _distortion(found)
     if "intrinsic_matrix" in found:  # of Open3D, column by column
-        return _of_matrix(np.array(found["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T, size, distortion)
+        numbers = np.array(found["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T.ravel().tolist()
+        return _of_numbers(numbers, "intrinsic_matrix", size, distortion)
     for key in ("K", "k", "camera_matrix"):
         if key in found:
-            values = found[key]["data"] if isinstance(found[key], dict) else found[key]
-            return _of_matrix(np.array(values, dtype=np.float64).reshape(3, 3), size, distortion)
+            return _of_numbers(_flat(found[key]), f"{key} {found[key]}", size, distortion)
     cx, cy = (found.get(f"c{axis}", found.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
         raise InvalidIntrinsics(f"keys {', '.join(map(str, found))} name no principal point", _HINT)
-    matrix = np.array([[found["fx"], 0, cx], [0, found["fy"], cy], [0, 0, 1]], dtype=np.float64)
-    return _of_matrix(matrix, size, distortion)
+    return _of_numbers([float(found["fx"]), float(found["fy"]), float(cx), float(cy)], "", size, distortion)
+
+
+def _flat(values: Any) -> list[float]:
+    """Numbers of a list, of lists in it, or of the ``data`` of a matrix as OpenCV and ROS write it."""
+    return [float(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
+
+
+def _distortion(found: Mapping[str, Any]) -> list[float]:
+    """Return the coefficients of Brown's model, none where all are zero.
+
+    Raises
+    ------
+    InvalidIntrinsics
+        If the lens follows another model, or their number is not one of Brown's model.
+    """
+    said = next((str(found[key]) for key in ("distortion_model", "model", "camera_model") if key in found), "")
+    model = re.sub(r"[\W_]+", "_", said.lower()).removeprefix("distortion_")
+    coefficients = [float(found.get(name) or 0) for name in _BROWN] if any(name in found for name in _BROWN) else []
+    for key in ("distortion_coefficients", "distortion_coeffs", "distortion", "dist_coeffs", "coeffs", "D", "d"):
+        if not isinstance(found.get(key), str | None):
+            coefficients = _flat(found[key])
+            break
+    if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and any(coefficients)):
+        raise InvalidIntrinsics(
+            f"the distortion model is '{said:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
+        )
+    if not any(coefficients):
+        return []
+    if len(coefficients) not in (4, 5, 8):
+        raise InvalidIntrinsics(f"{len(coefficients)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
+    return coefficients
 
 
 def _size(found: Mapping[str, Any]) -> tuple[int, int] | None:
@@ -229,19 +260,11 @@ def _size(found: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _of_yaml(text: str) -> Intrinsics:
-    """Read ``camera_info`` as ROS writes it, of which a few keys with lists of numbers are wanted."""
-    values = dict(_lists(text))
-    matrix = values.get("camera_matrix") or values.get("K") or values.get("k") or []
-    if len(matrix) != 9:
-        raise InvalidIntrinsics(f"camera_matrix holds {len(matrix)} numbers, not 9", "write camera_info.yaml of ROS")
-    model = re.search(r"(?m)^\s*distortion_model\s*:\s*[\"']?(\w+)", text)
-    distortion = values.get("distortion_coefficients") or values.get("D") or values.get("d") or []
-    if model and model[1] not in ("plumb_bob", "rational_polynomial") and any(distortion):
-        raise InvalidIntrinsics(
-            f"the distortion model is '{model[1]}'", "rectify the image, and pass plumb_bob or rational_polynomial"
-        )
-    numbers = dict(re.findall(r"(?m)^\s*((?:image_)?(?:width|height))\s*:\s*(\d+)", text))
-    return _of_matrix(np.array(matrix).reshape(3, 3), _size(numbers), distortion)
+    """Read ``camera_info`` as ROS writes it: lists of numbers, and values of one line."""
+    values: dict[str, Any] = {}
+    for key, value in re.findall(r"(?m)^[ \t]*(\w+)[ \t]*:[ \t]*[\"']?([\w.][\w. -]*?)[\"']?[ \t]*$", text):
+        values.setdefault(key, value)
+    return _of_mapping(values | dict(_lists(text)))
 
 
 def _lists(text: str) -> Iterator[tuple[str, list[float]]]:

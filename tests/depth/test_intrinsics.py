@@ -80,6 +80,58 @@ def test_rays_of_a_distorted_camera_are_those_of_opencv(tmp_path, coefficients):
     np.testing.assert_allclose(seen[0].reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
 
 
+REALSENSE = {"width": 640, "height": 480, "fx": 525, "fy": 526, "ppx": 319.5, "ppy": 239.5}
+CAMERA_INFO = {"K": [525, 0, 319.5, 0, 526, 239.5, 0, 0, 1], "height": 480, "width": 640}
+LENS = (0.1, -0.25, 0.001, -0.002, 0.0)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        REALSENSE | {"model": "distortion.brown_conrady", "coeffs": LENS},
+        REALSENSE | {"model": "Brown Conrady", "coeffs": LENS},
+        REALSENSE | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)),
+        CAMERA_INFO | {"distortion_model": "plumb_bob", "D": LENS},
+        CAMERA_INFO | {"distortion_model": "plumb_bob", "distortion_coefficients": {"rows": 1, "data": LENS}},
+        OPEN3D | {"distortion": [[value] for value in LENS]},
+        {"intrinsic": OPEN3D, "distortion_coefficients": LENS},
+        {"intrinsic": [[525, 0, 319.5], [0, 526, 239.5], [0, 0, 1]], "D": LENS, "width": 640, "height": 480},
+        ROS.replace("DISTORTION", ", ".join(map(str, LENS))),
+        ROS.replace("DISTORTION", ", ".join(map(str, LENS))).replace("plumb_bob", '"radtan"'),
+        ECHOED.replace("0.0, 0.0, 0.0, 0.0, 0.0", ", ".join(map(str, LENS))),
+    ],
+)
+def test_distortion_is_read_from_every_kind_of_file(tmp_path, content):
+    (tmp_path / "camera").write_text(content if isinstance(content, str) else json.dumps(content))
+    read = read_intrinsics(tmp_path / "camera")
+    assert (read.fx, read.cy, read.size) == (525, 239.5, SIZE)
+    assert (*read.distortion, 0.0, 0.0, 0.0)[:8] == (*LENS, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("zeros", [True, False])
+@pytest.mark.parametrize("model", ["equidistant", "fisheye", "Kannala Brandt4", "distortion.ftheta", "OPENCV_FISHEYE"])
+@pytest.mark.parametrize("kind", ["json", "realsense", "yaml"])
+def test_a_lens_that_is_no_pinhole_is_refused_by_name(tmp_path, kind, model, zeros):
+    lens = [0.0] * 4 if zeros else [0.1, 0.2, 0.3, 0.4]
+    text = {
+        "json": json.dumps(CAMERA_INFO | {"distortion_model": model, "D": lens}),
+        "realsense": json.dumps(REALSENSE | {"model": model, "coeffs": lens}),
+        "yaml": ROS.replace("DISTORTION", ", ".join(map(str, lens))).replace("plumb_bob", model),
+    }[kind]
+    (tmp_path / "camera").write_text(text)
+    with pytest.raises(InvalidIntrinsics, match=f"the distortion model is '{model}'; rectify the image"):
+        read_intrinsics(tmp_path / "camera")
+
+
+@pytest.mark.parametrize("model", ["Inverse Brown Conrady", "distortion.modified_brown_conrady", "none", "thin_prism"])
+def test_another_model_counts_only_where_it_bends_something(tmp_path, model):
+    (tmp_path / "camera").write_text(json.dumps(REALSENSE | {"model": model, "coeffs": [0.0] * 5}))
+    assert read_intrinsics(tmp_path / "camera") == Intrinsics(525, 526, 319.5, 239.5, SIZE)
+    (tmp_path / "camera").write_text(json.dumps(REALSENSE | {"model": model, "coeffs": LENS}))
+    with pytest.raises(InvalidIntrinsics, match=f"the distortion model is '{model}'"):
+        read_intrinsics(tmp_path / "camera")
+
+
 BAD = {
     "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "focal lengths 0, 525 .* are those of no camera"),
     "rank": ("525 0 319.5\n0 525 239.5\n0 0 0", "the matrix .* is that of no camera"),
