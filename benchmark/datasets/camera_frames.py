@@ -12,7 +12,7 @@ import numpy as np
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.humans import Humans
-from benchmark.datasets.parts import thinned
+from benchmark.datasets.parts import Part
 from benchmark.depth.frame import ObservedObject, observe
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.mask import Mask
@@ -93,7 +93,8 @@ class CameraFrames:
     @property
     def entries(self) -> tuple[Entry, ...]:
         """The shapes: 15 for each pose."""
-        return thinned(_humans().entries, self.poses)
+        count = min(self.poses, ALL_POSES)
+        return Part(poses=tuple(place * ALL_POSES // count for place in range(count))).of(_humans())
 
     def load(self, entry: Entry) -> Mesh:
         """Return the surface of the body that the camera sees; raises ``DepthError`` if too little is seen."""

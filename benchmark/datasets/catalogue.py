@@ -298,7 +298,7 @@ def folder_name(folder: Path) -> str:
 
 def is_path(name: str) -> bool:
     """Return whether a name on the command line can only mean a folder."""
-    return "/" in name or name.startswith((".", "~")) or Path(name).is_dir()
+    return "/" in name or name.startswith(".") or Path(name).is_dir()
 
 
 def _source(name: str) -> DatasetSource:

@@ -200,6 +200,9 @@ def _parse_pfm(stream: BinaryIO) -> NDArray[Any]:
     return np.frombuffer(data, "<f4" if float(head[4]) < 0 else ">f4").reshape(height, width)[::-1]
 
 
+#: The word "mask" in the name of a file, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
+_MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
+
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
     ".png": _read_image,
     ".tif": _read_image,
@@ -214,7 +217,7 @@ READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
 def is_depth_file(path: Path) -> bool:
     """Return whether a file may be a depth image: one of integers or floats by its header, and not called a mask."""
     suffix = path.suffix.lower()
-    if suffix not in READERS or "mask" in path.name.lower():
+    if suffix not in READERS or _MASK.search(path.stem):
         return False
     if READERS[suffix] is not _read_image:
         return True

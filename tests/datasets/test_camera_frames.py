@@ -47,6 +47,13 @@ def test_files_read_as_the_data_set(exported):
         assert (image.size, image.mode) == ((640, 480), "I;16")
 
 
+@pytest.mark.parametrize("poses", [1, 3, 4, 15, 19, 20, 30])
+def test_a_set_has_as_many_poses_as_it_says(poses):
+    dataset = CameraFrames(poses=poses)
+    assert len(dataset.entries) == 15 * min(poses, 20)
+    assert f"15 subjects x {min(poses, 20)} poses" in dataset.title
+
+
 def test_a_folder_that_is_not_empty_is_left_alone(exported):
     with pytest.raises(ConfigurationError, match="is not empty; choose another folder, or pass --force"):
         export_frames(Few(), exported[0])

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from benchmark.datasets.base import Entry, check_retrievable, natural_key
-from benchmark.datasets.catalogue import canonical_entry
+from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
@@ -241,6 +241,12 @@ def test_without_settings_the_first_pose_is_canonical_and_the_camera_looks_at_th
     assert (dataset.half_width, dataset.stand_in_for) == (None, "")
     with pytest.raises(ConfigurationError, match="unknown subject of data set 'rods' 'thik'; did you mean thick"):
         canonical_entry(dataset, "thik")
+
+
+def test_a_tilde_that_no_shell_has_expanded_is_no_path():
+    for name in ("~", "~meshes"):
+        with pytest.raises(ConfigurationError, match=f"unknown data set '{name}'"):
+            open_dataset(name, None)
 
 
 def test_the_first_pose_of_a_generated_set_is_canonical():

@@ -34,6 +34,15 @@ def test_tosca_reads_its_three_layouts(tmp_path):
     assert [dataset.camera(e) for e in dataset.entries] == [SIDE, SIDE, FRONT, SIDE]
 
 
+def test_tosca_may_stay_as_its_archive_unpacks(tmp_path):
+    for name in ("nonrigid/cats/cat0", "nonrigid/dog0", "david0"):
+        write_off(tmp_path / "tosca" / f"{name}.off", rod(0.1, 1.0))
+    assert [entry.identifier for entry in tosca(tmp_path).entries] == ["cat0", "david0", "dog0"]
+    write_off(tmp_path / "tosca" / "cat0.off", rod(0.1, 1.0))
+    with pytest.raises(DatasetError, match="holds one shape as .*cat0.off and .*cats/cat0.off; keep one"):
+        tosca(tmp_path)
+
+
 def test_an_absent_tosca_is_named(tmp_path):
     (tmp_path / "tosca").mkdir()
     with pytest.raises(DatasetError, match="no TOSCA meshes.*expected files such as cat0.off"):

@@ -144,6 +144,16 @@ def test_each_fault_of_depths_is_named(values, said):
             in_metres(MILLIMETRES, scale)
 
 
+@pytest.mark.parametrize(
+    ("name", "is_mask"),
+    [("unmasked", False), ("masked", False), ("damask", False), ("0_mask", True), ("MASK", True), ("0.masks", True),
+     ("mask3", True), ("depthMask", True), ("depthMask2", True), ("Mask", True), ("Unmasked", False)],
+)  # fmt: skip
+def test_a_mask_has_the_word_in_its_name(tmp_path, name, is_mask):
+    np.save(tmp_path / f"{name}.npy", MILLIMETRES)
+    assert is_depth_file(tmp_path / f"{name}.npy") is not is_mask
+
+
 def test_masks_and_colours_are_no_depth_images(tmp_path):
     for name, image in (
         ("a_mask.png", Image.fromarray(MILLIMETRES)),

@@ -236,17 +236,18 @@ def _number(stem: str) -> int:
     return int(re.findall(r"[0-9]+", stem)[-1])
 
 
-def _places(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
+def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
+    """Yield the folder of a set and those up to three levels below it, where its files may lie."""
     yield folder
     if depth:
         for sub in sub_folders(folder):
-            yield from _places(sub, depth - 1)
+            yield from folders_of_set(sub, depth - 1)
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
     """Meshes with one of these forms of name, by key."""
     found: dict[str, Path] = {}
-    for place in _places(folder):
+    for place in folders_of_set(folder):
         for path in mesh_files(place):
             if _form(path.stem) in forms and found.setdefault(_key(path.stem), path) != path:
                 one, other = found[_key(path.stem)].relative_to(folder), path.relative_to(folder)
@@ -255,7 +256,7 @@ def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
 
 
 def _list(folder: Path) -> Path | None:
-    found = [path for place in _places(folder) for name in LISTS for path in sorted(place.glob(name))]
+    found = [path for place in folders_of_set(folder) for name in LISTS for path in sorted(place.glob(name))]
     if len(found) > 1:
         names = " and ".join(path.relative_to(folder).as_posix() for path in found[:2])
         raise DatasetError(f"{folder} holds {names}", "keep the list that classifies these meshes")

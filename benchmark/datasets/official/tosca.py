@@ -8,6 +8,7 @@ from pathlib import Path
 from benchmark.datasets.base import Entry, natural_key
 from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import mesh_files
+from benchmark.datasets.official.layouts import folders_of_set
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
@@ -35,26 +36,28 @@ _STEM = re.compile(r"(?P<subject>[a-z]+)(?P<pose>[0-9]+)")
 
 
 def tosca(data_root: Path) -> FolderDataset:
-    """Read the list of shapes under ``DATA_ROOT/tosca``; a ``dataset.toml`` may set canonical poses and cameras.
+    """Read the list of shapes in ``DATA_ROOT/tosca`` and its sub-folders.
+
+    A ``dataset.toml`` may set canonical poses and cameras.
 
     Raises
     ------
     DatasetError
         If the folder is missing, holds no file named like ``cat0.off``, ``cat0.mat`` or ``cat0.vert``, or holds two
-        files for one shape whose names differ in case alone.
+        files for one shape.
     ConfigurationError
         If ``dataset.toml`` has an unknown key, class or pose.
     """
     folder = data_root / "tosca"
     entries: dict[str, Entry] = {}
-    for path in mesh_files(folder):
+    for path in (path for place in folders_of_set(folder) for path in mesh_files(place)):
         match = _STEM.fullmatch(path.stem.lower())
         if not match:
             continue
         entry = Entry(match[0], match["subject"], match["pose"], path)
         other = entries.setdefault(entry.identifier, entry)
         if other.path != path:
-            raise DatasetError(f"{folder} holds one shape as {other.path} and {path.name}", "keep one of them")
+            raise DatasetError(f"{folder} holds one shape as {other.path} and {path}", "keep one of them")
     if not entries:
         raise DatasetError(
             f"no TOSCA meshes in {folder}", "expected files such as cat0.off, cat0.mat or cat0.vert + cat0.tri"
