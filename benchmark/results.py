@@ -137,10 +137,6 @@ class ResultsFolder:
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
         """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
         record = self._scored(key)
-        if "neighbours" in record:
-            raise ConfigurationError(
-                f"{told(record)} looked for {record['neighbours']} neighbours", "run it without --neighbours"
-            )
         found = list(self._artefacts.distances(record))
         if not found:
             raise self._absent(record, "distances")

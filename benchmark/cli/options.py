@@ -203,8 +203,6 @@ class RunOptions:
     ----------
     tables, methods, datasets, inputs, scorer
         Names of what is run, as they are written; empty for all.
-    neighbours
-        Nearest shapes to look for in place of the distances of all pairs; None for the latter.
     plugins
         Files with methods, scorers and data sets.
     results, data_root
@@ -236,7 +234,6 @@ class RunOptions:
     datasets: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     scorer: str = "cm-bof"
-    neighbours: int | None = None
     plugins: tuple[Path, ...] = ()
     results: Path = Path("results")
     data_root: Path | None = None
@@ -349,12 +346,7 @@ class RunOptions:
         """The scorer; raises ``ConfigurationError`` if there is none of this name."""
         from benchmark.methods.scorers import scorer_of, scorers
 
-        spec = scorer_of(self.scorer, scorers(self.plugins))
-        if self.neighbours is None:
-            return spec
-        found = spec.with_parameters({"neighbours": self.neighbours})
-        found.create()  # which refuses a scorer without an index
-        return found
+        return scorer_of(self.scorer, scorers(self.plugins))
 
     def allows(self, record: Record) -> bool:
         """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
@@ -499,8 +491,6 @@ selection_options = _together(
                  help="See 'list methods'; or all, or finished."),
     datasets_option,
     scorer_option,
-    click.option("--neighbours", type=click.IntRange(min=1), metavar="K",
-                 help="Look for the K nearest shapes alone, by an index."),
     inputs_option,
     plugin_option,
     results_option,

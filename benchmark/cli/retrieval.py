@@ -66,7 +66,7 @@ def _table(found: Found, k: int) -> list[str]:
 
 def _summary(found: Found, seconds: float) -> str:
     made = f", {found.made} made from their forms and kept" if found.made else ""
-    read = f"{len(found.hits)} of {found.indexed} forms compared" if found.indexed else f"{found.read} signatures read"
+    read = f"{found.read} signatures read"
     return (
         f"class {found.hits[0].entry.subject}, by a margin of {found.margin:.1%} over the second class; "
         f"{read}{made}, {seconds:.1f} s"

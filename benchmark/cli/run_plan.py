@@ -21,7 +21,7 @@ from benchmark.system.code import ROOT
 from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores
-from retrieval.nearest_measures import printed_of
+from retrieval.measures import printed_of
 
 if TYPE_CHECKING:
     from benchmark.jobs.execution.executors import Executor

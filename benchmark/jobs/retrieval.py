@@ -22,7 +22,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
 from benchmark.jobs.preparation import REFUSED, Preparation, attempted, require_arrays, shape_of
-from benchmark.jobs.recipes import Recipe, distances_recipe, draws_of, features_recipe, form_recipe, index_recipe
+from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recipe
 from benchmark.jobs.stages import distances, features, form
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import seen
@@ -30,14 +30,10 @@ from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
 from benchmark.storage.store import Store
-from retrieval.neighbours import candidates
 
 __all__ = ["Found", "GallerySearch", "Hit", "input_for"]
 
 Arrays = Mapping[str, NDArray[Any]]
-
-#: Shapes from which on a gallery is large: its forms are looked up by an index, and so many of them compared.
-LARGE = 1000
 
 
 @dataclass(frozen=True)
@@ -63,15 +59,13 @@ class Found:
     Parameters
     ----------
     hits
-        All shapes of the gallery with a form but the query itself, the nearest first; of a large gallery some of them.
+        All shapes of the gallery with a form but the query itself, the nearest first.
     query
         What the method was given.
     form
         Canonical form of the query; None for a descriptor.
     read, made
         Signatures of the gallery that were read, and that had to be made from its forms.
-    indexed
-        Forms in the index by which those that were compared were chosen; 0 where all were compared.
     """
 
     hits: tuple[Hit, ...]
@@ -79,7 +73,6 @@ class Found:
     form: Mesh | None
     read: int
     made: int
-    indexed: int = 0
 
     @property
     def margin(self) -> float:
@@ -154,8 +147,6 @@ class GallerySearch:
         shape = self._shape(query, frame)
         model = next(iter(self.models.values()), None)
         loaded = method.load(model.folder) if model and isinstance(method, Learner) else method
-        if isinstance(method, Method) and len(self.dataset.entries) >= LARGE and self.scorer.has_index:
-            return self._search_index(method, shape, form.canonicalise(loaded, shape), query)  # type: ignore[arg-type]
         entries, signatures, n_read, n_made = self._signatures(method, query)
         if not isinstance(method, Method):
             vectors = [each["descriptor"] for each in (*signatures, form.describe(loaded, shape))]  # type: ignore[arg-type]
@@ -168,49 +159,6 @@ class GallerySearch:
             distances.form_distances(scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)
         ]
         return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, made, n_read, n_made)
-
-    def _search_index(self, method: Method, shape: Shape, answer: Arrays, query: Path) -> Found:
-        """Compare the query with the forms whose vectors are nearest to its own, under the words of the gallery."""
-        scorer, made = self.scorer.create(), form.form_mesh(answer, shape.mesh)
-        signature = features.extract(scorer, made)
-        entries, indexes, n_made = self._indexes(method, query)
-        joined = [index.with_query(scorer, signature) for index in indexes]
-        places = np.sort(candidates(joined[0], LARGE + 1, range(len(entries), len(entries) + 1))[0])
-        kept = np.array([place for place in places if not _is_file(entries[place], query)], dtype=np.int64)
-        found = [index.distances(np.full(len(kept), len(entries)), kept) for index in joined]
-        hits = _ordered([entries[place] for place in kept], np.mean(found, axis=0))
-        return Found(hits, shape, made, 0, n_made, len(entries))
-
-    def _indexes(self, method: Method, query: Path) -> tuple[list[Entry], list[Any], int]:
-        """Shapes that have a form, their index under each draw, and how many signatures had to be made for it.
-
-        A run with neighbours leaves the index; else it is made of all signatures, and kept.
-        """
-        spec, preparation = self.scorer.with_parameters({"neighbours": 1}), self._preparation
-        entries = [entry for entry in self.dataset.entries if self._is_answered(entry, preparation)]
-        recipes = self._index_recipes(entries, spec, preparation)
-        kept = [self.store.find(recipe) for recipe in recipes]
-        if entries and all(kept):
-            return entries, [spec.index.from_arrays(each.arrays) for each in kept if each], 0
-        entries, signatures, _, n_made = self._signatures(method, query)
-        recipes = self._index_recipes(entries, spec, preparation)
-        scorer = spec.create()
-
-        def index(draw: int) -> Arrays:
-            return spec.index.of(scorer, signatures, draw).to_arrays()  # type: ignore[no-any-return]
-
-        made = [
-            self.store.get_or_compute(recipe, partial(index, draw), work="index") for draw, recipe in enumerate(recipes)
-        ]
-        return entries, [spec.index.from_arrays(each.arrays) for each in made], n_made
-
-    def _is_answered(self, entry: Entry, preparation: Preparation) -> bool:
-        answer = self.store.find(self._recipe(entry, preparation), wanted=REFUSED.__eq__)
-        return answer is not None and REFUSED not in answer.arrays
-
-    def _index_recipes(self, entries: Sequence[Entry], spec: ScorerSpec, preparation: Preparation) -> list[Recipe]:
-        forms = [self._recipe(entry, preparation) for entry in entries]
-        return [index_recipe(distances_recipe(forms, self.spec, spec, draw)) for draw in draws_of(self.spec, spec)]
 
     def form(self, entry: Entry) -> Mesh | None:
         """Return the canonical form of a shape of the gallery; None where it is not kept, or there is none."""

@@ -228,59 +228,9 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
 
     base_name: str = DEFAULT_SCORER
     target: str = "retrieval.cmbof:CMBOF"
-    #: Nearest shapes that are looked for in place of the distances of all pairs; 0 for the latter. Written like a
-    #: parameter, though it changes no signature: ``cm-bof[neighbours=50]``.
-    neighbours: int = 0
-
-    #: Index of the gallery of a scorer, by the target of the latter; see :class:`retrieval.neighbours.GalleryIndex`.
-    INDEXES: ClassVar[Mapping[str, str]] = {
-        "retrieval.cmbof:CMBOF": "retrieval.clock_index:ClockIndex",
-        "retrieval.spherical_harmonics:SphericalHarmonics": "retrieval.energy_index:EnergyIndex",
-    }
-
-    @property
-    def index_module(self) -> str:
-        """Module of the index; "" for a scorer without one."""
-        return self.INDEXES.get(self.target, "").partition(":")[0]
-
-    @property
-    def has_index(self) -> bool:
-        """Return whether there is an index of its galleries; none tells of mirror images."""
-        return bool(self.index_module) and not self.parameters.get("allow_mirror")
-
-    @property
-    def index(self) -> Any:
-        """The class of the index.
-
-        Raises
-        ------
-        ConfigurationError
-            If the scorer has none.
-        """
-        if not self.has_index:
-            raise ConfigurationError(
-                f"scorer '{self.base_name}' has no vectors to find neighbours by",
-                "drop --neighbours, or take cm-bof or spherical-harmonics",
-            )
-        return getattr(importlib.import_module(self.index_module), self.INDEXES[self.target].partition(":")[2])
-
-    def _chosen(self, separator: str) -> str:
-        neighbours = [f"neighbours={self.neighbours}"] if self.neighbours else []
-        return separator.join([*([super()._chosen(separator)] if self.parameters else []), *neighbours])
-
-    def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
-        """Return the same with further parameters, as text or as they are; ``neighbours`` is one of every scorer."""
-        given = {name: value for name, value in parameters.items() if name != "neighbours"}
-        asked = str(parameters.get("neighbours", self.neighbours or 1))
-        if not (asked.isascii() and asked.isdecimal() and int(asked)):
-            raise ConfigurationError(f"neighbours={asked} is no number of shapes", "choose 1 or more")
-        found = super().with_parameters(given)
-        return dataclasses.replace(found, neighbours=int(asked)) if "neighbours" in parameters else found
 
     def create(self) -> Scorer:
-        """Make it with its parameters; raises ``ConfigurationError`` also if a package or the index is missing."""
-        if self.neighbours:
-            _ = self.index
+        """Make it with its parameters; raises ``ConfigurationError`` also if a package is missing."""
         if missing := self.missing_packages():
             raise ConfigurationError(
                 f"scorer '{self.base_name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}"

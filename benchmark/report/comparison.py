@@ -18,8 +18,7 @@ from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.significance import ALPHA, intervals, permutation_test, widened
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
-from retrieval.measures import PRINTED
-from retrieval.nearest_measures import printed_of
+from retrieval.measures import PRINTED, printed_of
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -51,7 +50,7 @@ class Difference:
     changed
         Queries for which a measure differs.
     better, worse
-        Queries for which the second one has a higher, and a lower, DCG, or P@K where neighbours alone were looked for.
+        Queries for which the second one has a higher, and a lower, DCG.
     n_queries
         Queries that both have.
     is_perturbed

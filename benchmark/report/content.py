@@ -22,8 +22,6 @@ from benchmark.report.statistics.table_significance import SignificanceTable, ta
 from benchmark.storage.keys import digest
 from benchmark.storage.records import chance_of
 from benchmark.system.text import brief
-from retrieval.measures import PRINTED
-from retrieval.nearest_measures import PRECISION
 
 #: Parameter of learners that tells trainings of one row apart.
 TRAINING_SEED = "training_seed"
@@ -103,17 +101,6 @@ class TableContent:
     def significance(self) -> SignificanceTable:
         """Return how sure each of our figures is, and which rows differ from the best."""
         return table_significance(self.rows, self.inputs)
-
-    @cached_property
-    def neighbours(self) -> int:
-        """Nearest shapes that rows of this table looked for in place of the whole ranking; 0 for none."""
-        cells = (cell for row in self.rows for cell in row.cells.values())
-        return max((record.get("neighbours", 0) for cell in cells for record in cell.records), default=0)
-
-    @property
-    def measures(self) -> tuple[str, ...]:
-        """Measures with a column."""
-        return (*PRINTED, PRECISION) if self.neighbours else PRINTED
 
     @property
     def identifier(self) -> str:

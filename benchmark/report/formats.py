@@ -15,8 +15,7 @@ from benchmark.report.grid import Style, grid_of, number
 from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
-from retrieval.measures import PRINTED
-from retrieval.nearest_measures import PRECISION, printed_of
+from retrieval.measures import PRINTED, printed_of
 
 _STYLE = Style("**{}**", "*{}*")
 
@@ -81,12 +80,10 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     repeated = ("preparation_mean", "preparation_sd")
     if any("n_preparations" in row for row in made):
         names += ["n_preparations", *(f"{part}_{m}" for part in repeated for m in PRINTED)]
-    if any("neighbours" in row for row in made):
-        names += [*(f"{part}{PRECISION}" for part in ("", "low_", "high_", "p_best_", "spread_")), "neighbours"]
     for row in made:
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread", "p_best"):
-            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in (*PRINTED, PRECISION)}
+            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
         flat |= {f"{part}_{metric}": row[part].get(metric) for part in repeated if part in row for metric in PRINTED}
         for metric, ends in (row["interval"] or {}).items():
             flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
@@ -98,7 +95,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
     record, scores = cell.record, cell.scores
     judged: dict[str, FigureSignificance] = {
         metric: table.significance[row.method, input_, metric]
-        for metric in table.measures
+        for metric in PRINTED
         if (row.method, input_, metric) in table.significance
     }
     return {
@@ -126,7 +123,6 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "n_models": len(cell.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
-        **_nearest(cell),
         **_preparations(cell),
         "outdated": cell.outdated or None,
         "status": cell.status,
@@ -144,12 +140,6 @@ def _supported(cell: Cell) -> dict[str, float]:
     """Scores over the shapes with a result alone, where there are others."""
     found = cell.record.get("supported", {})
     return {f"{metric}_supported": round(found[metric], 6) for metric in PRINTED if metric in found}
-
-
-def _nearest(cell: Cell) -> dict[str, float]:
-    """Return what a row with neighbours tells besides; nothing for another."""
-    found = max((record.get("neighbours", 0) for record in cell.records), default=0)
-    return {PRECISION: round((cell.scores or {})[PRECISION], 6), "neighbours": found} if found else {}
 
 
 def _preparations(cell: Cell) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
 from benchmark.report.statistics.table_significance import CONTROL
 from retrieval.measures import PRINTED
-from retrieval.nearest_measures import PRECISION
 
 BLANK = "--"
 
@@ -132,7 +131,7 @@ def grid_of(table: TableContent, further: Sequence[Group] = ()) -> Grid:
     no part. Means are followed by their spread.
     """
     paper = [Group("paper", "paper")] if table.has_paper else []
-    groups = (*paper, *(Group(input_, "ours", input_, table.measures) for input_ in table.inputs), *further)
+    groups = (*paper, *(Group(input_, "ours", input_, PRINTED) for input_ in table.inputs), *further)
     made = [_lines(table, group) for group in groups]
     lines = [Line(row.label, tuple(figures), row) for row, *figures in zip(table.rows, *made, strict=True)]
     return Grid(groups, (*lines, Line("Chance", tuple(_chance(table, group) for group in groups))))
@@ -202,9 +201,7 @@ _COLUMNS: Mapping[Kind, Callable[[TableContent, Input | None, str], list[Figure]
 def _chance(table: TableContent, group: Group) -> tuple[Figure, ...]:
     if group.kind in ("difference", "interval"):
         return (Figure(BLANK),) * len(group.names)
-    # At any depth chance finds the same share as at the first rank.
-    chance = {PRECISION: table.chance["NN"], **table.chance}
-    return tuple(Figure(number(chance[name])) for name in group.names)
+    return tuple(Figure(number(table.chance[name])) for name in group.names)
 
 
 def _competes(row: Row, cell: Cell | None) -> bool:

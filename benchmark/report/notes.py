@@ -9,7 +9,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, Row, TableContent
 from benchmark.system.text import brief
-from retrieval.nearest_measures import printed_of
+from retrieval.measures import printed_of
 
 #: Share of the largest loss from which on a table tells how much was lost.
 _WORTH_TELLING = 0.01
@@ -22,11 +22,6 @@ _MARKS = (
 _OF_PREPARATIONS = (
     "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}; intervals and "
     "italics have it in."
-)
-
-_OF_NEIGHBOURS = (
-    "The {0} nearest shapes of each query were looked for by an index, and not all pairs compared: rows may miss some, "
-    "FT, ST and DCG need the whole ranking, and P@K is the share of the class among the first {0}."
 )
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
@@ -45,8 +40,6 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     lines = []
     if table.quick:
         lines.append("Quick run: some poses of each subject were left out.")
-    if table.neighbours:
-        lines.append(_OF_NEIGHBOURS.format(table.neighbours))
     if table.n_galleries > 1:
         lines.append(_OF_MEANS)
     if any(judged.is_inseparable for judged in table.significance.values()):

@@ -12,7 +12,6 @@ from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
-from retrieval.nearest_measures import NEAREST_MEASURES
 
 #: A type; a list of one kind; a mapping from names to one kind (``{...: kind}``) or to the kinds of its parts, of which
 #: those whose names end in ``?`` may be missing; or a question to be answered with yes.
@@ -116,12 +115,6 @@ _SCORED: dict[Any, Any] = {
     "splits?": {"count": _is_count, "size": _is_count, "quantiles": {...: _quantiles}},
 }  # fmt: skip
 
-#: The same of a job that looked for the nearest shapes alone.
-_NEAREST: dict[Any, Any] = _SCORED | {
-    "neighbours": _is_count, "per_query": {...: _are_shares} | dict.fromkeys(NEAREST_MEASURES, object),
-    "scores": {...: _is_share} | dict.fromkeys(NEAREST_MEASURES, object),
-}  # fmt: skip
-
 #: Large parts whose every number was looked at.
 _CHECKED = ("per_query", "shapes", "labels")
 
@@ -131,7 +124,7 @@ def fault_of(content: Any) -> str:
     try:
         fault = _fault(content, _RECORD, "")
         if not fault and content["status"] == "ok":
-            fault = _fault(content, _NEAREST if "neighbours" in content else _SCORED, "") or _miscount(content)
+            fault = _fault(content, _SCORED, "") or _miscount(content)
         if not fault and digest(content["recipe"]) != content["key"].rpartition("-")[2]:
             fault = "its key is not that of its recipe"
         if not fault:

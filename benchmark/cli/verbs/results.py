@@ -238,7 +238,7 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
 
 
 def _scores(record: Record) -> str:
-    from retrieval.nearest_measures import printed_of
+    from retrieval.measures import printed_of
 
     scores = record.get("scores", {})
     return " ".join(f"{name} {scores[name]:.3f}" for name in printed_of(scores))

@@ -155,10 +155,6 @@ def report(
     from benchmark.cli.reporting import write_figure, write_pages
 
     selection = RunOptions.of(options)
-    if selection.scorer_spec().neighbours:
-        raise ConfigurationError(
-            "a report shows whole rankings, of which neighbours are a part", "drop --neighbours; 'tables' takes it"
-        )
     if figure is not None:
         write_figure(selection, figure, what, subjects, shapes, timeout)
     else:

@@ -1,4 +1,4 @@
-"""The gallery of a job that can be ranked: its shapes, their signatures, and the distances or nearest shapes."""
+"""The gallery of a job that can be ranked: its shapes, their signatures, and the distances."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import json
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,15 +20,14 @@ from benchmark.errors import ShapeError
 from benchmark.jobs import recipes
 from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.foreign.specs import Foreign
-from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of
-from benchmark.jobs.recipes import Recipe
+from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of, files_of
 from benchmark.jobs.stages import distances
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.lock import key_of
 from benchmark.storage.store import Artefact, Store
 from benchmark.system.arrays import ABOUT, Arrays
-from retrieval.neighbours import Nearest, nearest
+from benchmark.system.opened_files import with_files
 
 T = TypeVar("T")
 
@@ -71,8 +70,7 @@ class RankedGallery:
     """The shapes of a job that can be ranked, and their distances, one draw of the scorer at a time.
 
     Of the distances, which are large, one matrix is held at a time. Where all of them are kept from an earlier ranking,
-    no signature is made or read. A scorer that is asked for neighbours has an index, which is kept, in place of
-    distances, and one signature is held at a time.
+    no signature is made or read.
 
     Parameters
     ----------
@@ -108,9 +106,9 @@ class RankedGallery:
         """Look for the forms, and for the signatures unless all distances are kept."""
         gallery = cls(store, method_run, None if method_run.describes else method_run.scorer, tell)
         gallery._keep(entries, method_run.found)
-        if not (method_run.describes or all(map(store.digest_under, gallery._index_keys or gallery.keys))):
+        if not (method_run.describes or all(map(store.digest_under, gallery.keys))):
             found = dict(gallery.found)
-            gallery._keep(gallery.entries, lambda entry: gallery._signed(entry, found[entry.identifier]))
+            gallery._keep(gallery.entries, lambda entry: method_run.with_signature(entry, found[entry.identifier]))
         order = {entry.identifier: number for number, entry in enumerate(entries)}
         gallery.refused.sort(key=lambda each: order[each[0]])
         return gallery
@@ -132,40 +130,19 @@ class RankedGallery:
         spec = self.method_run.spec
         self.recipes = {draw: recipes.distances_recipe(forms, spec, scorer, draw) for draw in draws}
 
-    def _signed(self, entry: Entry, found: ShapeResult) -> ShapeResult:
-        """Return what was found of a shape with its signature, of which neighbours need the facts alone."""
-        signed = self.method_run.with_signature(entry, found)
-        if not self.neighbours or signed.features is None:
-            return signed
-        return replace(signed, features=replace(signed.features, arrays={}))
-
-    @property
-    def neighbours(self) -> int:
-        """Nearest shapes that are looked for in place of the distances of all pairs; 0 for the latter."""
-        return 0 if self.scorer is None else self.method_run.scorer_spec.neighbours
-
     @property
     def keys(self) -> list[str]:
-        """Names of the distances, or of nearest shapes and index, in the store."""
-        return [*(key_of(recipe) for recipe in self.recipes.values()), *self._index_keys]
-
-    @property
-    def _index_keys(self) -> list[str]:
-        return [keys.digest(recipes.index_recipe(each)) for each in self.recipes.values()] if self.neighbours else []
+        """Names of the distances in the store."""
+        return [key_of(recipe) for recipe in self.recipes.values()]
 
     def matrices(self) -> Iterator[NDArray[Any]]:
         """The distances under each draw, shape (N, N) each."""
         yield from (self.compared(draw).arrays["distances"] for draw in self.recipes)
 
-    def nearest(self) -> Iterator[Nearest]:
-        """The nearest shapes under each draw."""
-        yield from (Nearest.from_arrays(self.compared(draw).arrays) for draw in self.recipes)
-
     def compared(self, draw: int | None) -> Artefact:
-        """Make, or find, the distances under a draw, or the nearest shapes where neighbours are asked for."""
-        recipe = self.recipes[draw]
-        compare = partial(self._nearest, recipe) if self.neighbours else partial(self._distances, draw)
-        found = self.store.get_or_compute(recipe, compare, work="rank")
+        """Make, or find, the distances under a draw."""
+        compare = lambda: with_files(self._distances(draw), files_of(self.scorer or self.method_run.method))  # noqa: E731
+        found = self.store.get_or_compute(self.recipes[draw], compare, work="rank")
         self._before.setdefault(draw, found.cost.seconds if found.was_cached else 0.0)
         return found
 
@@ -173,20 +150,6 @@ class RankedGallery:
     def seconds_before(self) -> float:
         """Return the seconds that those comparisons took which had been made before."""
         return sum(self._before.values())
-
-    def _nearest(self, recipe: Recipe) -> Arrays:
-        """The nearest shapes under the draw of a recipe, from the index, which is made where it is missing."""
-        index, draw = self.method_run.scorer_spec.index, recipe["codebook"]
-
-        def compute() -> Arrays:
-            self.tell(f"an index of {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
-            made = index.of(self.scorer, _Signatures(self), draw)
-            about = json.dumps(asdict(Signatures.of(self.found.values())), sort_keys=True)
-            return {**made.to_arrays(), _SIGNATURES: np.array(about)}
-
-        kept = self.store.get_or_compute(recipes.index_recipe(recipe), compute, work="index")
-        self.tell(f"neighbours of {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
-        return nearest(index.from_arrays(kept.arrays), self.neighbours).to_arrays()
 
     def _distances(self, draw: int | None) -> Arrays:
         """Distances of one draw, with what is told of the signatures."""
@@ -218,8 +181,7 @@ class RankedGallery:
         if self.method_run.describes or any(each.features is not None for each in self.found.values()):
             return Signatures.of(self.found.values())
         recipe = next(iter(self.recipes.values()))
-        about = recipes.index_recipe(recipe) if self.neighbours else recipe
-        first = self.store.find(about, wanted=_SIGNATURES.__eq__)
+        first = self.store.find(recipe, wanted=_SIGNATURES.__eq__)
         return Signatures(**json.loads(str(first.arrays[_SIGNATURES]))) if first else Signatures()
 
     @property
@@ -232,21 +194,6 @@ class RankedGallery:
             "distances": _digest(map(self.store.digest_under, self.keys)),
         }
         return {stage: text for stage, text in found.items() if text}
-
-
-@dataclass(frozen=True)
-class _Signatures(Sequence[Arrays]):
-    """The signatures of a gallery, each read from the store when it is asked for: together they may be too large."""
-
-    gallery: RankedGallery
-
-    def __len__(self) -> int:
-        return len(self.gallery.entries)
-
-    def __getitem__(self, place: Any) -> Any:
-        entry = self.gallery.entries[place]
-        found = replace(self.gallery.found[entry.identifier], features=None)
-        return features_of(self.gallery.method_run.with_signature(entry, found))
 
 
 def _digest(digests: Iterable[str]) -> str:

@@ -24,7 +24,7 @@ from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, Shape
 from benchmark.jobs.method_run import MethodRun, ShapeResult, files_of
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.stages import measures, neighbours
+from benchmark.jobs.stages import measures
 from benchmark.storage import keys, lock
 from benchmark.storage.costs import Cost
 from benchmark.storage.environment import commit
@@ -259,12 +259,9 @@ def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda sa
     labels = [entry.subject for entry in entries]
     answered = [place for place, name in enumerate(names) if name in gallery.found] if refused else None
     results = list(gallery.found.values())
-    if gallery.neighbours:
-        scored = neighbours.nearest_scores(gallery.nearest(), labels, gallery.neighbours, answered)
-    else:
-        scored = measures.scores(gallery.matrices(), labels, answered)
-        if job.split_size:
-            scored |= measures.over_splits(gallery.matrices(), labels, job.split_size, answered)
+    scored = measures.scores(gallery.matrices(), labels, answered)
+    if job.split_size:
+        scored |= measures.over_splits(gallery.matrices(), labels, job.split_size, answered)
     return {
         "status": "ok",
         **scored,

@@ -12,8 +12,7 @@ from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.results import Result
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
-from retrieval.measures import PRINTED
-from retrieval.nearest_measures import printed_of
+from retrieval.measures import PRINTED, printed_of
 
 _Place = tuple[str, str, bool]
 

@@ -14,7 +14,7 @@ from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import UNIT, Queries, queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
-from retrieval.nearest_measures import printed_of
+from retrieval.measures import printed_of
 
 
 class Row(Protocol):
