@@ -1,6 +1,5 @@
 """Perturbations do what they say, the same each time; a stronger one is more of the same."""
 
-import hashlib
 import subprocess
 import sys
 
@@ -203,10 +202,12 @@ class Own:
         return rod(0.1, 1.0, 12, RINGS)
 """
     read = (
+        "import json\n"
         "from benchmark.datasets.catalogue import open_dataset\n"
+        "from benchmark.jobs.recipes import source_recipe\n"
         "for change in ('[noise=1]', '[jitter=1]', '[noise=1][jitter=1]'):\n"
         f"    dataset = open_dataset('{plugin}:Own' + change, None)\n"
-        "    print(dataset.recipe(dataset.entries[0]))"
+        "    print(json.dumps(source_recipe(dataset, dataset.entries[0])))"
     )
     told = []
     for rings in ("8", "9", "9"):
@@ -215,4 +216,3 @@ class Own:
         told.append(done.stdout.splitlines())
     assert told[1] == told[2]
     assert not set(told[0]) & set(told[1])
-    assert all(hashlib.sha256(plugin.read_bytes()).hexdigest() in line for line in told[2])
