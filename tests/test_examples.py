@@ -1,4 +1,4 @@
-"""The examples are what ``new`` writes and what the documentation shows, and each works far from the checkout."""
+"""The examples are what ``new`` writes, and each works far from the checkout."""
 
 import os
 import re
@@ -59,12 +59,6 @@ def test_what_new_writes_is_an_example_under_another_name(kind, tmp_path):
         assert path.read_text().count("My Own") == example.count(old.replace("-", " ").title()) > 0
         assert not any(spelling in path.read_text() for spelling in (old, old.replace("-", "_"), old.title()))
         assert len(path.read_text().splitlines()) == len(example.splitlines())
-
-
-def test_the_documentation_shows_the_examples():
-    page = (ROOT / "docs" / "appendix" / "examples.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    assert sorted(blocks) == sorted(file_of(kind).read_text() for kind in NAMES)
 
 
 @pytest.mark.slow

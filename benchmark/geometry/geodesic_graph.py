@@ -14,7 +14,7 @@ from benchmark.geometry.mesh import Mesh
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Windows followed from each vertex; docs/appendix/geodesics.md has the measurements behind the number.
+# Windows followed from each vertex; docs/appendix/measurements.md has the measurements behind the number.
 WINDOWS = 800
 
 # Tangent of an angle below which a vertex lies on the ray that bounds a window, not inside. That ray runs through a

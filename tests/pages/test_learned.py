@@ -19,10 +19,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = (
     "explanation/networks.md",
     "appendix/paper-network.md",
-    "appendix/sampled-bodies.md",
-    "appendix/streamed-network.md",
-    "appendix/deformation-field.md",
-    "appendix/implicit-template.md",
+    "appendix/networks.md",
 )
 PAGE = "\n".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in PAGES)
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -97,7 +97,7 @@ def tables_in(text: str) -> list[str]:
     return [block for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE) if "\n| ---" in block]
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/explanation/reproduction.md", "docs/appendix/robustness.md"])
+@pytest.mark.parametrize("name", ["README.md", "docs/explanation/reproduction.md"])
 def test_the_tables_are_those_of_the_results_folder(name):
     shown = tables_in((ROOT / name).read_text(encoding="utf-8"))
     assert shown
