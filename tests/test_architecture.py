@@ -14,7 +14,6 @@ LAYERS = (
     ("benchmark.system", "benchmark.parameters"),
     ("benchmark.geometry",),
     ("benchmark.api", "benchmark.depth"),
-    tuple(f"benchmark.{former}" for former in ("contracts", "learning", "scoring", "streaming")),
     ("baselines", "learned", "retrieval"),
     ("benchmark.datasets", "benchmark.reference", "benchmark.storage"),
     ("benchmark.methods",),

@@ -1,23 +1,11 @@
-"""What a plugin imports: one place, and the former ones with a warning."""
+"""What a plugin imports."""
 
-import importlib
 import subprocess
 import sys
 
 import pytest
 
 import benchmark.api
-
-FORMER = {name: name for name in ("contracts", "learning", "scoring", "streaming")} | {"datasets.contract": "datasets"}
-
-
-@pytest.mark.parametrize("former", FORMER)
-def test_a_former_module_warns_and_has_the_same_names(former):
-    sys.modules.pop(f"benchmark.{former}", None)
-    with pytest.warns(DeprecationWarning, match="import from benchmark.api"):
-        old = importlib.import_module(f"benchmark.{former}")
-    new = importlib.import_module(f"benchmark.api.{FORMER[former]}")
-    assert all(getattr(old, name) is getattr(new, name) is getattr(benchmark.api, name) for name in new.__all__)
 
 
 def test_a_name_that_nobody_has_is_told():
