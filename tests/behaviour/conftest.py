@@ -1,0 +1,60 @@
+"""What commands are fed with, and where they run."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.behaviour.suite import OLD, PLUGINS, call, write_frames, write_off, write_rods
+
+
+@pytest.fixture(scope="session")
+def material(tmp_path_factory) -> Path:
+    """Data, plugins, and what version 0.2 left."""
+    folder = tmp_path_factory.mktemp("material")
+    write_rods(folder / "rods")
+    write_rods(folder / "rods2")
+    write_frames(folder / "frames")
+    depth = np.load(folder / "frames" / "lean0.npy")
+    Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(folder / "mask.png")
+    triangle = np.eye(3), np.array([[0, 1, 2]])
+    write_off(folder / "bad" / "cut0.off", np.full((3, 3), np.nan), triangle[1])
+    write_off(folder / "bad" / "dog0.off", *triangle)
+    for number in range(2):
+        write_off(folder / "one" / f"cat{number}.off", *triangle)
+    (folder / "empty").mkdir()
+    (folder / "full").mkdir()
+    (folder / "full" / "mine.txt").write_text("mine")
+    (folder / "own.py").write_text(PLUGINS)
+    (folder / "syntax.py").write_text("def\n")
+    shutil.copytree(OLD / "results", folder / "old")
+    shutil.copy(OLD / "bundle.zip", folder)
+    return folder
+
+
+@pytest.fixture
+def place(material, tmp_path, monkeypatch) -> Path:
+    """The current folder, empty but for links to all material, and to the results of today once there are some."""
+    for name in ("results", *(path.name for path in material.iterdir())):
+        if not (tmp_path / name).is_symlink():
+            (tmp_path / name).symlink_to(material / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def ran(material) -> Path:
+    """The same folder once its data was run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(material)
+        serial = ("--executor", "serial", "--results", "results")
+        of_suite = ("-m", "identity", "-m", "surface-area", "-m", "classic-mds", "-m", "gps")
+        assert call("run", "-d", "rods", *of_suite, *serial).code == 0
+        assert call("run", "-d", "frames", "-m", "gps", "-m", "surface-area", *serial).code == 0
+        own = ("-m", "flat", "-m", "picky", "-m", "broken", "--plugin", "own.py", "--input", "mesh")
+        assert call("run", "-d", "rods", *own, "--results", "results", "-j", 1).code == 1
+    return material

@@ -1,0 +1,162 @@
+"""The suite as somebody at a shell uses it, and what is fed to it: small meshes, a depth image, plugin files."""
+
+from __future__ import annotations
+
+import io
+import os
+import runpy
+import signal
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+from unittest.mock import patch
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+HERE = Path(__file__).parent
+
+#: What version 0.2.0 left: a results folder with published records and records of own meshes, a model's card, a bundle.
+OLD = HERE / "version-0.2"
+
+MEASURES = ("NN", "FT", "ST", "DCG")
+
+#: Environment variables of the suite, which the tests set for themselves.
+_VARIABLES = ("CANONICAL_FORMS_DATA", "CANONICAL_FORMS_MODELS", "PYTHONPATH")
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+def environment(**more: str) -> dict[str, str]:
+    """The environment of a command: no data, no models of one's own, a terminal of 100 columns."""
+    return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"} | more
+
+
+def call(*words: object) -> Done:
+    """Run ``python -m benchmark`` in this process, in the current folder."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    handler = signal.getsignal(signal.SIGTERM)
+    code: Any = 0
+
+    def leave(code: int) -> NoReturn:  # a program may end itself by force, which must not end the tests
+        raise SystemExit(code)
+
+    with (
+        patch.dict(os.environ, environment(), clear=True),
+        patch.object(sys, "argv", ["benchmark", *map(str, words)]),
+        patch.object(os, "_exit", leave),
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
+        try:
+            runpy.run_module("benchmark", run_name="__main__")
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+    texts = [stream.buffer.getvalue().decode() for stream in (out, err)]  # type: ignore[attr-defined]
+    return Done(code if isinstance(code, int) else 1, *texts)
+
+
+def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
+    """Start ``python -m benchmark`` as a process in a session of its own."""
+    command = [sys.executable, "-m", "benchmark", *map(str, words)]
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
+    paths = environment(PYTHONPATH=str(ROOT))
+    return subprocess.Popen(command, cwd=cwd, env=paths, text=True, start_new_session=True, **streams)
+
+
+def lines_of(columns: str) -> list[list[str]]:
+    """Rows of a table in Markdown, without marks of bold and italic."""
+    rows = [line.split("|")[1:-1] for line in columns.splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("*") for cell in row] for row in rows]
+
+
+def rod(radius: float, bend: float, rings: int = 16, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Closed club of length 1, bent into an arc of so many radians: vertices and faces."""
+    along = np.linspace(0, 1, rings)
+    zero = np.zeros(rings)
+    x, z = (np.sin(bend * along) / bend, (1 - np.cos(bend * along)) / bend) if bend else (along, zero)
+    centre = np.column_stack([x, zero, z])
+    across = np.column_stack([-np.sin(bend * along), zero, np.cos(bend * along)])
+    angle = np.arange(sides) * 2 * np.pi / sides
+    ring = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0]
+    tube = centre[:, None] + (radius * (1 + 0.6 * along))[:, None, None] * ring
+    vertices = np.concatenate([tube.reshape(-1, 3), centre[:1] - [radius / 2, 0, 0], centre[-1:]])
+    index = np.arange(rings * sides).reshape(rings, sides)
+    a, b, c, d = (
+        part.ravel() for part in (index[:-1], np.roll(index[:-1], -1, 1), index[1:], np.roll(index[1:], -1, 1))
+    )
+    first, last = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
+    caps = [(first, np.roll(index[0], -1), index[0]), (last, index[-1], np.roll(index[-1], -1))]
+    return vertices, np.concatenate([np.stack(corners, 1) for corners in [(a, b, c), (b, d, c), *caps]])
+
+
+def write_off(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Write an OFF file, rounded so that its bytes are the same on every machine."""
+    lines = ["OFF", f"{len(vertices)} {len(faces)} 0", *(" ".join(f"{x:.6f}" for x in point) for point in vertices)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([*lines, *(f"3 {a} {b} {c}" for a, b, c in faces)]) + "\n")
+
+
+def write_rods(folder: Path) -> None:
+    """Write a data set of two classes in three poses each."""
+    for name, radius in {"thin": 0.06, "thick": 0.18}.items():
+        for number, bend in enumerate((0.0, 1.2, 2.4)):
+            write_off(folder / f"{name}{number}.off", *rod(radius, bend))
+
+
+def write_frames(folder: Path) -> None:
+    """Write depth images of two classes: an upright ellipsoid before a wall, thin and thick, in two places each."""
+    v, u = np.mgrid[:240, :320].astype(float)
+    ray = np.stack([(u - 159.5) / 262.5, (v - 119.5) / 262.5, np.ones_like(u)], -1)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, width in {"lean": 0.2, "stout": 0.35}.items():
+        for number, x in enumerate((-0.1, 0.15)):
+            centre, axes = np.array([x, 0.0, 2.0]), np.array([width, 0.6, width])
+            a, b, c = (
+                ((ray if p else centre) * (ray if q else centre) / axes**2).sum(-1) for p, q in ((1, 1), (1, 0), (0, 0))
+            )
+            inside = b * b - a * (c - 1)
+            depth = np.where(inside > 0, (b - np.sqrt(np.maximum(inside, 0))) / a, 3.0)
+            np.save(folder / f"{name}{number}.npy", depth.round(3).astype(np.float32))
+    (folder / "intrinsics.txt").write_text("262.5 0 159.5\n0 262.5 119.5\n0 0 1\n")
+
+
+#: Methods of one's own: one that works on meshes alone, one that refuses a shape, and one that crashes on every shape.
+PLUGINS = '''# SPDX-License-Identifier: MIT
+"""Three methods."""
+
+from benchmark.api import UnsupportedShape, canonical_form
+
+
+@canonical_form(name="flat", title="Flattened", inputs=("mesh",))
+def flat(shape):
+    """Halve the height."""
+    return shape.mesh.vertices * [1.0, 1.0, 0.5]
+
+
+@canonical_form(name="picky", title="Picky", inputs=("mesh",))
+def picky(shape):
+    """Refuse the straight thin rod."""
+    x, y, _ = shape.mesh.vertices.max(axis=0) - shape.mesh.vertices.min(axis=0)
+    if x > 5 * y:
+        raise UnsupportedShape("too thin for a test", "feed it")
+    return shape.mesh.vertices
+
+
+@canonical_form(name="broken", title="Broken", inputs=("mesh",))
+def broken(shape):
+    """Fail."""
+    raise ValueError("a fault of a test")
+'''
