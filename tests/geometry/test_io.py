@@ -1,10 +1,12 @@
 import os
 import struct
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from scipy.io import savemat
+from trimesh import Trimesh
 
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.geometry.io import READABLE, WRITABLE, read_mesh, write_mesh
@@ -113,6 +115,13 @@ def test_vert_tri_pair_counts_from_its_minimum(tmp_path, base):
     assert_square(read_mesh(written(tmp_path, "square.vert", "0 0 0\n1 0 0\n1 1 0\n0 1 0\n")))
 
 
+PLY_ROWS = b"0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n3 0 1 2\n3 0 2 3\n1\n"
+PLY_BINARY = (
+    ply_header("binary_little_endian")
+    + b"".join(struct.pack("<fffB", *point, 7) for point in SQUARE)
+    + b"".join(struct.pack("<B3i", 3, *face) for face in FAN)
+    + struct.pack("<i", 1)
+)
 GOOD_OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
 
 
@@ -152,16 +161,58 @@ def test_bad_files_raise_a_named_error_with_file_and_hint(tmp_path, name, conten
     assert caught.value.hint
 
 
-def test_every_truncation_of_every_format_is_an_error_or_a_mesh(tmp_path):
+def test_every_truncation_is_an_error_where_a_header_counts_and_else_an_error_or_a_mesh(tmp_path):
+    ball = sphere(0)
+    rows = "".join(" ".join(map(str, row)) + "\n" for row in ball.vertices.tolist())
+    rows += "".join(f"3 {a} {b} {c}\n" for a, b, c in ball.faces)
+    head = f"ply\nformat ascii 1.0\nelement vertex {ball.n_vertices}\nproperty float x\nproperty float y\n"
+    head += f"property float z\nelement face {ball.n_faces}\nproperty list uchar int vertex_indices\nend_header\n"
     for suffix in WRITABLE:
-        whole = tmp_path / f"whole{suffix}"
-        write_mesh(whole, sphere(0))
-        content = whole.read_bytes()
-        for length in range(0, len(content), 7):
-            try:
-                read_mesh(written(tmp_path, f"part{suffix}", content[:length]))
-            except (UnreadableMesh, InvalidMesh):
-                continue
+        write_mesh(tmp_path / f"whole{suffix}", ball)
+    as_trimesh = Trimesh(ball.vertices, ball.faces, process=False)
+    as_trimesh.export(tmp_path / "text.stl", file_type="stl_ascii")
+    as_trimesh.export(tmp_path / "binary.stl")
+    written(tmp_path, "text.ply", head + rows)
+    for path in sorted(tmp_path.iterdir()):
+        content = path.read_bytes()
+        assert read_mesh(path).n_faces == ball.n_faces
+        ends = {"text.stl": content.rfind(b"endsolid") + 8, "whole.obj": 0}  # of OBJ nothing tells
+        complete = ends.get(path.name, len(content))
+        for length in {*range(0, len(content), 7), *range(len(content) - 20, len(content))}:
+            part = written(tmp_path, f"part{path.suffix}", content[:length])
+            if length < complete:
+                with pytest.raises((UnreadableMesh, InvalidMesh), match="part") as caught:
+                    read_mesh(part)
+                assert caught.value.hint
+            else:
+                with suppress(UnreadableMesh, InvalidMesh):
+                    read_mesh(part)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("number.off", GOOD_OFF[:-1], "its last line does not end, so it may be cut off .if it is whole, add a line"),
+        ("fewer.off", GOOD_OFF.replace("4 2 0", "4 3 0"), "4 vertices and 3 faces announced, but 6 lines follow"),
+        ("more.off", GOOD_OFF.replace("4 2 0", "4 1 0"), "4 vertices and 1 faces announced, but 6 lines follow"),
+        ("more.ply", ply_header("ascii") + PLY_ROWS + b"3 0 1 2\n", "more follows than the header announces"),
+        ("number.ply", ply_header("ascii") + PLY_ROWS[:-1], "its last line does not end"),
+        ("more-binary.ply", PLY_BINARY + bytes(9), "more follows than the header announces"),
+        (
+            "open.stl",
+            "solid a\n" + "facet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\n",
+            "end with 'endsolid'",
+        ),
+    ],
+)
+def test_a_count_that_disagrees_with_what_follows_is_named(tmp_path, name, content, reason):
+    with pytest.raises(UnreadableMesh, match=f"{name}: not a readable ... file: .*{reason}"):
+        read_mesh(written(tmp_path, name, content))
+
+
+def test_comments_and_blanks_behind_the_last_face_count_for_nothing(tmp_path):
+    for end in ("\n\n  \n", "# the end", " # the end"):
+        assert_square(read_mesh(written(tmp_path, "square.off", GOOD_OFF[:-1] + end)))
 
 
 def test_paths_that_cannot_be_read(tmp_path):

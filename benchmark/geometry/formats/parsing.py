@@ -25,6 +25,13 @@ def content_lines(data: bytes) -> list[bytes]:
     return [line for line in map(bytes.strip, data.splitlines()) if line]
 
 
+def counted_lines(data: bytes) -> list[bytes]:
+    """Return :func:`content_lines` of a text whose header counts them; a cut last number looks like a whole one."""
+    if data[-1:].strip():
+        raise ValueError("its last line does not end, so it may be cut off (if it is whole, add a line break)")
+    return content_lines(data)
+
+
 def whole_number(token: bytes) -> int:
     """A count or an index as ascii digits; raises ``ValueError`` for anything else."""
     if not token.isdigit() or len(token) > _MOST_DIGITS:

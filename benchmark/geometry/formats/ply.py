@@ -13,8 +13,8 @@ from benchmark.geometry.formats.parsing import (
     Arrays,
     FloatArray,
     IntArray,
-    content_lines,
     corner_count,
+    counted_lines,
     counted_polygons,
     fans,
     parsed,
@@ -62,7 +62,7 @@ def read_ply(data: bytes) -> Arrays:
     if not data.startswith(b"ply") or ends < 0 or not begins:
         raise ValueError("the header does not run from 'ply' to 'end_header'")
     order, elements = _header(data[:ends])
-    rows = _Binary(data, begins, order) if order else _Ascii(content_lines(data[begins:]))
+    rows = _Binary(data, begins, order) if order else _Ascii(counted_lines(data[begins:]))
     vertices, faces = None, None
     for element in elements:
         if not element.properties:
@@ -75,6 +75,8 @@ def read_ply(data: bytes) -> Arrays:
             faces = rows.polygons(element, element.corners)
         else:
             rows.skip(element)
+    if rows.is_left:
+        raise ValueError("more follows than the header announces")
     if vertices is None or faces is None:
         raise ValueError("there is no element 'vertex', or no element 'face' with a list 'vertex_indices'")
     return vertices, faces
@@ -132,6 +134,11 @@ class _Ascii:
         """Rows that there can still be."""
         return len(self._lines) - self._at
 
+    @property
+    def is_left(self) -> bool:
+        """Whether anything follows."""
+        return self.most > 0
+
     def skip(self, element: _Element) -> None:
         self._at += element.rows
 
@@ -181,6 +188,11 @@ class _Binary:
     def most(self) -> int:
         """Rows that there can still be: none is empty."""
         return len(self._data) - self._at
+
+    @property
+    def is_left(self) -> bool:
+        """Whether anything but a line break follows."""
+        return bool(self._data[self._at :].strip())
 
     def skip(self, element: _Element) -> None:
         if any(each.length for each in element.properties):

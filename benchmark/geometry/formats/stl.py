@@ -16,6 +16,8 @@ def read_stl(data: bytes) -> Arrays:
         corners = np.frombuffer(data, _FACET, offset=84)["corners"].reshape(-1, 3).astype(np.float64)
     elif data.lstrip()[:5].lower() == b"solid" and b"vertex" in data:
         lines = content_lines(data)
+        if not lines[-1].startswith(b"endsolid"):
+            raise ValueError("it does not end with 'endsolid'")
         corners = table([line[7:] for line in lines if line.startswith((b"vertex ", b"vertex\t"))])
         if len(corners) % 3 or len(corners) != 3 * sum(line.startswith(b"endfacet") for line in lines):
             raise ValueError("a facet has not three vertices or does not end")

@@ -10,6 +10,7 @@ from benchmark.geometry.formats.parsing import (
     Arrays,
     content_lines,
     corner_count,
+    counted_lines,
     counted_polygons,
     fans,
     parsed,
@@ -22,16 +23,16 @@ from benchmark.geometry.formats.parsing import (
 def read_off(data: bytes) -> Arrays:
     """Read the Object File Format of Geomview: comments, counts on the first or the next line, polygons, colours."""
     if b"#" in data:
-        data = re.sub(rb"#[^\n]*", b"", data)
+        data = re.sub(rb"#[^\n]*", b" ", data)
     header = re.match(rb"\s*(?:ST)?(?:C?N?|N?C?)OFF\s+([0-9]+)\s+([0-9]+)(?:[ \t]+[0-9]+)?\s*", data)
     if header is None:
         raise ValueError("the header is not OFF followed by the counts of vertices and faces")
     n_vertices, n_faces = whole_number(header[1]), whole_number(header[2])
-    lines = content_lines(data[header.end() :])
-    if len(lines) < n_vertices + n_faces:
-        raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but only {len(lines)} lines follow")
+    lines = counted_lines(data[header.end() :])
+    if len(lines) != n_vertices + n_faces:
+        raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow")
     vertices = table(lines[:n_vertices])[:, :3]
-    return vertices, counted_polygons(lines[n_vertices : n_vertices + n_faces])
+    return vertices, counted_polygons(lines[n_vertices:])
 
 
 def read_obj(data: bytes) -> Arrays:
