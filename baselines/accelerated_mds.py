@@ -1,4 +1,4 @@
-"""Classic scaling from a few rows of geodesic distances, and least-squares scaling in fewer steps."""
+"""Classic scaling from a few rows of geodesic distances."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from baselines._kernels.checks import require_connected, require_vertices
 from baselines._kernels.handedness import side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
-from baselines.least_squares_mds import start_positions
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -24,13 +23,12 @@ from benchmark.api.contracts import (
 
 @dataclass(frozen=True, kw_only=True)
 class AcceleratedMDS(CheckedParameters):
-    r"""Two ways to the MDS form in less time.
+    r"""Classic scaling without all pairs of distances.
 
-    ``"interpolated"`` and ``"samples"`` are classic scaling without all pairs of distances. The squared distances
-    :math:`F` (p x n) from p farthest-point samples are continued over the surface by the matrix P (n x p) of
-    biharmonic (Laplace-Beltrami) interpolation. With :math:`W = F_{:, s}` between the samples, Shamai, Zibulevsky and
-    Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional
-    scaling", approximate
+    The squared distances :math:`F` (p x n) from p farthest-point samples are continued over the surface by the matrix
+    P (n x p) of biharmonic (Laplace-Beltrami) interpolation. With :math:`W = F_{:, s}` between the samples, Shamai,
+    Zibulevsky and Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using
+    multidimensional scaling", approximate
 
     .. math:: D \circ D \approx P W P^\top \qquad \text{("samples")},
 
@@ -44,23 +42,12 @@ class AcceleratedMDS(CheckedParameters):
     :class:`baselines.spectral_mds.SpectralMDS`, and for one that asks the distances alone
     :class:`baselines.nystrom_mds.NystromMDS`.
 
-    ``"rre"`` is stress majorisation with reduced-rank extrapolation, see
-    :func:`baselines._kernels.extrapolation.extrapolated_smacof`; it needs all pairs.
-
     Parameters
     ----------
     variant
-        One of the three above.
+        ``"interpolated"`` or ``"samples"``, as above.
     samples
         Number p of farthest-point samples.
-    start
-        First positions of ``"rre"``: ``"mesh"`` or ``"classic"``.
-    cycle
-        Guttman transforms between two extrapolations.
-    max_iterations
-        Largest number of passes over all pairs of ``"rre"``.
-    rtol
-        ``"rre"`` stops when a transform lowers the stress by less than this fraction.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -73,12 +60,8 @@ class AcceleratedMDS(CheckedParameters):
         summary="classic scaling from interpolated geodesic distances of a few samples",
     )
 
-    variant: Literal["interpolated", "samples", "rre"] = "interpolated"
+    variant: Literal["interpolated", "samples"] = "interpolated"
     samples: Annotated[int, Interval(4)] = 25
-    start: Literal["mesh", "classic"] = "mesh"
-    cycle: Annotated[int, Interval(2)] = 6
-    max_iterations: Annotated[int, Interval(1)] = 100
-    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
@@ -89,15 +72,10 @@ class AcceleratedMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        require_vertices(shape)
-        if self.variant == "rre":
-            return self._extrapolated(shape)
-        return self._interpolated(shape)
-
-    def _interpolated(self, shape: Shape) -> CanonicalForm:
         from baselines._kernels.interpolation import biharmonic_interpolation
         from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
 
+        require_vertices(shape)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
         rows = shape.geodesics_from(samples, self.solver)
@@ -115,16 +93,3 @@ class AcceleratedMDS(CheckedParameters):
             stress_of_rows=stress_of_rows(points, samples, rows),
             **side_notes(points, vertex_areas(shape.mesh)),
         )
-
-    def _extrapolated(self, shape: Shape) -> CanonicalForm:
-        from baselines._kernels.extrapolation import extrapolated_smacof
-
-        distances = shape.geodesics(self.solver)
-        scaling = extrapolated_smacof(
-            distances,
-            start_positions(shape, distances, self.start),
-            cycle=self.cycle,
-            max_iterations=self.max_iterations,
-            rtol=self.rtol,
-        )
-        return shape.form(scaling.points, stress=scaling.stress[-1], iterations=scaling.iterations)

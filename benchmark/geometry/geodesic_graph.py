@@ -48,29 +48,6 @@ def edge_graph(mesh: Mesh) -> Graph:
     return _undirected(mesh.n_vertices, sides.starts, sides.ends, sides.lengths)
 
 
-def unfolded_graph(mesh: Mesh) -> Graph:
-    """Return the edge graph with, across each interior edge, the straight line between its two opposite vertices.
-
-    The two triangles are unfolded into one plane; the diagonal counts only where it crosses their common edge.
-    """
-    sides = _Sides.of(mesh)
-    near = np.flatnonzero(sides.twins > np.arange(len(sides.twins)))
-    far = sides.twins[near]
-    width = sides.lengths[near]
-    x_near = sides.apex_x[near]
-    x_far = np.where(sides.starts[near] == sides.starts[far], sides.apex_x[far], width - sides.apex_x[far])
-    height = sides.apex_y[near] + sides.apex_y[far]
-    with np.errstate(invalid="ignore"):
-        crossing = x_near + (x_far - x_near) * sides.apex_y[near] / height
-        straight = (crossing >= 0) & (crossing <= width)
-    return _undirected(
-        mesh.n_vertices,
-        np.concatenate((sides.starts, sides.apexes[near[straight]])),
-        np.concatenate((sides.ends, sides.apexes[far[straight]])),
-        np.concatenate((sides.lengths, np.hypot(x_near - x_far, height)[straight])),
-    )
-
-
 def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     """Return the graph of the straight geodesics between nearby vertices.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.edges import edges_of
-from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph, unfolded_graph
+from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
@@ -32,10 +32,6 @@ def _geodesic_graph(mesh: Mesh, sources: IntArray) -> FloatArray:
 
 def _dijkstra(mesh: Mesh, sources: IntArray) -> FloatArray:
     return shortest_paths(edge_graph(mesh), sources)
-
-
-def _dijkstra_unfolded(mesh: Mesh, sources: IntArray) -> FloatArray:
-    return shortest_paths(unfolded_graph(mesh), sources)
 
 
 def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
@@ -82,7 +78,6 @@ def _require_proper_manifold(mesh: Mesh) -> None:
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
     "geodesic-graph": _geodesic_graph,
     "dijkstra": _dijkstra,
-    "dijkstra-unfolded": _dijkstra_unfolded,
     "heat": _heat,
     "exact": _exact,
 }

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines._kernels.extrapolation import _extrapolate, extrapolated_smacof
 from baselines._kernels.interpolation import biharmonic_interpolation
-from baselines._kernels.smacof import smacof
 from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import Shape
@@ -71,39 +69,11 @@ def test_more_samples_bring_the_published_formula_nearer_to_classic_scaling():
     assert misses[0] > misses[1] > misses[2]
 
 
-def test_extrapolation_finds_the_limit_of_a_linear_iteration():
-    generator = np.random.default_rng(0)
-    limit, slow, fast = generator.standard_normal((3, 3, 10))
-    steps = [limit + 0.9**j * slow + 0.5**j * fast for j in range(4)]
-    # Two modes, so two differences beside the first one are enough.
-    np.testing.assert_allclose(_extrapolate(steps), limit, atol=1e-5)
-
-
-@pytest.mark.parametrize("passes", [20, 50, 100])
-def test_extrapolation_is_at_least_as_good_as_plain_majorisation(passes):
-    shape = limbed(600)
-    distances, start = shape.geodesics(), shape.mesh.vertices
-    plain = smacof(distances, start, max_iterations=passes, rtol=0)
-    fast = extrapolated_smacof(distances, start, max_iterations=passes, rtol=0)
-    assert fast.iterations <= plain.iterations == passes
-    assert fast.stress[-1] <= plain.stress[-1]
-    assert (np.diff(fast.stress) <= 1e-12).all()
-    assert fast.stress[-1] == pytest.approx(brute_force_stress(fast.points, distances), rel=1e-8)
-
-
-def test_extrapolation_agrees_with_plain_majorisation_until_the_first_cycle_ends():
-    shape = limbed(100)
-    plain, fast = (
-        run(shape.geodesics(), shape.mesh.vertices, max_iterations=6, rtol=0) for run in (smacof, extrapolated_smacof)
-    )
-    np.testing.assert_allclose(fast.points, plain.points, atol=1e-12)
-
-
 def test_an_unknown_variant_is_refused():
     with pytest.raises(ConfigurationError, match="did you mean samples"):
         AcceleratedMDS(variant="sample")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("variant", ["interpolated", "samples", "rre"])
+@pytest.mark.parametrize("variant", ["interpolated", "samples"])
 def test_contract(variant):
     assert_contract(AcceleratedMDS(variant=variant), limbed(), atol=1e-4)

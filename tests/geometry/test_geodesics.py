@@ -9,7 +9,7 @@ from scipy.spatial.distance import cdist
 
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry import geodesics
-from benchmark.geometry.geodesic_graph import edge_graph, geodesic_graph, unfolded_graph
+from benchmark.geometry.geodesic_graph import edge_graph, geodesic_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.geometry.shortest_paths import shortest_paths
@@ -17,7 +17,7 @@ from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, 
 
 pytestmark = pytest.mark.kernels
 
-GRAPHS = ("geodesic-graph", "dijkstra-unfolded", "dijkstra")
+GRAPHS = ("geodesic-graph", "dijkstra")
 BODY = prepare(limbed_body(), 500).mesh
 TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
@@ -39,7 +39,7 @@ def dense(graph):
 def test_unfolding_by_hand():
     """Two unit right triangles folded along their hypotenuse: the geodesic is the diagonal of the unfolded square."""
     folded = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]], [[0, 1, 2], [1, 3, 2]])
-    for solver, expected in (("dijkstra", 2.0), ("dijkstra-unfolded", np.sqrt(2)), ("geodesic-graph", np.sqrt(2))):
+    for solver, expected in (("dijkstra", 2.0), ("geodesic-graph", np.sqrt(2))):
         assert geodesics.all_pairs(folded, solver)[0, 3] == pytest.approx(expected, rel=1e-6)
     assert geodesics.all_pairs(folded, "exact")[0, 3] == pytest.approx(np.sqrt(2))
 
@@ -60,7 +60,7 @@ def test_opposite_corners_of_a_box():
         assert geodesics.all_pairs(box, solver)[0, 7] == pytest.approx(np.sqrt(18), rel=1e-6)
 
 
-@pytest.mark.parametrize(("solver", "mean"), [("exact", 1e-9), ("geodesic-graph", 1e-3), ("dijkstra-unfolded", 0.06)])
+@pytest.mark.parametrize(("solver", "mean"), [("exact", 1e-9), ("geodesic-graph", 1e-3)])
 def test_flat_grid_is_euclidean(solver, mean):
     grid = flat_grid(20)
     truth = cdist(grid.vertices, grid.vertices)
@@ -83,7 +83,7 @@ def test_great_circles():
 # --- against independent implementations -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("build", [edge_graph, unfolded_graph, geodesic_graph])
+@pytest.mark.parametrize("build", [edge_graph, geodesic_graph])
 def test_shortest_paths_agree_with_scipy(build):
     graph = build(BODY)
     truth = dijkstra(dense(graph), directed=False)
@@ -91,7 +91,7 @@ def test_shortest_paths_agree_with_scipy(build):
 
 
 def test_graphs_are_symmetric_without_parallel_arcs_or_loops():
-    for build in (edge_graph, unfolded_graph, geodesic_graph):
+    for build in (edge_graph, geodesic_graph):
         graph = build(BODY)
         matrix = dense(graph)
         assert abs(matrix - matrix.T).max() == 0
@@ -124,9 +124,7 @@ def test_default_is_within_half_a_per_cent_of_exact(make):
 
 def test_order_of_the_solvers_by_accuracy():
     sources = np.arange(0, BODY.n_vertices, 50)
-    errors = [
-        relative_error(BODY, solver, sources).mean() for solver in ("geodesic-graph", "dijkstra-unfolded", "dijkstra")
-    ]
+    errors = [relative_error(BODY, solver, sources).mean() for solver in ("geodesic-graph", "dijkstra")]
     assert errors == sorted(errors)
     assert errors[0] < 0.1 * relative_error(BODY, "heat", sources).mean()
 
