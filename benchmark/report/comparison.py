@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.report.cell import cell_of
-from benchmark.report.content import TRAINING_SEED, without_training_seed
 from benchmark.report.results import Result, with_repeats
-from benchmark.report.statistics.power import MOST, POWER, Power, power_of
 from benchmark.report.statistics.queries import UNIT, queries_of
-from benchmark.report.statistics.significance import ALPHA, intervals, permutation_test, widened
+from benchmark.report.statistics.significance import intervals, permutation_test, widened
 from benchmark.storage.merging import told
-from benchmark.storage.records import DEFAULT_SCORER, DIGESTS, Place, Record, by_place, place, scorer_name
+from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, place, scorer_name
 from retrieval.measures import PRINTED, printed_of
 
 #: Smallest difference of a score that counts.
@@ -25,9 +23,6 @@ _SMALLEST = 5e-7
 
 #: Pairs that are always shown in full, and pairs that a first screen has lines for.
 _IN_FULL, _FIRST_SCREEN = 3, 20
-
-#: Classes, or seeds, that there must be for a guess how many are needed.
-_FEWEST_UNITS = 3
 
 #: Probability below which an overview marks a difference.
 _LEVEL = 0.05
@@ -55,12 +50,6 @@ class Difference:
         Queries that both have.
     is_perturbed
         Whether the shapes are those of a set under a perturbation.
-    power
-        By measure: how surely the two are told apart; empty where nobody asked.
-    of
-        What is counted, if not queries.
-    n_units
-        Classes, or seeds, that are drawn anew.
     """
 
     where: str
@@ -73,9 +62,6 @@ class Difference:
     worse: int
     n_queries: int
     is_perturbed: bool = False
-    power: Mapping[str, Power] = field(default_factory=dict)
-    of: str = "queries"
-    n_units: int = 0
 
     @property
     def largest(self) -> float:
@@ -90,24 +76,20 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All pairs of records that belong together, what only one side has, and pairs of which there are several seeds."""
+    """All pairs of records that belong together, and what only one side has."""
 
     differences: tuple[Difference, ...]
     only_first: tuple[str, ...]
     only_second: tuple[str, ...]
-    seeds: tuple[Difference, ...] = ()
 
 
-def compare_folders(first: Iterable[Record], second: Iterable[Record], *, power: bool = False) -> Comparison:
+def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
     sides = [_repeated(part) for part in (first, second)]
-    found = _compare(*({told(result.record): result for result in side.values()} for side in sides), power=power)
-    return replace(found, seeds=_over_seeds(*map(_by_seed, sides))) if power else found
+    return _compare(*({told(result.record): result for result in side.values()} for side in sides))
 
 
-def compare_methods(
-    records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER, *, power: bool = False
-) -> Comparison:
+def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
     """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
     newest = {where: found for where, found in _repeated(records).items() if scorer_name(found.record) in (scorer, "")}
 
@@ -118,29 +100,7 @@ def compare_methods(
             if where.method == method
         }
 
-    found = _compare(of(first), of(second), power=power)
-    return replace(found, seeds=_over_seeds(*(_by_seed(newest, name) for name in (first, second)))) if power else found
-
-
-def compare_digests(first: Iterable[Record], second: Iterable[Record]) -> list[str]:
-    """Tell of the newest records of each place in which stages two folders differ in a bit, the first stage first."""
-    sides = _newest(first), _newest(second)
-    both = [where for where in sides[0] if where in sides[1]]
-    said, same, unknown = [], 0, 0
-    for where in both:
-        here, there = (side[where].get("digests", {}) for side in sides)
-        common = [stage for stage in DIGESTS if stage in here and stage in there]
-        differing = [stage for stage in common if here[stage] != there[stage]]
-        same += bool(common) and not differing
-        unknown += not common
-        if differing:
-            equal = [stage for stage in common if stage not in differing]
-            said.append(
-                f"{told(sides[0][where])}: {', '.join(differing)} differ"
-                + (f", {', '.join(equal)} do not" if equal else "")
-            )
-    said.append(f"{same} of {len(both)} pairs are the same in every bit, {len(said)} differ, {unknown} do not tell")
-    return said
+    return _compare(of(first), of(second))
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:
@@ -153,46 +113,16 @@ def _repeated(records: Iterable[Record]) -> dict[Place, Result]:
     return {place(result.record): result for result in with_repeats(map(Result, _newest(records).values()))}
 
 
-def _compare(first: Mapping[str, Result], second: Mapping[str, Result], *, power: bool) -> Comparison:
+def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Comparison:
     both = [where for where in first if where in second]
     return Comparison(
-        tuple(_difference(where, first[where], second[where], power=power) for where in both),
+        tuple(_difference(where, first[where], second[where]) for where in both),
         tuple(where for where in first if where not in second),
         tuple(where for where in second if where not in first),
     )
 
 
-def _by_seed(results: Mapping[Place, Result], method: str = "") -> dict[str, dict[tuple[int, int], Result]]:
-    """Results by gallery, input and method, of one method without its name, and by the seeds of run and training."""
-    found: dict[str, dict[tuple[int, int], Result]] = {}
-    for where, result in results.items():
-        name = without_training_seed(where.method)
-        if method in ("", name):
-            seeds = where.seed, int(result.record["parameters"].get(TRAINING_SEED, 0))
-            group = f"{where.gallery} {where.input}" + ("" if method else f" {name}")
-            found.setdefault(group, {})[seeds] = result
-    return found
-
-
-def _over_seeds(
-    first: Mapping[str, Mapping[tuple[int, int], Result]], second: Mapping[str, Mapping[tuple[int, int], Result]]
-) -> tuple[Difference, ...]:
-    """Compare means by seed, wherever both have enough seeds."""
-    found = []
-    for where in first:
-        seeds = [seed for seed in first[where] if seed in second.get(where, {})]
-        if len(seeds) >= _FEWEST_UNITS:
-            scores = [[side[where][seed].record["scores"] for seed in seeds] for side in (first, second)]
-            measures = printed_of(set.intersection(*(set(each) for side in scores for each in side)))
-            here, there = (np.array([[each[name] for name in measures] for each in side]) for side in scores)
-            gains = np.rint((there - here) / UNIT)
-            told_of = f"{where} over {len(seeds)} seeds"
-            means, others = (dict(zip(measures, part.mean(axis=0).tolist(), strict=True)) for part in (here, there))
-            found.append(replace(_tested(told_of, (means, others), gains, seeds, power=True), of="seeds"))
-    return tuple(found)
-
-
-def _difference(where: str, before: Result, after: Result, *, power: bool) -> Difference:
+def _difference(where: str, before: Result, after: Result) -> Difference:
     first, second = before.record, after.record
     measures = printed_of(first["scores"].keys() & second["scores"].keys())
     here, there = queries_of([first], measures), queries_of([second], measures)
@@ -203,7 +133,7 @@ def _difference(where: str, before: Result, after: Result, *, power: bool) -> Di
     spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
     noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in measures])
     scores = {name: first["scores"][name] for name in measures}, {name: second["scores"][name] for name in measures}
-    found = _tested(where, scores, gains, here.labels, noise, power=power)
+    found = _tested(where, scores, gains, here.labels, noise)
     return replace(found, is_perturbed=parsed(first["data"]["name"]) is not None)
 
 
@@ -213,8 +143,6 @@ def _tested(
     gains: NDArray[np.float64],
     units: Sequence[Hashable],
     noise: NDArray[np.float64] | None = None,
-    *,
-    power: bool,
 ) -> Difference:
     """Test differences of single queries, or seeds, one column a measure; those of one unit are drawn together."""
     measures = tuple(scores[0])
@@ -233,8 +161,6 @@ def _tested(
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
         len(gains),
-        power={name: power_of(column, units) for name, column in zip(measures, gains.T, strict=True)} if power else {},
-        n_units=len(set(units)),
     )
 
 
@@ -253,12 +179,11 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     """
     said: list[str] = []
     different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
-    powered = [pair for pair in (*comparison.differences, *comparison.seeds) if pair.power]
-    if not everything and len(different) > _IN_FULL and not powered:
+    if not everything and len(different) > _IN_FULL:
         return _overview(comparison, different, first, second)
-    for pair in powered or different:
+    for pair in different:
         said.append(
-            f"{pair.where}: {pair.changed} of {pair.n_queries} {pair.of} changed, "
+            f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
             f"{pair.better} better, {pair.worse} worse in {pair.decisive}"
         )
         for name in pair.first:
@@ -267,34 +192,15 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
             said.append(
                 f"  {name:<3}  {before:.3f} -> {after:.3f}  {_signed(after - before)}  "
                 f"({_signed(low)} to {_signed(high)})  p {pair.probabilities[name]:.4f}"
-                + (_sized(pair, pair.power[name]) if powered else "")
             )
     said += _counted(comparison, different)
     said += _alone(comparison, first, second, everything=everything)
-    if different or powered:
+    if different:
         said.append(
             "In brackets: 95 % of the differences when classes are drawn anew. "
             "p: of so large a difference if there were none (paired permutation test over queries)."
         )
-    if powered:
-        said.append(
-            "Power: share of samples of as many classes (or seeds), drawn anew from these with all their queries, that "
-            f"tell the two apart at {100 * ALPHA:.0f} % (paired permutation test over classes), and with how many "
-            f"{100 * POWER:.0f} % of the samples do. From few classes it is a rough guess."
-        )
     return said
-
-
-def _sized(pair: Difference, power: Power) -> str:
-    """Return the power that there is, and what would make it enough."""
-    unit = "classes" if pair.of == "queries" else pair.of
-    if pair.n_units < _FEWEST_UNITS:
-        return f"  power unknown from {pair.n_units} {unit}"
-    enough = f"more than {max(MOST, pair.n_units)} {unit}"
-    if power.needed is not None:
-        shapes = math.ceil(power.needed * pair.n_queries / pair.n_units)
-        enough = f"{power.needed} {unit}" + (f" ({shapes} shapes)" if pair.of == "queries" else "")
-    return f"  power {power.now:.2f}, {POWER:.2f} with {enough}"
 
 
 def _overview(comparison: Comparison, different: Sequence[Difference], first: str, second: str) -> list[str]:

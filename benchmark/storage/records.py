@@ -46,9 +46,6 @@ CIRCUMSTANCES = frozenset(
     }
 )
 
-#: Stages whose digests a record holds, in their order; descriptors have no signatures.
-DIGESTS = ("shapes", "forms", "signatures", "distances")
-
 #: Parts that have no meaning on another machine.
 LOCAL = frozenset({"artefacts", "files"})
 

@@ -70,31 +70,27 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @click.command()
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
-@click.option("--digests", is_flag=True, help="Of two folders: in which stages their results differ in a bit.")
 @datasets_option
 @inputs_option
 @scorer_option
 @click.option("--all", "everything", is_flag=True, help="Every pair, perturbed sets too, with intervals and tests.")
-@click.option("--power", is_flag=True, help="How many shapes, or seeds, would tell the two apart.")
 @plugin_option
 @published_option
 @results_option
-def compare(first: str, second: str, digests: bool, everything: bool, power: bool, **given: Any) -> None:
+def compare(first: str, second: str, everything: bool, **given: Any) -> None:
     """Tell what differs between two results folders, or between two methods of one, and for how many queries.
 
     Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
     """
     from benchmark.methods.registry import methods, variant
     from benchmark.methods.scorers import scorer_of, scorers
-    from benchmark.report.comparison import compare_digests, compare_folders, compare_methods, lines
+    from benchmark.report.comparison import compare_folders, compare_methods, lines
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store
 
     options = RunOptions.of(given)
     known_scorers = scorers(options.plugins)
     are_scorers = {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys()
-    if power and (are_scorers or digests):
-        raise ConfigurationError("--power is of the scores of two methods, or of two folders", "leave it out")
     if are_scorers:
         _compare_scorers(scorer_of(first, known_scorers), scorer_of(second, known_scorers), options)
         return
@@ -106,18 +102,12 @@ def compare(first: str, second: str, digests: bool, everything: bool, power: boo
     finally:
         name_skipped(*stores)
     records = [[record for record in found if options.allows(record)] for found in records]
-    if digests:
-        if not are_folders:
-            raise ConfigurationError("digests are compared between two results folders", "name two folders")
-        for line in compare_digests(*records):
-            say(line)
-        return
     if are_folders:
-        found = compare_folders(*records, power=power)
+        found = compare_folders(*records)
     else:
         known = methods(options.plugins)
         names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name, power=power)
+        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second, everything=everything):
