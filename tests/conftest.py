@@ -45,9 +45,9 @@ def _published_lines_are_checked_once() -> Iterator[None]:
     known: dict[bytes, dict[str, Any]] = {}
     resolved = cache(Path.resolve)
 
-    def record(self: Records, source: Any, index: Any = None) -> dict[str, Any] | None:
+    def record(self: Records, source: Any) -> dict[str, Any] | None:
         if source.parts is None or resolved(self.folder) != published:
-            return checked(self, source, index)
+            return checked(self, source)
         if source.text not in known and (found := checked(self, source)):
             known[source.text] = found
         return dict(known[source.text]) if source.text in known else None

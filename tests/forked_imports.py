@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from benchmark.system.fingerprints import _distributions
+
 import benchmark.jobs.execution.runner
 import benchmark.jobs.foreign.serving
 import benchmark.jobs.method_run
@@ -9,7 +11,6 @@ import benchmark.methods.inspection  # noqa: F401
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.preparation import prepare
-from benchmark.system.fingerprints import _distributions
 from benchmark.threads import pin_threads
 from retrieval.cmbof import CMBOF
 from tests.toy import rod

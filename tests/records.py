@@ -33,7 +33,7 @@ def record(
         "input": input_,
         "method": method,
         "gallery": gallery,
-        "code": {"method": {"code": {"m": code}}},
+        "versions": {f"method/{method}": code},
     }
     found = {
         "gallery": gallery, "input": input_, "method": method, "title": method.title(), "family": "extended",

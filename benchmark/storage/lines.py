@@ -15,10 +15,13 @@ _DIGITS = 16
 _WHOLE = {"data": "galleries", "shapes": "galleries", "labels": "galleries", "chance": "galleries", "notes": "notes"}
 
 #: Files of what is shared.
-KINDS = ("code", "environments", "galleries", "notes", "rekeyed")
+KINDS = ("code", "environments", "galleries", "notes")
 
 #: A character for each of the values that a measure takes, where these are so few.
 _CHARACTERS = string.digits + string.ascii_letters
+
+#: Part of the records of version 0.2 that says how they got their keys.
+_MOVES = "rekeyed"
 
 _BEFORE_DIGEST, _BEFORE_CONTENT = b'{"digest":"', b'","content":'
 
@@ -79,8 +82,6 @@ def packed(record: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
             each | {"environment": parts.add("environments", each["environment"])} if "environment" in each else each
             for each in line["environments"]
         ]
-    if "rekeyed" in line:
-        line["rekeyed"] = [_packed_note(note, parts) for note in line["rekeyed"]]
     if "per_query" in line:
         line["per_query"] = {name: _packed_values(values) for name, values in line["per_query"].items()}
     return line
@@ -88,7 +89,7 @@ def packed(record: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
 
 def unpacked(line: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
     """Return the record of a line; raises ``LookupError``, ``TypeError`` or ``AttributeError`` if it is none."""
-    record = dict(line)
+    record = {name: part for name, part in line.items() if name != _MOVES}
     record |= {name: parts.content(kind, line[name]) for name, kind in _WHOLE.items() if name in line}
     if "code" in line["recipe"]:
         code = {stage: parts.content("code", each) for stage, each in line["recipe"]["code"].items()}
@@ -99,10 +100,6 @@ def unpacked(line: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
             if "environment" in each
             else each
             for each in line["environments"]
-        ]
-    if "rekeyed" in line:
-        record["rekeyed"] = [
-            parts.content("rekeyed", digest) | ({"key": key[0]} if key else {}) for digest, *key in line["rekeyed"]
         ]
     if "per_query" in line:
         record["per_query"] = {name: _unpacked_values(values) for name, values in line["per_query"].items()}
@@ -118,12 +115,6 @@ def as_line(record: Mapping[str, Any], parts: SharedParts) -> bytes:
 def key_of(line: bytes) -> str:
     """Return the key that a line says it has."""
     return line[_KEY_AT].decode("ascii", "replace")
-
-
-def _packed_note(note: Mapping[str, Any], parts: SharedParts) -> list[str]:
-    """Digest and key of a note on a move: records that moved together have the same but for their keys."""
-    shared = parts.add("rekeyed", {name: value for name, value in note.items() if name != "key"})
-    return [shared, note["key"]] if "key" in note else [shared]
 
 
 def _packed_values(values: list[float | None]) -> Any:

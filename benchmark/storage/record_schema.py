@@ -100,7 +100,7 @@ _RECORD: Kind = {
         "n_shapes": _is_count, "n_classes": _is_count, "chance": {...: _is_share} | _PRINTED,
     },
     "unsupported?": [_is_pair], "environments?": [dict], "artefacts?": _are_texts, "models?": [_MODEL],
-    "digests?": _are_named_texts, "files?": _are_named_texts, "commit?": str, "rekeyed?": [dict],
+    "digests?": _are_named_texts, "files?": _are_named_texts, "commit?": str,
     "seen?": _are_texts, "notes?": {...: _is_mapping_or_none}, "peak_mib?": _is_number_or_none,
 }  # fmt: skip
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark.system.fingerprints import fingerprint
 
 from benchmark.bundles.archive import LARGEST_FILE
 from benchmark.bundles.checking import Request, _verified
@@ -22,7 +23,6 @@ from benchmark.bundles.rows import _check_signature
 from benchmark.bundles.writing import Offer, _withheld
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.storage.keys import digest
-from benchmark.system.fingerprints import fingerprint
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
 from tests.toy import write_rods
 

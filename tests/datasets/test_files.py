@@ -4,12 +4,12 @@ import os
 from pathlib import Path
 
 import pytest
+from benchmark.system.fingerprints import fingerprint
 
 from benchmark.datasets import files
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnreadableMesh
-from benchmark.system.fingerprints import fingerprint
 from tests.toy import write_rods
 
 

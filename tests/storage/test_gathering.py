@@ -1,9 +1,10 @@
-"""Records in files of lines: nothing is lost, whatever they lie in, and the index beside them is never trusted."""
+"""Records in files of lines: nothing is lost, whatever they lie in, whoever reads meanwhile."""
 
 import multiprocessing
 import os
 import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,9 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage import head_index
-from benchmark.storage import records as records_module
-from benchmark.storage.head_index import INDEX, LARGE
+from benchmark.jobs.execution.claims import Claims
 from benchmark.storage.lines import KINDS
 from benchmark.storage.merging import publish
 from benchmark.storage.records import Records, as_text
@@ -24,9 +23,8 @@ from tests.storage.test_records import put_aliens
 
 ROOT = Path(__file__).parents[2]
 
-NOTE = {"key": "0" * 32, "from": "abc", "to": "def", "functions": ["f"], "shapes": ["cat0"]}
 MADE = (
-    record("gps", rekeyed=[NOTE, {"from": "def"}], environments=[{"environment": "{}"}, {"python": "3"}]),
+    record("gps", environments=[{"environment": "{}"}, {"python": "3"}]),
     record("pca", finished="2025-01-01T00:00:00+00:00", per_query={
         "NN": [1, 1.0, 0.0, 1.0], "FT": [0.5] * 4, "ST": [0.75] * 4, "DCG": [0.8] * 4,
         "E": [k / 100 for k in range(4)], "rest": [None] * 4,
@@ -132,19 +130,19 @@ def test_publishing_writes_lines_and_drops_what_they_replace(tmp_path):
     assert Records(records.folder).read(new["key"])["finished"] == "2027"
 
 
-def test_the_verb_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path):
+def test_merging_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path):
     store = Store.open(tmp_path)
     for each in MADE:
         write_text(store.records.folder / f"{each['key']}.json", as_text(each))
-    done = CliRunner().invoke(cli, ["gather", "--results", str(tmp_path)])
-    assert done.output.startswith("4 records gathered; ")
-    assert "has 7 files of lines, 0.0 MB" in done.output
+    words = ["merge", str(tmp_path), "--results", str(tmp_path)]
+    with Claims.of(store) as claims:
+        claims.take(MADE[0]["key"])
+        run = subprocess.run([sys.executable, "-m", "benchmark", *words], capture_output=True, text=True, check=True)
+        assert len(list(store.records.folder.glob("*.json"))) == 4, run.stderr
+    done = CliRunner().invoke(cli, words)
+    assert done.output == "0 records added, 4 known, 0 conflicts\n"
+    assert not list(store.records.folder.glob("*.json"))
     assert texts(Store.open(tmp_path).records) == texts(sorted(MADE, key=lambda each: (each["finished"], each["key"])))
-    left = store.published.folder / "parts" / ".99999999-killed.tmp"
-    write_text(left, "half")
-    done = CliRunner().invoke(cli, ["gather", "--published", "--results", str(tmp_path)])
-    assert done.output.startswith("0 records gathered; ")
-    assert not left.exists()
 
 
 @pytest.mark.parametrize("work", ["gather", "publish", "remove"])
@@ -218,120 +216,24 @@ def test_published_records_come_back_from_either_form_key_for_key(tmp_path):
     assert texts(Records(tmp_path)) == texts(sorted(before.values(), key=lambda each: (each["finished"], each["key"])))
 
 
-# The index ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def many(tmp_path, monkeypatch):
-    """A folder of records, gathered and not, which is worth an index."""
-    monkeypatch.setattr(head_index, "_WORTH", 2)
-    records = Records(tmp_path / "records")
-    for each in MADE[:2]:
-        records.write(each)
-    records.gather()
-    for each in MADE[2:]:
-        records.write(each)
-    return records
-
-
-def heads_of(folder):
-    return Records(folder).heads()
-
-
-def right_heads(folder):
-    return [{name: part for name, part in each.items() if name not in LARGE} for each in Records(folder)]
-
-
-def read_in_full(folder, monkeypatch):
-    """Number of records that are read in full to list their heads, which are the right ones."""
-    count = []
-    real = Records._record
-    with monkeypatch.context() as patch:
-        patch.setattr(Records, "_record", lambda self, source: count.append(source) or real(self, source))
-        found = heads_of(folder)
-    assert found == right_heads(folder)
-    return len(count)
-
-
-def test_what_was_a_record_is_not_looked_through_again_until_it_changes(many, monkeypatch):
-    heads_of(many.folder)
-    expected = {each["key"]: each for each in Records(many.folder)}
-    looked = []
-    monkeypatch.setattr(records_module, "fault_of", lambda content: looked.append(content["key"]) or "it is odd")
-    records = Records(many.folder)
-    assert {key: records.read(key, again=True) for key in expected} == expected
-    assert not looked
-    assert records.read(MADE[0]["key"]) is None, "nobody asked for less"
-    many.write({**MADE[3], "reason": "killed"})
-    assert records.read(MADE[3]["key"], again=True) is None
-    assert looked == [MADE[0]["key"], MADE[3]["key"]]
-
-
-def test_a_record_is_read_in_full_once_and_again_when_it_changes(many, monkeypatch):
-    assert read_in_full(many.folder, monkeypatch) == 4
-    assert read_in_full(many.folder, monkeypatch) == 0
-    many.write({**MADE[3], "reason": "killed"})
-    line = many.folder / "rods.jsonl"
-    status = line.stat()
-    line.write_bytes(line.read_bytes().replace(b'"peak_mib":100', b'"peak_mib":200', 1))
-    os.utime(line, ns=(status.st_atime_ns, status.st_mtime_ns))  # neither size nor time tells
-    assert read_in_full(many.folder, monkeypatch) == 2
-    assert "killed" in {head.get("reason") for head in heads_of(many.folder)}
-    assert read_in_full(many.folder, monkeypatch) == 0
-    many.remove(MADE[3]["key"])
-    assert read_in_full(many.folder, monkeypatch) == 0
-    shutil.copy(many.folder / f"{MADE[2]['key']}.json", many.folder / f"{'0' * 32}.json")  # in the name of another
-    assert len(heads_of(many.folder)) == 3
-
-
-@pytest.mark.parametrize("damage", ["gone", "cut", "bit", "noise", "folder"])
-def test_a_damaged_index_is_as_good_as_none(many, monkeypatch, damage):
-    index = many.folder / INDEX
-    read_in_full(many.folder, monkeypatch)
-    content = index.read_bytes()
-    index.unlink()
-    if damage == "folder":
-        index.mkdir()
-    elif damage != "gone":
-        at = content.index(b"100")
-        bit = content[:at] + b"900" + content[at + 3 :]
-        index.write_bytes({"cut": content[:-9], "bit": bit, "noise": b"\xff\x00\n{}"}[damage])
-    assert read_in_full(many.folder, monkeypatch) == 4
-    assert read_in_full(many.folder, monkeypatch) == (4 if damage == "folder" else 0)
-
-
-def test_an_index_of_other_code_is_none(many, monkeypatch):
-    read_in_full(many.folder, monkeypatch)
-    monkeypatch.setattr(head_index, "_version", lambda: "other")
-    assert read_in_full(many.folder, monkeypatch) == 4
-
-
-def test_nothing_is_written_where_nothing_can_be(many, monkeypatch):
-    def refuse(*_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("benchmark.storage.derived.write_text", refuse)
-    assert read_in_full(many.folder, monkeypatch) == 4
-    assert read_in_full(many.folder, monkeypatch) == 4
-    assert not (many.folder / INDEX).exists()
-
-
-def test_processes_that_open_at_once_see_the_same_while_others_write(many):
+def test_processes_that_open_at_once_see_the_same_while_others_write(records):
     wanted = {each["key"] for each in MADE}
     with multiprocessing.get_context("fork").Pool(3) as pool:
-        asked = [pool.apply_async(heads_of, (many.folder,)) for _ in range(12)]
+        requests = [pool.apply_async(keys_in, (records.folder,)) for _ in range(12)]
         for _ in range(6):
-            (many.folder / INDEX).unlink(missing_ok=True)
-            many.write(MADE[0])
-            many.gather()
-        found = [each.get(60) for each in asked]
-    assert all({head["key"] for head in heads} == wanted for heads in found)
+            records.write(MADE[0])
+            records.gather()
+        assert all(request.get(60) == wanted for request in requests)
 
 
-def test_a_reader_waits_for_a_writer(many):
+def test_a_reader_waits_for_a_writer(records):
     with multiprocessing.get_context("fork").Pool(1) as pool:
-        with locked(many.folder, alone=True):
-            asked = pool.apply_async(heads_of, (many.folder,))
-            asked.wait(0.3)
-            assert not asked.ready()
-        assert len(asked.get(60)) == 4
+        with locked(records.folder, alone=True):
+            request = pool.apply_async(keys_in, (records.folder,))
+            request.wait(0.3)
+            assert not request.ready()
+        assert len(request.get(60)) == 4
+
+
+def keys_in(folder):
+    return {each["key"] for each in Records(folder)}
