@@ -73,8 +73,8 @@ class ResultsFolder:
             ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, mean over the queries in [0, 1], and
             what chance gives as ``chance_NN`` and so on, NaN where there are no scores; ``n_shapes``, ``n_classes``,
             ``unsupported`` (shapes without a result), ``coverage`` (the share of those with one), measures over these
-            alone as ``NN_supported`` and so on where there are others, mean and standard deviation of the jittered
-            preparations as ``NN_preparation_mean`` and ``NN_preparation_sd`` where there are some, ``seconds`` a
+            alone as ``NN_supported`` and so on where there are others, standard deviation over jittered
+            preparations as ``NN_preparation_sd`` where there are some, ``seconds`` a
             shape, ``peak_mib``, ``finished``, and ``outdated``: what has changed since it was made, "" if nothing has.
         """
         from pandas import DataFrame
@@ -277,9 +277,6 @@ def _row(result: Result) -> dict[str, Any]:
 
 
 def _preparations(result: Result) -> dict[str, float]:
-    """Mean and spread of the jittered preparations of a record by measure; nothing where there are none."""
-    cell = cell_of([result], 1)
-    mean, deviation = cell.preparation_mean or {}, cell.preparation_sd or {}
-    return {f"{name}_preparation_mean": value for name, value in mean.items()} | {
-        f"{name}_preparation_sd": value for name, value in deviation.items()
-    }
+    """Standard deviation of a record over its jittered preparations by measure; nothing where there are none."""
+    deviation = cell_of([result], 1).preparation_sd or {}
+    return {f"{name}_preparation_sd": value for name, value in deviation.items()}

@@ -47,18 +47,11 @@ class Cell:
     repeats: tuple[Figures, ...] = field(default=(), repr=False)
 
     @property
-    def preparation_mean(self) -> Figures | None:
-        """Mean of the jittered preparations by measure; None without them."""
-        return {name: statistics.fmean(each[name] for each in self.repeats) for name in self._repeated} or None
-
-    @property
     def preparation_sd(self) -> Figures | None:
         """Standard deviation (n - 1) of the jittered preparations by measure; None without them."""
-        return {name: statistics.stdev(each[name] for each in self.repeats) for name in self._repeated} or None
-
-    @property
-    def _repeated(self) -> list[str]:
-        return list(self.repeats[0]) if self.repeats else []
+        if not self.repeats:
+            return None
+        return {name: statistics.stdev(scores[name] for scores in self.repeats) for name in self.repeats[0]}
 
     @property
     def coverage(self) -> float:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
-from benchmark.report.cell import cell_of
-from benchmark.report.results import Result, with_repeats
-from benchmark.report.statistics.queries import UNIT, queries_of
-from benchmark.report.statistics.significance import intervals, permutation_test, widened
+from benchmark.report.statistics.queries import queries_of
+from benchmark.report.statistics.significance import intervals, permutation_test
 from benchmark.storage.merging import told
-from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, place, scorer_name
+from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from retrieval.measures import PRINTED, printed_of
 
 #: Smallest difference of a score that counts.
@@ -85,18 +82,17 @@ class Comparison:
 
 def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    sides = [_repeated(part) for part in (first, second)]
-    return _compare(*({told(result.record): result for result in side.values()} for side in sides))
+    return _compare(*({told(record): record for record in _newest(side).values()} for side in (first, second)))
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
     """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
-    newest = {where: found for where, found in _repeated(records).items() if scorer_name(found.record) in (scorer, "")}
+    newest = {where: record for where, record in _newest(records).items() if scorer_name(record) in (scorer, "")}
 
-    def of(method: str) -> dict[str, Result]:
+    def of(method: str) -> dict[str, Record]:
         return {
-            f"{where.gallery} {where.input}{f' seed {where.seed}' if where.seed else ''}": result
-            for where, result in newest.items()
+            f"{where.gallery} {where.input}{f' seed {where.seed}' if where.seed else ''}": record
+            for where, record in newest.items()
             if where.method == method
         }
 
@@ -104,16 +100,12 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:
-    scored = (record for record in records if record["status"] == "ok")
-    return {where: found[-1] for where, found in by_place(scored).items()}
+    """The newest record with scores of each place; jittered preparations have none."""
+    scored = (record for record in records if record["status"] == "ok" and not parsed_jitter(record["data"]["name"]))
+    return {where: rivals[-1] for where, rivals in by_place(scored).items()}
 
 
-def _repeated(records: Iterable[Record]) -> dict[Place, Result]:
-    """The newest record with scores of each place, with its jittered preparations, which have no place here."""
-    return {place(result.record): result for result in with_repeats(map(Result, _newest(records).values()))}
-
-
-def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Comparison:
+def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Comparison:
     both = [where for where in first if where in second]
     return Comparison(
         tuple(_difference(where, first[where], second[where]) for where in both),
@@ -122,45 +114,27 @@ def _compare(first: Mapping[str, Result], second: Mapping[str, Result]) -> Compa
     )
 
 
-def _difference(where: str, before: Result, after: Result) -> Difference:
-    first, second = before.record, after.record
+def _difference(where: str, first: Record, second: Record) -> Difference:
+    """Test the differences of single queries, one column a measure; those of one class are drawn together."""
     measures = printed_of(first["scores"].keys() & second["scores"].keys())
     here, there = queries_of([first], measures), queries_of([second], measures)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
     gains = np.column_stack([there.values[name] - here.values[name] for name in measures])
-    spreads = [cell_of([result], 1).preparation_sd or {} for result in (before, after)]
-    noise = np.array([math.hypot(*(spread.get(name, 0.0) for spread in spreads)) for name in measures])
-    scores = {name: first["scores"][name] for name in measures}, {name: second["scores"][name] for name in measures}
-    found = _tested(where, scores, gains, here.labels, noise)
-    return replace(found, is_perturbed=parsed(first["data"]["name"]) is not None)
-
-
-def _tested(
-    where: str,
-    scores: tuple[Mapping[str, float], Mapping[str, float]],
-    gains: NDArray[np.float64],
-    units: Sequence[Hashable],
-    noise: NDArray[np.float64] | None = None,
-) -> Difference:
-    """Test differences of single queries, or seeds, one column a measure; those of one unit are drawn together."""
-    measures = tuple(scores[0])
-    deviations = np.zeros(len(measures)) if noise is None else noise
     gain = gains[:, -1]
-    means = gains.mean(axis=0) * UNIT
-    reach = zip(intervals(gains, units).tolist(), means.tolist(), deviations.tolist(), strict=True)
-    ends = [widened(low, high, mean, deviation, -1.0) for (low, high), mean, deviation in reach]
-    probabilities = permutation_test(gains, deviations / UNIT * len(gains) if deviations.any() else None)
+    ends = [(low, high) for low, high in intervals(gains, here.labels).tolist()]
     return Difference(
         where,
-        *scores,
+        {name: first["scores"][name] for name in measures},
+        {name: second["scores"][name] for name in measures},
         dict(zip(measures, ends, strict=True)),
-        dict(zip(measures, probabilities.tolist(), strict=True)),
+        dict(zip(measures, permutation_test(gains).tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
         len(gains),
+        is_perturbed=parsed(first["data"]["name"]) is not None,
     )
 
 

@@ -77,14 +77,13 @@ def as_csv(tables: Sequence[TableContent]) -> str:
         "outdated",
     ]
     rows, made = [], rows_as_json(tables)
-    repeated = ("preparation_mean", "preparation_sd")
-    if any("n_preparations" in row for row in made):
-        names += ["n_preparations", *(f"{part}_{m}" for part in repeated for m in PRINTED)]
+    if any("preparation_sd" in row for row in made):
+        names += [f"preparation_sd_{m}" for m in PRINTED]
     for row in made:
         flat = {name: row[name] for name in names if name in row}
         for part in ("paper", "chance", "spread", "p_best"):
             flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
-        flat |= {f"{part}_{metric}": row[part].get(metric) for part in repeated if part in row for metric in PRINTED}
+        flat |= {f"preparation_sd_{metric}": value for metric, value in row.get("preparation_sd", {}).items()}
         for metric, ends in (row["interval"] or {}).items():
             flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
         rows.append(flat)
@@ -143,12 +142,7 @@ def _supported(cell: Cell) -> dict[str, float]:
 
 
 def _preparations(cell: Cell) -> dict[str, Any]:
-    """Mean and spread of the jittered preparations of a row, and their number; nothing where there are none."""
-    mean, deviation = cell.preparation_mean, cell.preparation_sd
-    if mean is None or deviation is None:
+    """Standard deviation of a row over its jittered preparations; nothing where there are none."""
+    if (deviation := cell.preparation_sd) is None:
         return {}
-    return {
-        "n_preparations": len(cell.repeats),
-        "preparation_mean": {metric: round(mean[metric], 6) for metric in printed_of(mean)},
-        "preparation_sd": {metric: round(deviation[metric], 6) for metric in printed_of(deviation)},
-    }
+    return {"preparation_sd": {metric: round(deviation[metric], 6) for metric in printed_of(deviation)}}

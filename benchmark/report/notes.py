@@ -19,10 +19,7 @@ _MARKS = (
     "(paired permutation test over queries, Holm's correction, 5 %)."
 )
 
-_OF_PREPARATIONS = (
-    "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}; intervals and "
-    "italics have it in."
-)
+_OF_PREPARATIONS = "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}."
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
 

@@ -15,9 +15,7 @@ Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Jo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Iterator, Sequence
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,26 +69,6 @@ def intervals(values: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArra
     return ends
 
 
-def widened(low: float, high: float, mean: float, deviation: float, least: float = 0.0) -> tuple[float, float]:
-    """Return an interval with the noise of preparation added to that of classes, as independent ones are.
-
-    Parameters
-    ----------
-    low, high
-        Ends of the interval of a mean over queries.
-    mean
-        The mean.
-    deviation
-        Standard deviation of the mean from one preparation to the next; 0 leaves the ends as they are.
-    least
-        Smallest value that the mean can have; the largest is 1.
-    """
-    if not deviation:
-        return low, high
-    reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * deviation
-    return max(least, mean - math.hypot(mean - low, reach)), min(1.0, mean + math.hypot(high - mean, reach))
-
-
 def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
     """Return how often each class is in each sample, shape (draws, classes), some draws at a time."""
     generator = np.random.default_rng(0)
@@ -101,7 +79,7 @@ def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
         yield np.bincount(places.ravel(), minlength=n * n_classes).reshape(n, n_classes).astype(np.float64)
 
 
-def permutation_test(differences: NDArray[np.float64], noise: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probabilities of so large a mean difference if both methods were as good for each query.
 
     For each query the two methods are exchanged at random. The question is whether other queries of the same classes
@@ -112,9 +90,6 @@ def permutation_test(differences: NDArray[np.float64], noise: NDArray[np.float64
     differences
         Shape (N, M): M pairs of methods, the difference of each for each query in whole numbers; 0 where a pair has no
         such query, which leaves its probability as it is.
-    noise
-        Shape (M,): standard deviations of the sums of the differences from one preparation of the shapes to the next,
-        in the same unit, which is added to the noise of queries; None for none.
 
     Returns
     -------
@@ -124,15 +99,12 @@ def permutation_test(differences: NDArray[np.float64], noise: NDArray[np.float64
     n_queries = len(differences)
     found = np.abs(differences.sum(axis=0))
     as_large = np.zeros(differences.shape[1], dtype=np.int64)
-    generator, of_preparation = np.random.default_rng(0), np.random.default_rng(1)
+    generator = np.random.default_rng(0)
     most = max(1, _AT_A_TIME // max(n_queries, 1))
     for start in range(0, RESAMPLES, most):
         signs = 2.0 * generator.integers(0, 2, (min(most, RESAMPLES - start), n_queries)) - 1.0
         # Whole numbers below 2^53: the products are exact, so equal sums are equal on every machine.
-        sums = signs @ differences
-        if noise is not None:
-            sums += noise * of_preparation.standard_normal((len(signs), 1))
-        as_large += np.count_nonzero(np.abs(sums) >= found, axis=0)
+        as_large += np.count_nonzero(np.abs(signs @ differences) >= found, axis=0)
     return (as_large + 1) / (RESAMPLES + 1)
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
-from benchmark.report.statistics.queries import UNIT, Queries, queries_of
-from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test, widened
+from benchmark.report.statistics.queries import Queries, queries_of
+from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test
 from retrieval.measures import printed_of
 
 
@@ -47,7 +47,7 @@ class FigureSignificance:
     Parameters
     ----------
     low, high
-        Ends of its 95 % interval over classes, and over preparations where there are several.
+        Ends of its 95 % interval over classes.
     is_best
         Whether no other row of the column, controls aside, has a higher figure.
     probability
@@ -90,14 +90,14 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     measures = printed_of(set.intersection(*({*(cell.scores or ())} for cell in cells)))
     columns, labels = _columns([queries_of(cell.records, measures) for cell in cells])
     scores = [[(cell.scores or {})[measure] for cell in cells] for measure in measures]
-    noise = [[(cell.preparation_sd or {}).get(measure, 0.0) for cell in cells] for measure in measures]
     contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
     best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
-    low, high, found = _judged(columns, labels, contest, best, noise)
+    low, high, found = _judged(columns, labels, contest, best, len(measures))
     probabilities = {(m, k): value for m, k, value in found}
     return {
         (row.method, input_, measure): FigureSignificance(
-            *widened(low[m][k], high[m][k], scores[m][k], noise[m][k]),
+            low[m][k],
+            high[m][k],
             is_best=[k] == best[m : m + 1],
             probability=probabilities.get((m, k)),
         )
@@ -111,17 +111,15 @@ def _judged(
     labels: Sequence[str],
     contest: Sequence[int],
     best: Sequence[int],
-    noise: Sequence[Sequence[float]],
+    n_measures: int,
 ) -> tuple[Any, Any, list[tuple[int, int, float]]]:
     """Return lower and upper ends by measure and row, and the probability of each pair of a measure and a row."""
-    shape = len(noise), len(columns[0]) // len(noise)
+    shape = n_measures, len(columns[0]) // n_measures
     low, high = intervals(columns, labels).T.reshape(2, *shape).tolist()
-    return low, high, _against(columns.reshape(len(labels), *shape), contest, best, np.array(noise))
+    return low, high, _against(columns.reshape(len(labels), *shape), contest, best)
 
 
-def _against(
-    columns: NDArray[np.float64], contest: Sequence[int], best: Sequence[int], noise: NDArray[np.float64]
-) -> list[tuple[int, int, float]]:
+def _against(columns: NDArray[np.float64], contest: Sequence[int], best: Sequence[int]) -> list[tuple[int, int, float]]:
     """Measure, row, and the adjusted probability of that row against the best one, for all other rows of the contest.
 
     Parameters
@@ -132,8 +130,6 @@ def _against(
         The rows.
     best
         The best of them, by measure.
-    noise
-        Shape (measures, rows): standard deviations over preparations.
     """
     pairs = [(m, k) for m, first in enumerate(best) for k in contest if k != first]
     if not pairs:
@@ -141,8 +137,7 @@ def _against(
     measure, other = np.array(pairs).T
     first = np.array(best)[measure]
     differences = columns[:, measure, other] - columns[:, measure, first]
-    of_sums = np.hypot(noise[measure, other], noise[measure, first]) / UNIT * len(columns)
-    found = permutation_test(differences, of_sums if of_sums.any() else None).reshape(len(best), -1)
+    found = permutation_test(differences).reshape(len(best), -1)
     adjusted = chain.from_iterable(holm(of_rows) for of_rows in found.tolist())
     return [(m, k, value) for (m, k), value in zip(pairs, adjusted, strict=True)]
 
