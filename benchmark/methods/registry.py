@@ -46,7 +46,6 @@ BUILT_IN: dict[str, str] = {
     "learned-wide-extra": "learned.paired.methods:WideExtra",
     "learned-streamed": "learned.streamed.methods:StreamedLearner",
     "deformation-field": "learned.field.methods:DeformationField",
-    "implicit-template": "learned.template.methods:ImplicitTemplate",
     "identity": "baselines.identity:Identity",
     "pca": "baselines.pca:PCA",
     "random": "baselines.random_form:RandomForm",

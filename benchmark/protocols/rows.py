@@ -23,10 +23,8 @@ TRAINING_SEEDS = (0, 1, 2)
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}
 
-#: Methods that take many seconds for a shape, and witnesses of our own: rows where they are asked for by name.
-ONLY_NAMED = frozenset(
-    {"implicit-template", "scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"}
-)
+#: Witnesses of our own: rows where they are asked for by name.
+ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
 
 FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
 

@@ -31,7 +31,6 @@ from learned.field.model import load_field
 from learned.paired.methods import Learned
 from learned.paired.model import load_model
 from learned.streamed.model import load_streamed
-from learned.template.model import load_template
 from learned.weights import n_parameters
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +41,6 @@ SUBJECTS = list(dict.fromkeys(entry.subject for entry in Humans().entries))
 LOADED: dict[str, Callable[[Path], nn.Module]] = {
     "configuration": lambda folder: load_model(folder)[0],
     "field": load_field,
-    "template": lambda folder: load_template(folder)[0],
     "streamed": lambda folder: load_streamed(folder)[0],
 }
 

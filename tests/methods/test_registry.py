@@ -260,7 +260,6 @@ UNFIT = {
     "learned-streamed": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
     "deformation-field": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")}
     | {"reach": ["-1", "nan", "11"], "rounds": ["-1", "101", "0.5"]},
-    "implicit-template": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
 }
 
 

@@ -98,7 +98,6 @@ def test_one_view_is_above_every_classical_form_of_complete_surfaces(
         ("learned-streamed", FOLDS),
         ("learned-streamed", ["humans"]),
         ("learned-streamed", ["humans-scanlike"]),
-        ("implicit-template", FOLDS),
     ],
 )
 def test_figures_of_other_networks_are_those_of_the_records(
