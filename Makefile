@@ -20,7 +20,7 @@ POSES := $(addprefix --shape woman-3_,standing running squatting)
 BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
-.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck portability faults
+.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck golden portability faults
 
 setup: $(READY)
 
@@ -63,6 +63,10 @@ test-slow: setup kernels
 # What the other tests check on some, on every method, data set and seed: about half an hour.
 test-exhaustive: setup
 	$(BIN)/python -m pytest -m exhaustive
+
+# What each component makes of small committed inputs, beside what it made before; ARGS="--accept NAME" where it moved.
+golden: setup kernels
+	$(BIN)/python -m tools.golden $(ARGS)
 
 # The compiled kernels with every index checked; two minutes, most of them to compile.
 boundscheck: setup

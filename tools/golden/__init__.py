@@ -1,0 +1,1 @@
+"""Golden results: what each component of the suite makes of a few committed inputs."""

@@ -1,0 +1,120 @@
+"""Golden files: made, compared and written; the digest of what one holds is the version of its component."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import ShapeError
+from benchmark.system.code import digest_of_bytes
+from tools.golden.components import components
+from tools.golden.inputs import GOLDEN
+
+Arrays = dict[str, NDArray[Any]]
+
+#: Rows beyond which every tenth one of floats is kept, and numbers beyond which integers are kept as their digest.
+MOST_ROWS, MOST_INTEGERS = 800, 3000
+
+#: Raised by hand where something changes that no small input shows.
+REVISION = "revision"
+
+
+class Difference(NamedTuple):
+    """How far an array moved, in units of its largest number; infinite where it is not comparable."""
+
+    array: str
+    difference: float
+    tolerance: float
+
+
+def golden_path(name: str) -> Path:
+    """File of the golden results of a component."""
+    return GOLDEN / f"{name}.npz"
+
+
+def read_golden(name: str) -> Arrays:
+    """Golden results of a component; nothing where there are none."""
+    if not golden_path(name).exists():
+        return {}
+    with np.load(golden_path(name), allow_pickle=False) as archive:
+        return dict(archive)
+
+
+def write_golden(name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Make results the golden ones; the revision stays."""
+    revision = read_golden(name).get(REVISION, np.array(0))
+    golden_path(name).parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(golden_path(name), allow_pickle=False, **{**arrays, REVISION: revision})
+
+
+def version_of(arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Digest of named arrays, whatever their order and compression."""
+    parts = [
+        f"{name} {array.dtype.str} {array.shape} ".encode() + array.tobytes() for name, array in sorted(arrays.items())
+    ]
+    return digest_of_bytes(b"".join(parts))
+
+
+def run_component(name: str, small: bool = False) -> Arrays:
+    """Make the results of a component as they are kept; ``small`` leaves out what takes long without compilation."""
+    arrays: Arrays = {}
+    for part in components()[name].parts:
+        if small and not part.small:
+            continue
+        try:
+            made = part.run()
+        except ShapeError as error:
+            made = {"refused": type(error).__name__}
+        for key, value in made.items():
+            array = _kept(np.asarray(value))
+            if array is not None:
+                arrays[f"{part.name}/{key}"] = array
+    return arrays
+
+
+def timed(name: str) -> tuple[str, Arrays, str, float]:
+    """Results of a component with its name, what went wrong, and the seconds that it took."""
+    start = time.perf_counter()
+    try:
+        return name, run_component(name), "", time.perf_counter() - start
+    except Exception:
+        return name, {}, f"{name} failed:\n{traceback.format_exc()}", time.perf_counter() - start
+
+
+def _kept(array: NDArray[Any]) -> NDArray[Any]:
+    if array.dtype.kind == "f" and array.ndim and len(array) > MOST_ROWS:
+        return array[::10]
+    if array.dtype.kind in "iu" and array.size > MOST_INTEGERS:
+        return np.array(f"{array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()[:16]}")
+    return array
+
+
+def compare(name: str, arrays: Mapping[str, NDArray[Any]]) -> list[Difference]:
+    """Arrays that differ from the golden ones by more than the tolerance of their component, the farthest first."""
+    golden, tolerance = read_golden(name), components()[name].tolerance
+    moved = []
+    for key in sorted((golden.keys() | arrays.keys()) - {REVISION}):
+        allowed = tolerance if key in arrays and arrays[key].dtype.kind == "f" else 0.0
+        if (found := _difference(golden.get(key), arrays.get(key))) > allowed:
+            moved.append(Difference(key, found, allowed))
+    return sorted(moved, key=lambda each: -each.difference)
+
+
+def _difference(golden: NDArray[Any] | None, array: NDArray[Any] | None) -> float:
+    """Largest difference in units of the largest golden number; of what are no floats 0 or infinite."""
+    if golden is None or array is None or (golden.dtype.kind, golden.shape) != (array.dtype.kind, array.shape):
+        return np.inf
+    if golden.dtype.kind != "f":
+        return 0.0 if np.array_equal(golden, array) else np.inf
+    if not np.array_equal(np.isfinite(golden), np.isfinite(array)):
+        return np.inf
+    finite = np.isfinite(golden)
+    largest = np.abs(golden[finite]).max(initial=0.0)
+    return float(np.abs(array[finite] - golden[finite]).max(initial=0.0) / (largest or 1.0))
