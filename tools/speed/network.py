@@ -19,10 +19,12 @@ from learned.paired.pairs import Pairs
 from learned.paired.schedule import Schedule, losses
 from learned.paired.training import train
 from learned.training.loop import TrainingRun
+from learned.training.machine import Precision, has_bfloat16
 from tests.learned.toy import person
 from tools.speed.timing import Row, least
 
 BATCH, RESOLUTION, MORE_STEPS, REPEATS = 8, 128, 4, 3
+PRECISION: Precision = "bfloat16" if has_bfloat16(torch.device("cpu")) else "float32"
 PEER = "torch, float32, contiguous memory"
 
 
@@ -36,9 +38,7 @@ def measure() -> Iterator[Row]:
     for trained in (_ours, _plain):
         with ProcessPoolExecutor(1, mp_context=new, initializer=torch.set_num_threads, initargs=(1,)) as pool:
             times.append(pool.submit(_step_seconds, trained).result())
-    detail = (
-        f"bfloat16 where the processor has it, {RESOLUTION} x {RESOLUTION}, {BATCH / times[0]:.3g} images per second"
-    )
+    detail = f"{PRECISION}, {RESOLUTION} x {RESOLUTION}, {BATCH / times[0]:.3g} images per second"
     yield Row(f"training, one step of {BATCH} images", times[0], detail, PEER, times[1])
 
 
@@ -66,7 +66,7 @@ def _batch() -> Pairs:
 
 def _plan(steps: int) -> Schedule:
     """As many epochs as steps, for each has one batch."""
-    return Schedule(resolution=RESOLUTION, epochs=steps, early_epochs=0, batch=BATCH, precision="bfloat16")
+    return Schedule(resolution=RESOLUTION, epochs=steps, early_epochs=0, batch=BATCH, precision=PRECISION)
 
 
 def _ours(batch: Pairs, schedule: Schedule) -> None:
