@@ -12,14 +12,14 @@ ECIR 2008 (expected values under ties).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults", "printed_of"]
+__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
 
 FloatArray = NDArray[np.float64]
 
@@ -201,9 +201,3 @@ MEASURES: tuple[Measure, ...] = (
 
 PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])
 """The measures that the paper prints, in its order; tables print these."""
-
-
-def printed_of(scores: Iterable[str]) -> tuple[str, ...]:
-    """Return the measures among some that tables print, in their order."""
-    names = set(scores)
-    return tuple(name for name in PRINTED if name in names)

@@ -21,7 +21,7 @@ from benchmark.system.code import ROOT
 from benchmark.system.kernels import drop_stale_kernels
 from benchmark.system.text import brief, clean, say
 from benchmark.threads import available_cores
-from retrieval.measures import printed_of
+from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
     from benchmark.jobs.execution.executors import Executor
@@ -181,7 +181,7 @@ class _Display:
     def ended(self, job: JobSpec, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
-            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in printed_of(record["scores"]))
+            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
         else:

@@ -13,7 +13,7 @@ from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals, permutation_test
 from benchmark.storage.merging import told
 from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
-from retrieval.measures import PRINTED, printed_of
+from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -34,7 +34,7 @@ class Difference:
     where
         What they have in common.
     first, second
-        Scores of each by printed measure that both have.
+        Scores of each by printed measure.
     intervals
         By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
     probabilities
@@ -64,11 +64,6 @@ class Difference:
     def largest(self) -> float:
         """Largest difference of a printed measure."""
         return max(abs(self.second[name] - self.first[name]) for name in self.first)
-
-    @property
-    def decisive(self) -> str:
-        """Measure by which a query is better or worse: the last one that both have."""
-        return list(self.first)[-1]
 
 
 @dataclass(frozen=True)
@@ -116,20 +111,19 @@ def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Compa
 
 def _difference(where: str, first: Record, second: Record) -> Difference:
     """Test the differences of single queries, one column a measure; those of one class are drawn together."""
-    measures = printed_of(first["scores"].keys() & second["scores"].keys())
-    here, there = queries_of([first], measures), queries_of([second], measures)
+    here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
     shapes = {shape for _, shape in there.names}
     both = [name for name in here.names if name[1] in shapes]
     here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
-    gains = np.column_stack([there.values[name] - here.values[name] for name in measures])
+    gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
     gain = gains[:, -1]
     ends = [(low, high) for low, high in intervals(gains, here.labels).tolist()]
     return Difference(
         where,
-        {name: first["scores"][name] for name in measures},
-        {name: second["scores"][name] for name in measures},
-        dict(zip(measures, ends, strict=True)),
-        dict(zip(measures, permutation_test(gains).tolist(), strict=True)),
+        {name: first["scores"][name] for name in PRINTED},
+        {name: second["scores"][name] for name in PRINTED},
+        dict(zip(PRINTED, ends, strict=True)),
+        dict(zip(PRINTED, permutation_test(gains).tolist(), strict=True)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
@@ -158,7 +152,7 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     for pair in different:
         said.append(
             f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
-            f"{pair.better} better, {pair.worse} worse in {pair.decisive}"
+            f"{pair.better} better, {pair.worse} worse in {PRINTED[-1]}"
         )
         for name in pair.first:
             before, after = pair.first[name], pair.second[name]
@@ -186,8 +180,6 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
         cells = [
             f"{pair.first[name]:.2f} {_signed(pair.second[name] - pair.first[name])}"
             f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
-            if name in pair.first
-            else "--"
             for name in PRINTED
         ]
         said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())

@@ -15,7 +15,7 @@ from benchmark.report.grid import Style, grid_of, number
 from benchmark.report.notes import notes
 from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
-from retrieval.measures import PRINTED, printed_of
+from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
 
@@ -115,7 +115,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         **_supported(cell),
         "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
         "peak_mib": record.get("peak_mib"),
-        "spread": {m: round(cell.deviation[m], 6) for m in printed_of(cell.deviation)} if cell.deviation else None,
+        "spread": {m: round(cell.deviation[m], 6) for m in PRINTED} if cell.deviation else None,
         "interval": {metric: [round(one.low, 6), round(one.high, 6)] for metric, one in judged.items()} or None,
         "p_best": {metric: one.rounded_probability for metric, one in judged.items()} or None,
         "codebook_deviation": record.get("codebook_deviation"),
@@ -145,4 +145,4 @@ def _preparations(cell: Cell) -> dict[str, Any]:
     """Standard deviation of a row over its jittered preparations; nothing where there are none."""
     if (deviation := cell.preparation_sd) is None:
         return {}
-    return {"preparation_sd": {metric: round(deviation[metric], 6) for metric in printed_of(deviation)}}
+    return {"preparation_sd": {metric: round(deviation[metric], 6) for metric in PRINTED}}

@@ -9,7 +9,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, Row, TableContent
 from benchmark.system.text import brief
-from retrieval.measures import printed_of
+from retrieval.measures import PRINTED
 
 #: Share of the largest loss from which on a table tells how much was lost.
 _WORTH_TELLING = 0.01
@@ -74,15 +74,14 @@ def _not_here(table: TableContent) -> Iterable[str]:
 def _preparations(table: TableContent) -> Iterable[str]:
     """Return how far rows move from one preparation to the next, for those that were prepared several times."""
     for input_ in table.inputs:
-        told: dict[tuple[int, tuple[str, ...]], list[str]] = {}
+        told: dict[int, list[str]] = {}
         for row in table.rows:
             cell = row.cells.get(input_)
             if cell and (deviation := cell.preparation_sd):
-                measures = printed_of(deviation)
-                figures = " ".join(f"{deviation[metric]:.3f}" for metric in measures)
-                told.setdefault((len(cell.repeats), measures), []).append(f"{row.title} {figures}")
-        for (number, measures), rows in told.items():
-            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(measures)}", "; ".join(rows))
+                figures = " ".join(f"{deviation[metric]:.3f}" for metric in PRINTED)
+                told.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
+        for number, rows in told.items():
+            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
 
 
 def _left_out(table: TableContent) -> Iterable[str]:

@@ -228,10 +228,10 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
 
 
 def _scores(record: Record) -> str:
-    from retrieval.measures import printed_of
+    from retrieval.measures import PRINTED
 
-    scores = record.get("scores", {})
-    return " ".join(f"{name} {scores[name]:.3f}" for name in printed_of(scores))
+    scores = record.get("scores")
+    return " ".join(f"{name} {scores[name]:.3f}" for name in PRINTED) if scores else ""
 
 
 def _plain(values: dict[str, Any] | None) -> str:

@@ -12,7 +12,7 @@ from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.results import Result
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
-from retrieval.measures import PRINTED, printed_of
+from retrieval.measures import PRINTED
 
 _Place = tuple[str, str, bool]
 
@@ -60,7 +60,7 @@ def agreements(first: Iterable[Result], second: Iterable[Result]) -> list[TableA
                 continue
             measures = {
                 measure: agreement([ours[m][measure] for m in methods], [theirs[m][measure] for m in methods])
-                for measure in printed_of(set.intersection(*({*each[m]} for each in (ours, theirs) for m in methods)))
+                for measure in PRINTED
             }
             quick = " (quick)" if table.quick else ""
             found.append(TableAgreement(table.identifier, f"{table.data_title}{quick}", input_, methods, measures))

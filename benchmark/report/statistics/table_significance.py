@@ -14,7 +14,7 @@ from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
 from benchmark.report.statistics.queries import Queries, queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test
-from retrieval.measures import printed_of
+from retrieval.measures import PRINTED
 
 
 class Row(Protocol):
@@ -87,12 +87,11 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
     if not rows:
         return {}
     cells = [row.cells[input_] for row in rows]
-    measures = printed_of(set.intersection(*({*(cell.scores or ())} for cell in cells)))
-    columns, labels = _columns([queries_of(cell.records, measures) for cell in cells])
-    scores = [[(cell.scores or {})[measure] for cell in cells] for measure in measures]
+    columns, labels = _columns([queries_of(cell.records, PRINTED) for cell in cells])
+    scores = [[(cell.scores or {})[measure] for cell in cells] for measure in PRINTED]
     contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
     best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
-    low, high, found = _judged(columns, labels, contest, best, len(measures))
+    low, high, found = _judged(columns, labels, contest, best)
     probabilities = {(m, k): value for m, k, value in found}
     return {
         (row.method, input_, measure): FigureSignificance(
@@ -101,7 +100,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
             is_best=[k] == best[m : m + 1],
             probability=probabilities.get((m, k)),
         )
-        for m, measure in enumerate(measures)
+        for m, measure in enumerate(PRINTED)
         for k, row in enumerate(rows)
     }
 
@@ -111,10 +110,9 @@ def _judged(
     labels: Sequence[str],
     contest: Sequence[int],
     best: Sequence[int],
-    n_measures: int,
 ) -> tuple[Any, Any, list[tuple[int, int, float]]]:
     """Return lower and upper ends by measure and row, and the probability of each pair of a measure and a row."""
-    shape = n_measures, len(columns[0]) // n_measures
+    shape = len(PRINTED), len(columns[0]) // len(PRINTED)
     low, high = intervals(columns, labels).T.reshape(2, *shape).tolist()
     return low, high, _against(columns.reshape(len(labels), *shape), contest, best)
 
