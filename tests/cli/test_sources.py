@@ -1,0 +1,20 @@
+"""Sources of methods as text."""
+
+import pytest
+
+from benchmark.methods.registry import BUILT_IN, methods
+from benchmark.reference.bibliography import source_of
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_source_is_told_as_text(name):
+    cite = methods()[name].info.cite
+    told = source_of(cite)
+    assert (told != cite) or not cite
+    assert not set("\\{}") & set(told)
+
+
+def test_accents_and_missing_entries():
+    assert source_of("sahillioglu2015constrained").startswith("Yusuf Sahillioğlu (2015). A Shape Deformation")
+    assert source_of("nobody1900") == "nobody1900"
+    assert source_of("") == ""
