@@ -43,7 +43,7 @@ def source_components(dataset: Dataset) -> list[str]:
         base = "data/frames" if isinstance(original, DepthFolder) else "data/files"
     else:
         base = f"data/{original.name.partition('[')[0]}"
-    return [base, *(name for name in changes if name in known)]
+    return [base if base in known else "data/files", *(name for name in changes if name in known)]
 
 
 def _original(dataset: Dataset) -> Dataset:

@@ -56,7 +56,7 @@ def _linear_algebra() -> dict[str, str]:
 def git(root: Path, *words: str) -> str | None:
     """Return what git says in a repository; None where it fails, or there is no git."""
     try:
-        done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, check=False)
+        done = subprocess.run(["git", "--no-optional-locks", "-C", str(root), *words], capture_output=True, text=True, check=False)
     except OSError:
         return None
     return done.stdout.strip() if done.returncode == 0 else None

@@ -58,7 +58,7 @@ def test_gathered_records_are_the_same_in_a_line_each(records):
     assert texts(records) == texts(Records(records.folder)) == before
     assert [records.read(each["key"]) for each in MADE] == list(MADE)
     assert all(each["key"] in records for each in MADE)
-    parts = {f"parts/{kind}.jsonl" for kind in KINDS}
+    parts = {f"parts/{kind}.jsonl" for kind in KINDS if kind != "code"}  # of version 0.2 alone
     assert set(files(records.folder)) == {"balls.jsonl", "rods.jsonl"} | parts
     lines = files(records.folder)["rods.jsonl"].splitlines()
     assert len(lines) == 3

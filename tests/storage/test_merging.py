@@ -137,7 +137,8 @@ def test_a_merge_that_is_killed_or_terminated_says_so_and_another_one_clears_up(
     assert [path.suffix for path in there.iterdir()] == [".tmp"]
     again = CliRunner().invoke(cli, ["merge", str(tmp_path / "a"), "--results", str(tmp_path / "all")])
     assert again.stdout == "1 records added, 0 known, 0 conflicts\n"
-    assert [path.stem for path in there.iterdir()] == [record()["key"]]
+    assert sorted(path.name for path in there.iterdir()) == ["parts", "rods.jsonl"]
+    assert [each["key"] for each in Records(there)] == [record()["key"]]
 
 
 def test_the_verb_publishes(tmp_path):
