@@ -18,6 +18,7 @@ from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
 from benchmark.storage import keys
+from benchmark.storage.environment import changed_packages
 from benchmark.storage.lock import edited, key_of, read_lock, words_of_edit
 from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
@@ -129,7 +130,9 @@ class Results:
             now = self._recipe_now(record)
         except BenchmarkError:
             return ""  # an unknown plugin, or a method that cannot be imported here
-        return "" if keys.plain(now) == {part: recipe.get(part) for part in now} else what_changed(record, now)
+        if keys.plain(now) != {part: recipe.get(part) for part in now}:
+            return what_changed(record, now)
+        return changed_packages(record.get("environments", ()))
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:
         """The parts of the recipe that can be told without the data, and with it where it is here."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -35,6 +36,30 @@ def environment_text() -> str:
     return json.dumps(environment(), sort_keys=True)
 
 
+def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
+    """Name the packages whose versions are other ones here than where results were made; "" for the same ones."""
+    here, texts = environment(), {str(made.get("environment", "{}")) for made in environments}
+    changes: dict[str, None] = {}
+    for there in map(_versions_in, sorted(texts)):
+        pairs = ((name, _release(there.get(name)), _release(here.get(name))) for name in PACKAGES)
+        changes |= {f"{name} {then} -> {now}": None for name, then, now in pairs if then and now and then != now}
+    return ", ".join(changes)
+
+
+@cache
+def _versions_in(text: str) -> dict[str, str]:
+    try:
+        versions = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return versions if isinstance(versions, dict) else {}
+
+
+def _release(version: Any) -> str:
+    """A version without the tag of its build, which says where it runs."""
+    return str(version or "").partition("+")[0]
+
+
 def in_words(environment: Any) -> str:
     """Return the environment of a record or an artefact as a line; whatever else a file holds is cut off."""
     try:
@@ -56,7 +81,9 @@ def _linear_algebra() -> dict[str, str]:
 def git(root: Path, *words: str) -> str | None:
     """Return what git says in a repository; None where it fails, or there is no git."""
     try:
-        done = subprocess.run(["git", "--no-optional-locks", "-C", str(root), *words], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            ["git", "--no-optional-locks", "-C", str(root), *words], capture_output=True, text=True, check=False
+        )
     except OSError:
         return None
     return done.stdout.strip() if done.returncode == 0 else None

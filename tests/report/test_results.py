@@ -13,23 +13,16 @@ from benchmark.jobs.plan import make_plan
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
-from benchmark.storage import keys
+from benchmark.storage import keys, lock
+from benchmark.storage.lock import versions_of
 from benchmark.storage.records import as_text
 from benchmark.storage.store import Store
-from benchmark.system import fingerprints
 from tests import records as made_up
 from tests.storage.test_records import put_aliens
 from tests.toy import write_rods
 
 METHODS = ("identity", "surface-area", "classic-mds[solver=dijkstra]")
 EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
-
-
-@pytest.fixture(autouse=True)
-def fresh():
-    yield
-    fingerprints.clear_cache()
-    fingerprints._versions.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -47,19 +40,12 @@ def jobs(rods, store, names=METHODS):
 
 
 def of_job(job, *, code=None, finished=EARLIER, make=made_up.record, **more):
-    """A record under the recipe of a job, its scores made up; with ``code`` under that of other code."""
+    """A record under the recipe of a job, its scores made up; with ``code`` under that of another version."""
     recipe = keys.plain(job.recipe)
     if code:
-        recipe["code"]["method"]["code"]["baselines.identity"] = code
+        recipe["versions"]["method/identity"] = code
     options = {"method": job.method.name, "finished": finished, **more}
     return {**make(**options), **keys.plain(job.facts), "recipe": recipe, "key": keys.digest(recipe)}
-
-
-def another_version(monkeypatch, name, version):
-    real = importlib.metadata.version
-    monkeypatch.setattr(importlib.metadata, "version", lambda asked: version if asked == name else real(asked))
-    fingerprints.clear_cache()
-    fingerprints._versions.cache_clear()
 
 
 def call(*arguments, code=0):
@@ -86,30 +72,43 @@ def test_a_record_of_other_code_is_marked_and_never_a_blank(rods, store):
     (job,) = jobs(rods, store, ["identity"])
     store.write_record(of_job(job, code="0123", nn=0.5))
     (result,) = chosen(store).values()
-    assert result.outdated == "code of baselines.identity changed"
+    said = f"versions changed: method/identity 0123 -> {versions_of(['method/identity'])['method/identity']}"
+    assert result.outdated == said
     assert result.record["scores"]["NN"] == 0.5
     assert chosen(store, fresh=True) == {}
     text = call("tables", "--results", store.root.parent)
     assert "| Identity (no canonical form) † |" in text
-    assert "- † Identity (no canonical form): made before the last change (code of baselines.identity changed)" in text
+    assert f"- † Identity (no canonical form): made before the last change ({said})" in text
     assert call("plan", "-d", rods, "-m", "identity", "--input", "mesh", "--results", store.root.parent).startswith(
-        "stale        rods mesh identity  code of baselines.identity changed"
+        f"stale        rods mesh identity  {said}"
     )
 
 
-def test_another_version_of_a_package_is_named_by_plan_and_table(rods, store, monkeypatch):
+def test_another_version_of_a_package_is_named_by_the_table_and_outdates_no_job(rods, store):
     for job in jobs(rods, store):
-        store.write_record(of_job(job))
-    before = importlib.metadata.version("libigl")
-    another_version(monkeypatch, "libigl", "9.9")
-    said = f"libigl {before} -> 9.9"
-    arguments = ("-d", rods, *(w for m in METHODS for w in ("-m", m)), "--input", "mesh")
-    plan = call("plan", *arguments, "--results", store.root.parent)
-    stale = {job.method.name for job in jobs(rods, store) if job.state == "stale"}
-    assert "classic-mds[solver=dijkstra]" in stale
-    assert plan.count(said) == len(stale)
-    assert {name for name, result in chosen(store).items() if result.outdated == said} == stale
-    assert call("tables", "--results", store.root.parent).count("†") >= len(stale)
+        store.write_record(
+            of_job(job, environments=[{"environment": '{"libigl": "9.9", "blas": "x"}', "artefacts": 1}])
+        )
+    said = f"libigl 9.9 -> {importlib.metadata.version('libigl')}"
+    assert {result.outdated for result in chosen(store).values()} == {said}
+    assert {job.state for job in jobs(rods, store)} == {"cached"}
+    assert call("tables", "--results", store.root.parent).count(said) == 1
+
+
+def test_what_edited_code_made_is_marked_and_counts_while_the_edit_lasts(rods, store, monkeypatch):
+    (job,) = jobs(rods, store, ["identity"])
+    store.write_record(of_job(job, nn=0.25))
+    with monkeypatch.context() as patch:
+        patch.setattr(lock, "edited_folders", lambda: {"baselines": "0123"})
+        (edited,) = jobs(rods, store, ["identity"])
+        assert (edited.state, edited.reason) == ("stale", "edited: baselines; run make golden")
+        assert edited.key.endswith(f"-{job.key}")
+        store.write_record({**of_job(edited, nn=0.75), "key": edited.key})
+        (result,) = chosen(store).values()
+        assert (result.record["scores"]["NN"], result.outdated) == (0.75, "edited: baselines; run make golden")
+        assert jobs(rods, store, ["identity"])[0].state == "cached"
+    (result,) = chosen(store).values()
+    assert (result.record["scores"]["NN"], result.outdated) == (0.25, "")
 
 
 def test_the_newest_of_this_code_counts_else_the_newest_with_scores(rods, store):

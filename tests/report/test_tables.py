@@ -179,20 +179,12 @@ def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
         ({"gallery": "a"}, {"gallery": "b"}, "the data changed"),
         ({"parameters": {"k": 1}}, {"parameters": {"k": 2}}, "parameters changed: k 1 -> 2"),
         (
-            {"code": {"method": {"code": {"m": "1", "n": "1"}, "packages": {}}}},
-            {"code": {"method": {"code": {"m": "2", "n": "1"}, "packages": {}}}},
-            "code of m changed",
+            {"versions": {"method/gps": "1", "measures": "1"}},
+            {"versions": {"method/gps": "2", "measures": "1"}},
+            "versions changed: method/gps 1 -> 2",
         ),
-        (
-            {"code": {"method": {"code": {}, "packages": {"libigl": "2.6.2", "numpy": "2"}}}},
-            {"code": {"method": {"code": {}, "packages": {"libigl": "2.6.3", "numpy": "2"}}}},
-            "libigl 2.6.2 -> 2.6.3",
-        ),
-        (
-            {"code": {"a": {"code": dict.fromkeys("klmn", "1"), "packages": {}}}},
-            {"code": {"a": {"code": dict.fromkeys("klmn", "2"), "packages": {"scipy": "1"}}}},
-            "code of k, l, m and others changed; scipy absent -> 1",
-        ),
+        ({"plugin": {"a.py": "1"}}, {"plugin": {"a.py": "2"}}, "plugin changed: a.py 1 -> 2"),
+        ({"code": {}}, {"versions": {"measures": "1"}}, "made by version 0.2 or older"),
         ({}, {}, "the recipe changed"),
     ],
 )
