@@ -55,6 +55,11 @@ def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -
     return described
 
 
+def without_settled(described: Mapping[str, Any], settled: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a card describes without the fields that have one value now, where it has that value."""
+    return {name: value for name, value in described.items() if name not in settled or settled[name] != value}
+
+
 def described_by(described: object, plain: C) -> C:
     """Configuration that a card describes.
 

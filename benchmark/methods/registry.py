@@ -42,7 +42,6 @@ BUILT_IN: dict[str, str] = {
     "learned-without-srf": "learned.paired.methods:WithoutSRF",
     "learned-without-lrf": "learned.paired.methods:WithoutLRF",
     "learned-strict": "learned.paired.methods:Strict",
-    "learned-wide": "learned.paired.methods:Wide",
     "learned-wide-extra": "learned.paired.methods:WideExtra",
     "learned-streamed": "learned.streamed.methods:StreamedLearner",
     "deformation-field": "learned.field.methods:DeformationField",

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from benchmark.errors import ConfigurationError, did_you_mean
+from learned.described import without_settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,15 +26,6 @@ class Configuration:
         Whether SRF and LRF are there.
     width
         Channels of SRF and LRF; the encoder-decoder has 2, 4, 8 and 16 times as many. The paper names no widths.
-    dilated_deconvolutions
-        Whether each block of LRF has a transposed convolution after its convolution: the caption of the paper's figure
-        says so, its text does not.
-    convolutions_per_block
-        Convolutions in each block of the encoder.
-    global_context
-        Whether the mean of the innermost features is added to each of their pixels.
-    group_norm
-        Whether encoder and decoder normalise groups of channels.
     code_size
         Length of the vector of ``"global-code"``.
     extra_data
@@ -47,10 +39,6 @@ class Configuration:
     short_range: bool = True
     long_range: bool = True
     width: int = 16
-    dilated_deconvolutions: bool = True
-    convolutions_per_block: int = 1
-    global_context: bool = False
-    group_norm: bool = False
     code_size: int = 256
     extra_data: bool = False
     schedule: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
@@ -63,22 +51,18 @@ class Configuration:
 
 LITERAL = Configuration(name="literal")
 
+SETTLED = MappingProxyType({"dilated_deconvolutions": True, "convolutions_per_block": 1, "global_context": False})
+"""Fields of cards of version 0.2 that have one value now, beside ``group_norm``, which the architecture decides."""
+
 CONFIGURATIONS: dict[str, Configuration] = {
     configuration.name: configuration
     for configuration in (
         LITERAL,
         replace(LITERAL, name="without_srf", short_range=False),
         replace(LITERAL, name="without_lrf", long_range=False),
-        replace(
-            LITERAL,
-            name="wide",
-            convolutions_per_block=2,
-            global_context=True,
-        ),
         Configuration(
             name="wide-extra",
             architecture="global-code",
-            group_norm=True,
             extra_data=True,
             schedule=MappingProxyType(
                 {
@@ -111,6 +95,8 @@ def from_card(described: Mapping[str, Any]) -> Configuration:
         If it has fields that no network has.
     """
     known = {entry.name for entry in fields(Configuration)} - {"schedule"}
+    settled = {**SETTLED, "group_norm": described.get("architecture") == "global-code"}
+    described = without_settled(described, settled)
     if set(described) != known:
         raise ConfigurationError(
             f"the card describes another kind of network: {', '.join(sorted(set(described) ^ known))}",

@@ -126,20 +126,6 @@ class Strict(Learned):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wide(Learned):
-    """A network in which each output pixel sees the whole image."""
-
-    info: ClassVar[MethodInfo] = replace(
-        Learned.info,
-        name="learned-wide",
-        title="Our, wide",
-        family="extended",
-        summary="two convolutions a block and global context",
-    )
-    configuration: ConfigurationName = "wide"
-
-
-@dataclass(frozen=True, kw_only=True)
 class WideExtra(Learned):
     """A network with one global code, trained on sampled bodies."""
 

@@ -26,7 +26,7 @@ CONVOLUTIONS, DECONVOLUTIONS = 5, 4
 """Blocks of SRF."""
 
 GROUPS = 8
-"""Groups of channels that are normalised together where a configuration asks for it."""
+"""Groups of channels that are normalised together."""
 
 CHANNELS = 2
 """Output channels: depth and mask."""
@@ -79,38 +79,30 @@ class ShortRangeFeatures(nn.Sequential):
 class LongRangeFeatures(nn.Sequential):
     """LRF: five blocks with dilations 2 to 6 at full size; one channel comes out.
 
+    A transposed convolution of the same dilation follows each convolution: the caption of the paper's figure says so,
+    its text does not.
+
     Parameters
     ----------
     channels_in
         Channels of the image and of what is concatenated to it.
     width
         Channels inside.
-    deconvolutions
-        Whether a transposed convolution of the same dilation follows each convolution.
     """
 
-    def __init__(self, channels_in: int, width: int, deconvolutions: bool) -> None:
+    def __init__(self, channels_in: int, width: int) -> None:
         blocks = []
         for place, dilation in enumerate(DILATIONS):
             before = channels_in if place == 0 else width
             after = 1 if place == len(DILATIONS) - 1 else width
-            middle = width if deconvolutions else after
-            layers: list[nn.Module] = [
-                nn.Conv2d(before, middle, 3, padding=dilation, dilation=dilation),
+            block = nn.Sequential(
+                nn.Conv2d(before, width, 3, padding=dilation, dilation=dilation),
                 _rectifier(),
-            ]
-            if deconvolutions:
-                layers += [
-                    SameSizeDeconvolution(middle, after, 3, padding=dilation, dilation=dilation),
-                    _rectifier(),
-                ]
-            blocks.append(nn.Sequential(*layers))
+                SameSizeDeconvolution(width, after, 3, padding=dilation, dilation=dilation),
+                _rectifier(),
+            )
+            blocks.append(block)
         super().__init__(*blocks)
-
-
-def _norm(channels: int, group_norm: bool) -> list[nn.Module]:
-    """The layer that normalises groups of channels, where a configuration asks for it."""
-    return [nn.GroupNorm(GROUPS, channels)] if group_norm else []
 
 
 class EncoderDecoder(nn.Module):
@@ -122,35 +114,16 @@ class EncoderDecoder(nn.Module):
         Channels of the image and of the features concatenated to it.
     width
         Channels of the outermost block; each further one has twice as many.
-    convolutions
-        Convolutions in each block of the encoder.
-    global_context
-        Whether the mean of the innermost features is transformed and added to each of their pixels.
-    group_norm
-        Whether each block normalises groups of channels.
     """
 
-    def __init__(
-        self,
-        channels_in: int,
-        width: int,
-        convolutions: int = 1,
-        global_context: bool = False,
-        group_norm: bool = False,
-    ) -> None:
+    def __init__(self, channels_in: int, width: int) -> None:
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
-
-        def encoder_block(before: int, after: int) -> nn.Sequential:
-            layers: list[nn.Module] = []
-            for place in range(convolutions):
-                layers += [nn.Conv2d(before if place == 0 else after, after, 3, padding=1), *_norm(after, group_norm)]
-                layers.append(_rectifier())
-            return nn.Sequential(*layers)
-
         befores = [channels_in, *widths[:-1]]
-        self.encoder = nn.ModuleList(map(encoder_block, befores, widths))
-        self.context = nn.Sequential(nn.Linear(widths[-1], widths[-1]), nn.ReLU()) if global_context else None
+        self.encoder = nn.ModuleList(
+            nn.Sequential(nn.Conv2d(before, after, 3, padding=1), _rectifier())
+            for before, after in zip(befores, widths, strict=True)
+        )
         innermost = widths[::-1]
         afters = [*innermost[1:], width]
         # Four by four kernels cover every pixel of the doubled size equally often; three by three make a checkerboard.
@@ -158,7 +131,6 @@ class EncoderDecoder(nn.Module):
             nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
             for before, after in zip(innermost, afters, strict=True)
         )
-        self.norms = nn.ModuleList(nn.Sequential(*_norm(after, group_norm)) for after in afters)
         self.head = nn.Conv2d(width, CHANNELS, 1)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -168,13 +140,11 @@ class EncoderDecoder(nn.Module):
             sizes.append(x.shape[-2:])
             # Rounding up keeps the last row and column of an odd size, so that the decoder can restore it.
             x = functional.max_pool2d(block(x), 2, ceil_mode=True)
-        if self.context is not None:
-            x = x + self.context(x.mean(dim=(2, 3)))[:, :, None, None]
-        for deconvolution, norm, (height, width) in zip(self.decoder, self.norms, reversed(sizes), strict=True):
+        for deconvolution, (height, width) in zip(self.decoder, reversed(sizes), strict=True):
             x = deconvolution(x)
             if x.shape[-2:] != (height, width):  # to cut nothing would cost two copies in the backward pass
                 x = x[..., :height, :width]
-            x = functional.relu(norm(x))
+            x = functional.relu(x)
         return cast(Tensor, self.head(x))
 
 
@@ -192,16 +162,9 @@ class ProgressiveNetwork(nn.Module):
         width, channels = configuration.width, 1
         self.short_range = ShortRangeFeatures(width) if configuration.short_range else None
         channels += configuration.short_range
-        deconvolutions = configuration.dilated_deconvolutions
-        self.long_range = LongRangeFeatures(channels, width, deconvolutions) if configuration.long_range else None
+        self.long_range = LongRangeFeatures(channels, width) if configuration.long_range else None
         channels += configuration.long_range
-        self.reconstruction = EncoderDecoder(
-            channels,
-            2 * width,
-            configuration.convolutions_per_block,
-            configuration.global_context,
-            configuration.group_norm,
-        )
+        self.reconstruction = EncoderDecoder(channels, 2 * width)
 
     def forward(self, image: Tensor) -> Tensor:
         """Predict the canonical pose.
@@ -242,11 +205,11 @@ class GlobalCodeNetwork(nn.Module):
 
         def block(before: int, after: int) -> nn.Sequential:
             convolution = nn.Conv2d(before, after, 4, stride=2, padding=1)
-            return nn.Sequential(convolution, *_norm(after, configuration.group_norm), _rectifier())
+            return nn.Sequential(convolution, nn.GroupNorm(GROUPS, after), _rectifier())
 
         def unblock(before: int, after: int) -> nn.Sequential:
             deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
-            return nn.Sequential(deconvolution, *_norm(after, configuration.group_norm), nn.ReLU())
+            return nn.Sequential(deconvolution, nn.GroupNorm(GROUPS, after), nn.ReLU())
 
         flat = widths[-1] * self.INNERMOST**2
         self.encoder = nn.Sequential(*map(block, [1, *widths[:-1]], widths))

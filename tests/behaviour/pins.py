@@ -28,9 +28,6 @@ GOING = {"rekey", "gather", "leaderboard", "sample", "--neighbours", "compare --
 #: What the contracts of methods name; what else a built-in one has is its own.
 CONTRACTS = ("canonicalise", "describe", "distances", "train", "load", "predict")
 
-#: Methods that go, with their variants.
-GOING_METHODS = ("learned-wide", "implicit-template")
-
 #: What else authors and programs import: functions behind the methods, and the measures.
 IMPORTED = {
     "benchmark.results": ("ResultsFolder", "open_results"),
@@ -78,7 +75,6 @@ def described(name: str) -> dict[str, Any]:
 def methods() -> dict[str, dict[str, Any]]:
     """What ``describe --json`` says of each method, without prose."""
     names = [row["name"] for row in listed("methods")]
-    names = [name for name in names if name.partition("[")[0] not in GOING_METHODS]
     told = {name: described(name) for name in names}
     wanted = ("title", "family", "kind", "inputs", "scale", "deterministic", "requires")
     return {

@@ -30,7 +30,7 @@ def words(monkeypatch, capsys):
         (("describe", "gp"), [("plain", "gps")]),
         (("why", "shape-d"), [("plain", "shape-dna")]),
         (("canonicalise", "-m", "skel"), [("plain", "skeleton")]),
-        (("train", "learned-wide-"), [("plain", "learned-wide-extra")]),
+        (("train", "learned-wide"), [("plain", "learned-wide-extra")]),
         (("run", "--scorer", "cm"), [("plain", "cm-bof")]),
         (("run", "-t", "III"), [("plain", "III"), ("plain", "III-held-out")]),
         (("run", "-d", "tos"), [("plain", "tosca"), ("dir", "tos")]),

@@ -38,7 +38,7 @@ def test_rows_of_the_paper_are_planned_alone_and_all_of_them(planned):
     assert of_folds == {row.method for row in (*paper.ROWS, *paper.ABLATION)}
     assert not [name for name in found if "[" in name and "[training_seed=" not in name]
     missing = whole - found
-    assert {"humans view classic-mds", "animals mesh pca", "humans fold 0 view learned-wide"} <= missing
+    assert {"humans view classic-mds", "animals mesh pca", "humans fold 0 view learned-streamed"} <= missing
 
 
 @pytest.mark.parametrize("words", [("-m", "pca"), ("-t", "III-held-out")])

@@ -16,7 +16,7 @@ from benchmark.results import open_results
 from benchmark.storage.lock import read_lock
 from benchmark.system.code import ROOT
 from tools.golden import results
-from tools.golden.components import LEAVING, VARIANTS, components, folders_of
+from tools.golden.components import VARIANTS, components, folders_of
 from tools.golden.inputs import GOLDEN
 from tools.golden.results import compare, read_golden, run_component, version_of
 
@@ -24,7 +24,7 @@ from tools.golden.results import compare, read_golden, run_component, version_of
 def test_there_is_a_component_for_each_method_scorer_generated_set_and_change():
     generated = [name for name, source in CATALOGUE.items() if not source.folder]
     wanted = {
-        *(f"method/{name}" for name in registry.BUILT_IN if name not in LEAVING),
+        *(f"method/{name}" for name in registry.BUILT_IN),
         *(f"scorer/{name}" for name in scorers.BUILT_IN),
         *(f"data/{name}" for name in [*generated, "files", "frames"]),
         *(f"change/{name}" for name in [*PERTURBATIONS, "jitter", "decimation"]),

@@ -50,8 +50,8 @@ def test_a_fault_of_a_learner_is_found_before_anybody_trains_it(old, new, check,
 
 
 def test_a_learner_that_says_where_its_model_lies_is_trained_only_if_asked(tmp_path):
-    spec = variant("learned-wide[training=humans-strict-0-0]", methods())
+    spec = variant("learned-without-srf[training=humans-strict-0-0]", methods())
     (finding,) = conformance.check(spec)
     assert finding.outcome == "skipped"
-    assert "no model in humans-strict-0-0/wide-seed0" in finding.explanation
+    assert "no model in humans-strict-0-0/without_srf-seed0" in finding.explanation
     assert "-o epochs=1" in finding.explanation

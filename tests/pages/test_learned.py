@@ -94,7 +94,6 @@ def test_one_view_is_above_every_classical_form_of_complete_surfaces(
 @pytest.mark.parametrize(
     ("method", "galleries"),
     [
-        ("learned-wide", FOLDS),
         ("learned-streamed", FOLDS),
         ("learned-streamed", ["humans"]),
         ("learned-streamed", ["humans-scanlike"]),

@@ -29,7 +29,7 @@ def table_of(*results, **options):
 
 def test_the_network_is_not_ours_there_and_the_papers_schedule_is_not_told():
     bridges = {"bridges": {"mean": 0.0, "max": 0.0}}
-    table = table_of(learned(notes=bridges), learned("learned-wide", "Our, wide"))
+    table = table_of(learned(notes=bridges), learned("learned-wide-extra", "Our, wide"))
     text = markdown(table)
     assert "| Reconstruction network " in text
     assert "| Reconstruction network, wide " in text

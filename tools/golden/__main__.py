@@ -13,9 +13,9 @@ import time
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from benchmark.storage.lock import Component, read_lock, write_lock
+from benchmark.storage.lock import Component, write_lock
 from benchmark.threads import pin_threads
-from tools.golden.components import LEAVING, components, folders_of
+from tools.golden.components import components, folders_of
 from tools.golden.results import Arrays, Difference, compare, read_golden, timed, version_of, write_golden
 
 PROCESSES = 2
@@ -45,10 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     if refused:
         print(f"{len(refused)} components moved; where they should: make golden ARGS='--accept {' '.join(refused)}'")
     if not refused and not chosen.only:
-        leaving = {name: component for name, component in read_lock().components.items() if name.endswith(LEAVING)}
-        write_lock(
-            leaving | {name: Component(version_of(read_golden(name)), folders_of(name)) for name in components()}
-        )
+        write_lock({name: Component(version_of(read_golden(name)), folders_of(name)) for name in components()})
     elif accepted:
         print("accepted files are written; versions.lock follows when all agree")
     return int(bool(refused))

@@ -64,9 +64,6 @@ SAMPLERS: Mapping[str, str] = {
     "scans": "scans.sampler",
 }
 
-#: Methods and solvers that are about to be deleted.
-LEAVING = ("learned-wide",)
-
 #: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
 NO_FIGURES = ("benchmark", "benchmark/system", "benchmark/methods", "benchmark/storage", "benchmark/jobs")
 
@@ -96,8 +93,6 @@ def components() -> Mapping[str, Component]:
 def _components() -> Iterator[tuple[str, Component]]:
     stage = "benchmark.jobs.stages."
     for name, target in METHODS.items():
-        if name in LEAVING:
-            continue
         module = target.partition(":")[0]
         yield f"method/{name}", Component(tuple(_of_method(name)), (module, f"{stage}form"), _tolerance(name, module))
     for name, target in SCORERS.items():
@@ -184,7 +179,7 @@ def _api() -> Iterator[Part]:
     from benchmark.geometry.geodesics import SOLVERS
 
     for shape in (*SMALL, *LARGER):
-        for solver in (solver for solver in SOLVERS if solver not in LEAVING):
+        for solver in SOLVERS:
             yield Part(f"{solver}/{shape}", partial(stages.geodesics, shape, solver), shape in SMALL)
         yield Part(f"laplacian/{shape}", partial(stages.laplacian, shape))
     yield Part("random", stages.draws)

@@ -24,13 +24,13 @@ from benchmark.geometry.edges import edges_of
 from benchmark.methods.registry import methods, variant
 from benchmark.parameters.values import parameter_values
 from learned.paired.configuration import CONFIGURATIONS
-from learned.paired.methods import Learned, Strict, Wide, WideExtra, WithoutLRF, WithoutSRF
+from learned.paired.methods import Learned, Strict, WideExtra, WithoutLRF, WithoutSRF
 from learned.paired.model import canonical_depth
 from learned.surface import surface_behind
 from tests.learned.paired.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
 
-METHODS = (Learned, WithoutSRF, WithoutLRF, Strict, Wide, WideExtra)
+METHODS = (Learned, WithoutSRF, WithoutLRF, Strict, WideExtra)
 
 
 def shape(depth: Image | None, seen: Image | None = None) -> Shape:
@@ -68,7 +68,7 @@ def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned])
 
 def test_names_and_splits() -> None:
     assert len({kind.info.name for kind in METHODS}) == len({kind.info.title for kind in METHODS}) == len(METHODS)
-    assert [kind.split for kind in METHODS] == ["table", "table", "table", "strict", "table", "sampled"]
+    assert [kind.split for kind in METHODS] == ["table", "table", "table", "strict", "sampled"]
     # The strict row tests the paper's network, trained otherwise.
     assert Strict().model_name == Learned().model_name
 

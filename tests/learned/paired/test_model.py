@@ -158,6 +158,15 @@ def test_whatever_stands_on_a_card_is_taken_or_refused_by_name(trained: Path, da
         assert 1 <= found.resolution <= LARGEST
 
 
+@pytest.mark.parametrize(("field", "settled", "other"), [("convolutions_per_block", 1, 2), ("group_norm", False, True)])
+def test_a_card_of_version_2_may_name_what_is_settled_now(copied: Path, field: str, settled: Any, other: Any) -> None:
+    edit_card(copied, lambda card: card["configuration"].update({field: settled}))
+    load_model(copied)
+    edit_card(copied, lambda card: card["configuration"].update({field: other}))
+    with pytest.raises(ConfigurationError, match=f"another kind of network: {field}"):
+        load_model(copied)
+
+
 def test_a_field_that_no_card_has_is_refused(copied: Path) -> None:
     edit_card(copied, lambda card: card.update(resolutoin=64))
     with pytest.raises(ConfigurationError, match="has an unknown field 'resolutoin'; train the model again"):
