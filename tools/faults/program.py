@@ -107,4 +107,6 @@ def undisturbed(folder: Path, rods: Path, launcher: Launcher, *, with_forms: boo
         done += [scene.command("run", *elsewhere, "--executor", "serial", codes=(OK,), seconds=COMPILED)]
     if scene.outcome.crossings:
         raise RuntimeError(f"an undisturbed run crosses a border: {scene.outcome.crossings[0].said}; {done[-1].said}")
+    if not found:  # results of edited code lie elsewhere
+        raise RuntimeError("an undisturbed run has left no records; run make golden if code was edited")
     return found
