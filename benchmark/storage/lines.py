@@ -35,6 +35,7 @@ class SharedParts:
     def __init__(self) -> None:
         self._texts: dict[str, dict[str, bytes]] = {kind: {} for kind in KINDS}
         self._contents: dict[tuple[str, str], Any] = {}
+        self._damaged: dict[str, dict[bytes, None]] = {kind: {} for kind in KINDS}
 
     def add(self, kind: str, content: Any) -> str:
         """Keep a content; returns its digest."""
@@ -57,17 +58,20 @@ class SharedParts:
             content = line[start + _DIGITS + len(_BEFORE_CONTENT) : -1]
             if _digest(content) == digest:
                 self._texts[kind][digest] = content
+            else:
+                self._damaged[kind][line] = None
 
     def update(self, other: SharedParts) -> None:
         """Take over what another one holds."""
         for kind in KINDS:
             self._texts[kind].update(other._texts[kind])
+            self._damaged[kind].update(other._damaged[kind])
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Kind and lines of each file, sorted by their digests."""
         for kind, texts in self._texts.items():
             lines = (b"".join((_BEFORE_DIGEST, d.encode(), _BEFORE_CONTENT, texts[d], b"}\n")) for d in sorted(texts))
-            yield kind, b"".join(lines)
+            yield kind, b"".join([*lines, *(line + b"\n" for line in self._damaged[kind])])
 
 
 def packed(record: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:

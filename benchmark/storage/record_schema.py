@@ -1,11 +1,16 @@
-"""Schema of the record of a job: its parts, their kinds, and that its key is its own."""
+"""Schema of the record of a job: its parts, their kinds, that they agree, and that its key is its own."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Mapping
 from functools import cache
-from typing import Any, get_args
+from itertools import pairwise
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
 
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
@@ -13,122 +18,132 @@ from benchmark.storage.keys import digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
-#: A type; a list of one kind; a mapping from names to one kind (``{...: kind}``) or to the kinds of its parts, of which
-#: those whose names end in ``?`` may be missing; or a question to be answered with yes.
-Kind = type | list[Any] | dict[Any, Any] | Callable[[Any], bool]
-
-_LARGEST_NUMBER = 1e15
-
 #: Largest difference between a mean in a record and the one that its queries, of six decimals, give.
 _ROUNDING = 1e-6
 
-#: Largest share: means of many hang over 1 by their rounding.
-_ONE = 1 + 1e-9
+Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
+Amount = Annotated[float, Meta(ge=0, le=1e15)]
+Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # means of many hang over 1 by their rounding
+Count = Annotated[int, Meta(ge=0, le=10**15)]
+Texts = dict[str, str]
+Shares = dict[str, Share]
 
+#: Parts that hold a figure, or a list of them, for each measure.
+_BY_MEASURE = ("scores", "chance", "per_query", "supported", "codebook_deviation")
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST_NUMBER
-
-
-def _is_count(value: Any) -> bool:
-    return type(value) is int and 0 <= value <= _LARGEST_NUMBER
-
-
-def _is_duration(value: Any) -> bool:
-    return _is_number(value) and value >= 0
-
-
-def _is_share(value: Any) -> bool:
-    return _is_number(value) and 0 <= value <= _ONE
-
-
-def _are_shares(values: Any) -> bool:
-    """Return whether a list holds a share for each query; there is none for the only one of its class."""
-    if not isinstance(values, list) or not set(map(type, values)) <= {float, int, type(None)}:
-        return False
-    found = [value for value in values if value is not None]
-    return not found or (min(found) >= 0 and max(found) <= _ONE)
-
-
-def _are_named_texts(values: Any) -> bool:
-    return isinstance(values, dict) and set(map(type, values.values())) <= {str}
-
-
-def _are_texts(values: Any) -> bool:
-    return isinstance(values, list) and set(map(type, values)) <= {str}
-
-
-def _is_pair(value: Any) -> bool:
-    return _are_texts(value) and len(value) == 2
-
-
-def _is_input(value: Any) -> bool:
-    return value in get_args(Input)
-
-
-def _is_seed(value: Any) -> bool:
-    return type(value) is int
-
-
-def _is_number_or_none(value: Any) -> bool:
-    return value is None or _is_number(value)
-
-
-def _is_mapping_or_none(value: Any) -> bool:
-    return value is None or isinstance(value, dict)
-
-
-def _quantiles(values: Any) -> bool:
-    return _are_shares(values) and len(values) == 3 and None not in values
-
-
-_PRINTED = dict.fromkeys(PRINTED, object)
-_STAGE = {"code?": _are_named_texts, "packages?": _are_named_texts}
-_MODEL = {"training": str, "data": str, "digest": str, "schedule": str, "extra_data": bool}
-
-#: What every record has, and what it may have.
-_RECORD: Kind = {
-    "key": str, "gallery": str, "input": _is_input, "method": str, "title": str, "family": str, "parameters": dict,
-    "target": str, "status": str, "reason?": str, "traceback?": str, "finished?": str,
-    "scorer?": str, "scorer_title?": str,
-    "recipe": {
-        "seed?": _is_seed, "unavailable?": str, "parameters?": dict, "models?": _are_named_texts,
-        "versions?": _are_named_texts, "plugin?": _are_named_texts, "code?": {...: _STAGE},
-    },
-    "data": {
-        "name": str, "title": str, "stand_in_for": str, "source": str, "module": str, "quick": bool,
-        "n_shapes": _is_count, "n_classes": _is_count, "chance": {...: _is_share} | _PRINTED,
-    },
-    "unsupported?": [_is_pair], "environments?": [dict], "artefacts?": _are_texts, "models?": [_MODEL],
-    "digests?": _are_named_texts, "files?": _are_named_texts, "commit?": str,
-    "seen?": _are_texts, "notes?": {...: _is_mapping_or_none}, "peak_mib?": _is_number_or_none,
-}  # fmt: skip
-
-#: What it has besides if the job was ok.
-_SCORED: dict[Any, Any] = {
-    "scores": {...: _is_share} | _PRINTED, "chance": {...: _is_share} | _PRINTED,
-    "per_query": {...: _are_shares} | _PRINTED,
-    "shapes": _are_texts, "labels": _are_texts, "n_shapes": _is_count, "n_classes": _is_count,
-    "unsupported": [_is_pair], "unprepared?": _are_texts, "coverage?": _is_share,
-    "supported?": {...: _is_share} | _PRINTED,
-    "cost": {"seconds_per_shape": {...: _is_duration}},
-    "splits?": {"count": _is_count, "size": _is_count, "quantiles": {...: _quantiles}},
-}  # fmt: skip
+#: Parts of a record of status ``ok``.
+_SCORED = ("scores", "chance", "per_query", "shapes", "labels", "n_shapes", "n_classes", "unsupported", "cost")
 
 #: Large parts whose every number was looked at.
 _CHECKED = ("per_query", "shapes", "labels")
 
 
+class _Stage(msgspec.Struct):
+    code: Texts | UnsetType = UNSET
+    packages: Texts | UnsetType = UNSET
+
+
+class _Recipe(msgspec.Struct):
+    seed: int | UnsetType = UNSET
+    unavailable: str | UnsetType = UNSET
+    parameters: dict[str, Any] | UnsetType = UNSET
+    models: Texts | UnsetType = UNSET
+    versions: Texts | UnsetType = UNSET
+    plugin: Texts | UnsetType = UNSET
+    code: dict[str, _Stage] | UnsetType = UNSET
+
+
+class _Data(msgspec.Struct):
+    name: str
+    title: str
+    stand_in_for: str
+    source: str
+    module: str
+    quick: bool
+    n_shapes: Count
+    n_classes: Count
+    chance: Shares
+
+
+class _Model(msgspec.Struct):
+    training: str
+    data: str
+    digest: str
+    schedule: str
+    extra_data: bool
+
+
+class _Environment(msgspec.Struct):
+    environment: str | dict[str, Any] = ""
+    artefacts: Count = 0
+
+
+class _Cost(msgspec.Struct):
+    seconds_per_shape: dict[str, Amount]
+
+
+class _Splits(msgspec.Struct):
+    count: Count
+    size: Count
+    quantiles: dict[str, tuple[Share, Share, Share]]
+
+
+class _Record(msgspec.Struct, kw_only=True):
+    key: str
+    gallery: str
+    input: Input
+    method: str
+    title: str
+    family: str
+    parameters: dict[str, Any]
+    target: str
+    status: str
+    recipe: _Recipe
+    data: _Data
+    reason: str | UnsetType = UNSET
+    traceback: str | UnsetType = UNSET
+    finished: str | UnsetType = UNSET
+    scorer: str | UnsetType = UNSET
+    scorer_title: str | UnsetType = UNSET
+    scores: Shares | UnsetType = UNSET
+    chance: Shares | UnsetType = UNSET
+    supported: Shares | UnsetType = UNSET
+    codebook_deviation: dict[str, Amount] | UnsetType | None = UNSET
+    per_query: dict[str, list[Share | None]] | UnsetType = UNSET
+    splits: _Splits | UnsetType = UNSET
+    shapes: list[str] | UnsetType = UNSET
+    labels: list[str] | UnsetType = UNSET
+    n_shapes: Count | UnsetType = UNSET
+    n_classes: Count | UnsetType = UNSET
+    tied_queries: Count | UnsetType = UNSET
+    lone_queries: Count | UnsetType = UNSET
+    unsupported: list[tuple[str, str]] | UnsetType = UNSET
+    unprepared: list[str] | UnsetType = UNSET
+    coverage: Share | UnsetType = UNSET
+    cost: _Cost | UnsetType = UNSET
+    peak_mib: Amount | UnsetType | None = UNSET
+    wall_seconds: Amount | UnsetType = UNSET
+    environments: list[_Environment] | UnsetType = UNSET
+    artefacts: list[str] | UnsetType = UNSET
+    models: list[_Model] | UnsetType = UNSET
+    digests: Texts | UnsetType = UNSET
+    files: Texts | UnsetType = UNSET
+    commit: str | UnsetType = UNSET
+    seen: list[str] | UnsetType = UNSET
+    notes: dict[str, dict[str, Any] | None] | UnsetType = UNSET
+
+
 def fault_of(content: Any) -> str:
     """Return why something read from a file is not the record of a job; "" if it is one."""
     try:
-        fault = _fault(content, _RECORD, "")
-        if not fault and content["status"] == "ok":
-            fault = _fault(content, _SCORED, "") or _miscount(content)
+        msgspec.convert(content, _Record)
+        fault = _contradiction(content) or _fault_of_names(content)
         if not fault and digest(content["recipe"]) != content["key"].rpartition("-")[2]:
             fault = "its key is not that of its recipe"
         if not fault:
             json.dumps({name: part for name, part in content.items() if name not in _CHECKED}, allow_nan=False)
+    except msgspec.ValidationError as error:
+        return f"it is no record: {error}"
     except RecursionError:
         return "it is nested too deeply"
     except ValueError:
@@ -136,23 +151,75 @@ def fault_of(content: Any) -> str:
     return fault
 
 
-def _miscount(content: Mapping[str, Any]) -> str:
-    n_queries = len(content["shapes"])
-    if content["n_shapes"] != n_queries or content["n_classes"] != len(set(content["labels"])):
+def _fault_of_names(record: Mapping[str, Any]) -> str:
+    """Return why a name of a record can be no name of a file or a shape; "" if all can."""
+    data = record["data"]
+    names = [record["gallery"], record["method"], record.get("scorer", ""), data["name"], data["source"]]
+    text = "".join([*names, *record.get("shapes", ()), *record.get("labels", ())])
+    try:
+        text.encode("utf-8", "surrogateescape")  # as Python reads file names that are no UTF-8
+    except UnicodeEncodeError:
+        return "a name in it is no Unicode text"
+    return "a name in it holds a NUL" if "\0" in text else ""
+
+
+def _contradiction(record: Mapping[str, Any]) -> str:
+    """Return which parts of a record contradict each other; "" if none do."""
+    parts = {name: record[name] for name in _BY_MEASURE if record.get(name) is not None}
+    for name, part in {**parts, "data.chance": record["data"]["chance"]}.items():
+        if missing := [measure for measure in PRINTED if measure not in part]:
+            return f"it has no '{name}.{missing[0]}'"
+    if "scorer_title" in record and "scorer" not in record:
+        return "it has the title of a scorer and no 'scorer'"
+    for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
+        if any(low > high for low, high in pairwise(quantiles)):
+            return f"'splits.quantiles.{measure}' do not rise"
+    if record["status"] != "ok":
+        return "it has scores, and is not ok" if "scores" in record else ""
+    if missing := [name for name in _SCORED if name not in record]:
+        return f"it has no '{missing[0]}'"
+    return _fault_of_shapes(record) or _fault_of_scores(record)
+
+
+def _fault_of_shapes(record: Mapping[str, Any]) -> str:
+    shapes, refused = record["shapes"], [name for name, _ in record["unsupported"]]
+    if record["n_shapes"] != len(shapes) or record["n_classes"] != len(set(record["labels"])):
         return "'n_shapes' or 'n_classes' is not the number of its shapes or classes"
-    if len(content["labels"]) != n_queries:
+    if len(record["labels"]) != len(shapes):
         return "'labels' has another length than 'shapes'"
-    for name, values in content["per_query"].items():
-        if len(values) != n_queries:
+    unprepared, seen, known = record.get("unprepared", []), record.get("seen", []), set(shapes)
+    for part, names in (("shapes", shapes), ("unsupported", refused), ("unprepared", unprepared), ("seen", seen)):
+        if len(set(names)) != len(names):
+            return f"'{part}' names a shape twice"
+    if not known.issuperset(seen) or not set(refused).issuperset(unprepared):
+        return "'seen' or 'unprepared' names other shapes than 'shapes' or 'unsupported'"
+    if "coverage" not in record:  # records of before did not count what was refused as shapes
+        return "" if known.isdisjoint(refused) else "it has no 'coverage', and lacks shapes"
+    answered = (len(shapes) - len(refused)) / max(len(shapes) - len(unprepared), 1)
+    if not known.issuperset(refused) or not _agree(record["coverage"], answered):
+        return "'coverage' is not the share of its shapes that have a result"
+    return ""
+
+
+def _fault_of_scores(record: Mapping[str, Any]) -> str:
+    labels, scores = record["labels"], record["scores"]
+    members = Counter(labels)
+    is_alone = [members[label] == 1 for label in labels]
+    if scores.keys() != record["per_query"].keys():
+        return "'scores' and 'per_query' name different measures"
+    for name, values in record["per_query"].items():
+        if len(values) != len(labels):
             return f"'per_query.{name}' has another length than 'shapes'"
+        if (None in values or True in is_alone) and [value is None for value in values] != is_alone:
+            return f"'per_query.{name}' has no value of a query"
         known = [value for value in values if value is not None]
-        if known and not _agree(content["scores"].get(name), sum(known) / len(known)):
+        if not known or not _agree(scores[name], sum(known) / len(known)):
             return f"'scores.{name}' is not the mean of its queries"
     try:
-        chance = chance_of_labels(tuple(content["labels"]))
+        chance = chance_of_labels(tuple(labels))
     except ConfigurationError:
         return "no class of its labels has two members"
-    wrong = next((name for name, value in content["chance"].items() if not _agree(value, chance.get(name))), None)
+    wrong = next((name for name, value in record["chance"].items() if not _agree(value, chance.get(name))), None)
     return f"'chance.{wrong}' is not that of its labels" if wrong is not None else ""
 
 
@@ -165,40 +232,6 @@ def _agree(one: float | None, other: float | None) -> bool:
 def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
     """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.chance.chance_levels`."""
     return chance_levels(labels)
-
-
-def _fault(content: Any, kind: Kind, where: str) -> str:
-    if isinstance(kind, type):
-        return "" if isinstance(content, kind) else _wrong(where)
-    if isinstance(kind, list):
-        if not isinstance(content, list):
-            return _wrong(where)
-        return next((fault for each in content if (fault := _fault(each, kind[0], where))), "")
-    if isinstance(kind, dict):
-        return _fault_of_parts(content, kind, where)
-    return "" if kind(content) else _wrong(where)
-
-
-def _fault_of_parts(content: Any, kinds: Mapping[Any, Kind], where: str) -> str:
-    if not isinstance(content, dict):
-        return _wrong(where)
-    for name, kind in kinds.items():
-        if name is ...:
-            parts = list(content)
-        else:
-            parts = [name.removesuffix("?")]
-            if parts[0] not in content:
-                if name.endswith("?"):
-                    continue
-                return f"it has no '{where}{parts[0]}'"
-        for part in parts:
-            if fault := _fault(content[part], kind, f"{where}{part}."):
-                return fault
-    return ""
-
-
-def _wrong(where: str) -> str:
-    return f"'{where.removesuffix('.')}' is not what a record has there" if where else "it is no JSON object"
 
 
 def not_a_number(name: str) -> float:

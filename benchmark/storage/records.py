@@ -99,7 +99,7 @@ class Records:
 
     def read(self, key: str) -> Record | None:
         """Return the record of a job; None when there is none that can be read."""
-        sources = (self._file(self._path(key)), self._lines.get(key))
+        sources = (self._file(self._path(key)), *self._lines.get(key, ()))
         return next((record for source in sources if source and (record := self._record(source))), None)
 
     def remove(self, *keys: str) -> None:
@@ -109,7 +109,7 @@ class Records:
         if not self._lines.keys().isdisjoint(keys):
             with locked(self.folder, alone=True):
                 self._reread()
-                self._rewrite(self._lines.values(), without=keys)
+                self._rewrite(self._all_lines(), without=keys)
 
     def gather(self) -> int:
         """Bring the records that have files of their own into one file of lines for each data set.
@@ -130,7 +130,7 @@ class Records:
             files = [source for source in self._files() if "-" not in source.key and self._record(source)]
             self._reread()
             if files:
-                self._rewrite([*files, *self._lines.values()])
+                self._rewrite([*files, *self._all_lines()])
                 for source in files:
                     (self.folder / source.name).unlink()
         return len(files)
@@ -142,8 +142,8 @@ class Records:
         """All records, oldest first; the same order wherever the files lie."""
         found: dict[str, Record] = {}
         for source in self._sources():
-            if source.key not in found and (record := self._record(source)):
-                found[source.key] = record
+            if record := self._record(source):  # one that is none is told also where another one counts
+                found.setdefault(source.key, record)
         return iter(_by_age(found.values()))
 
     @property
@@ -176,7 +176,7 @@ class Records:
         with locked(self.folder):
             yield from self._files()
             self._reread()
-            yield from self._lines.values()
+            yield from self._all_lines()
 
     def _files(self) -> Iterator[_Source]:
         paths = (*self.folder.glob("*.json"), *self.folder.parent.glob(f"{EDITED}/*/records/*.json"))
@@ -191,32 +191,36 @@ class Records:
         self.__dict__.pop("_lines", None)
 
     @cached_property
-    def _lines(self) -> dict[str, _Source]:
-        """Lines of gathered records by their keys, as they were when they were looked at first."""
-        parts, found = SharedParts(), {}
+    def _lines(self) -> dict[str, list[_Source]]:
+        """Lines of gathered records by the keys that they say, the last ones first; as they were at the first look."""
+        parts, found = SharedParts(), dict[str, list[_Source]]()
         texts = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
         for kind in KINDS if texts else ():
             parts.read(kind, self._bytes(self.folder / _PARTS / f"{kind}.jsonl", LARGEST_GATHERED) or b"")
         for name, text in texts.items():
             for number, line in enumerate((text or b"").splitlines(), 1):
-                found[key_of(line)] = _Source(key_of(line), f"{name}:{number}", line, parts)
+                found.setdefault(key_of(line), []).insert(0, _Source(key_of(line), f"{name}:{number}", line, parts))
         return found
 
+    def _all_lines(self) -> list[_Source]:
+        return [line for lines in self._lines.values() for line in lines]
+
     def _rewrite(self, sources: Iterable[_Source], without: Collection[str] = ()) -> None:
-        """Write lines anew; of several of one key the first counts, and one that cannot be read stays as it is."""
+        """Write lines anew; of several records of one key the first counts, and a line that is none stays as it is."""
+        if unread := sorted(name for name in self.skipped if name.endswith(".jsonl")):
+            raise OSError(f"{self.folder / unread[0]} cannot be written anew: {self.skipped[unread[0]]}")
         parts, tables = SharedParts(), dict[str, dict[tuple[Any, ...], bytes]]()
-        before = next((source.parts for source in self._lines.values() if source.parts), SharedParts())
+        before = next((source.parts for source in self._all_lines() if source.parts), SharedParts())
         done = set(without)
         for source in sources:
-            if source.key in done:
-                continue
-            done.add(source.key)
-            if record := self._record(source):
-                where = (*place(record), source.key)
-                tables.setdefault(_table_of(record), {})[where] = as_line(record, parts)
-            else:
+            record = self._record(source)
+            if record is None:
                 parts.update(before)  # whoever can read it needs them
-                tables.setdefault(source.name.partition(":")[0], {})[("", "", "", 0, "", source.key)] = source.text
+                damaged = ("", "", "", 0, "", source.key, source.text)
+                tables.setdefault(source.name.partition(":")[0], {})[damaged] = source.text
+            elif source.key not in done:
+                done.add(source.key)
+                tables.setdefault(_table_of(record), {})[(*place(record), source.key)] = as_line(record, parts)
         old = {path.name for path in self.folder.glob("*.jsonl")}
         before.update(parts)  # until the last line is written, both those of before and those of now are needed
         self._write_parts(before)

@@ -18,7 +18,7 @@ from benchmark.storage.merging import publish
 from benchmark.storage.records import Records, as_text
 from benchmark.storage.store import Store
 from benchmark.system.files import locked, write_text
-from tests.records import copy_published, failed, published, record
+from tests.records import SHAPES, copy_published, failed, published, record
 from tests.storage.test_records import put_aliens
 
 ROOT = Path(__file__).parents[2]
@@ -26,9 +26,10 @@ ROOT = Path(__file__).parents[2]
 MADE = (
     record("gps", environments=[{"environment": "{}"}, {"python": "3"}]),
     record("pca", finished="2025-01-01T00:00:00+00:00", per_query={
-        "NN": [1, 1.0, 0.0, 1.0], "FT": [0.5] * 4, "ST": [0.75] * 4, "DCG": [0.8] * 4,
-        "E": [k / 100 for k in range(4)], "rest": [None] * 4,
-    }, scores={"NN": 0.75, "FT": 0.5, "ST": 0.75, "DCG": 0.8, "E": 0.015, "rest": 0.5}),
+        "NN": [1, 1.0, 0.0, 1.0, None], "FT": [*[0.5] * 4, None], "ST": [*[0.75] * 4, None], "DCG": [*[0.8] * 4, None],
+        "E": [*(k / 100 for k in range(4)), None],
+    }, scores={"NN": 0.75, "FT": 0.5, "ST": 0.75, "DCG": 0.8, "E": 0.015}, shapes=[*SHAPES, "owl0"],
+        labels=["cat", "cat", "dog", "dog", "owl"], n_shapes=5, n_classes=3),
     record("gps", gallery="balls[radius=2]", data={"name": "balls[radius=2]"}),
     failed(method="random"),
 )  # fmt: skip
@@ -103,7 +104,7 @@ def test_what_is_no_record_stays_where_it_is_and_is_told(records):
     again = Records(records.folder)
     assert len(list(again)) == 2
     assert again.skipped["rods.jsonl:1"] == "it is not JSON"
-    assert "is not" in again.skipped["rods.jsonl:2"]
+    assert "Expected `float` <= 1" in again.skipped["rods.jsonl:2"]
     again.write(MADE[2])
     again.gather()
     assert set(path.read_bytes().splitlines()) >= {b"<<<<<<< HEAD", good[2]}
@@ -111,6 +112,64 @@ def test_what_is_no_record_stays_where_it_is_and_is_told(records):
     bare = Records(records.folder)
     assert list(bare) == []
     assert "it names what is not in parts" in bare.skipped.values()
+
+
+@pytest.mark.parametrize("work", ["read", "gather", "publish", "remove"])
+def test_a_damaged_line_hides_no_good_one_and_no_work_drops_it(records, work):
+    """A copy that is cut off, or one under the key of another record, before its line or behind it."""
+    records.gather()
+    path = records.folder / "rods.jsonl"
+    good = path.read_bytes().splitlines()
+    damaged = [good[0][:-9], good[1].replace(b"0.5", b"1.5"), good[2][:8] + good[0][8:40] + good[2][40:]]
+    for lines in ([*damaged, *good], [*good, *damaged]):
+        path.write_bytes(b"\n".join(lines))
+        again = Records(records.folder)
+        assert {each["key"] for each in again} == {each["key"] for each in MADE}
+        assert [again.read(each["key"]) for each in MADE] == list(MADE)
+        if work == "gather":
+            again.write(MADE[0])
+            assert again.gather() == 1
+        elif work == "publish":
+            publish([record("fast-mds", data={"source": "rods"})], again)
+        elif work == "remove":
+            again.remove(MADE[0]["key"])
+        left = {each["key"] for each in MADE} - ({MADE[0]["key"]} if work == "remove" else set())
+        now = Records(records.folder)
+        assert {each["key"] for each in now} >= left
+        assert set(path.read_bytes().splitlines()) >= set(damaged)
+        assert len([name for name in now.skipped if name.startswith("rods.jsonl:")]) == 3
+        if work == "remove":
+            assert now.read(MADE[0]["key"]) is None
+
+
+def test_a_damaged_part_stays_for_whoever_can_repair_it(records):
+    records.gather()
+    path = records.folder / "parts" / "galleries.jsonl"
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b'"balls[', b'"bills['))
+    again = Records(records.folder)
+    again.remove(MADE[0]["key"])
+    path.write_bytes(path.read_bytes().replace(b'"bills[', b'"balls['))
+    assert Records(records.folder).read(MADE[2]["key"]) == MADE[2]
+
+
+@pytest.mark.parametrize("name", ["balls.jsonl", "parts/code.jsonl"])
+def test_nothing_is_written_anew_where_a_file_cannot_be_read(records, name, monkeypatch):
+    records.gather()
+    before = files(records.folder)
+    again = Records(records.folder)
+    whole = Records._bytes
+
+    def blocked(self, path, most):
+        if path == self.folder / name:
+            self.skipped[path.name] = "it cannot be read: Permission denied"
+            return None
+        return whole(self, path, most)
+
+    monkeypatch.setattr(Records, "_bytes", blocked)
+    with pytest.raises(OSError, match=f"{Path(name).name} cannot be written anew: it cannot be read"):
+        again.remove(MADE[0]["key"])
+    assert files(records.folder) == before
 
 
 def test_a_changed_part_is_none(records):

@@ -5,9 +5,11 @@ import os
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmark.cli.main import cli
 from benchmark.cli.verbs.results import _explain_record
 from benchmark.jobs.plan import difference
 from benchmark.report.artefact_reader import ArtefactReader
@@ -17,6 +19,7 @@ from benchmark.report.files import render
 from benchmark.report.html.folder import data_script
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, index_page, table_page
+from benchmark.report.paper.document import paper_files
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
 from benchmark.storage.record_schema import fault_of
@@ -72,6 +75,21 @@ def without(found, *path):
 
 
 GOOD = record()
+PARTS = {
+    "scorer": "cm-bof",
+    "scorer_title": "CM-BOF",
+    "codebook_deviation": dict.fromkeys(MEASURES, 0.01),
+    "environments": [{"environment": "{}", "artefacts": 3}],
+    "splits": {"count": 3, "size": 2, "quantiles": {name: [0.1, 0.2, 0.3] for name in MEASURES}},
+    "unsupported": [["cat0", "too thin"]],
+    "unprepared": [],
+    "coverage": 0.75,
+    "supported": dict.fromkeys(MEASURES, 0.5),
+    "seen": ["cat1"],
+    "notes": {"bridges": {"mean": 1.0, "max": 2.0}},
+}
+#: A record with every part that one may have.
+WHOLE = GOOD | PARTS
 MODEL = {"training": "humans-fold-0", "data": "ten", "digest": "a", "schedule": "one pass", "extra_data": False}
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
@@ -122,6 +140,33 @@ ALIENS = {
     "a number beyond all bounds": {**GOOD, "wall_seconds": float("inf")},
     "an unknown input": {**GOOD, "input": "touch"},
     "a seed in words": {**GOOD, "recipe": {**GOOD["recipe"], "seed": "zero"}},
+    "no query has a value": {**GOOD, "per_query": dict.fromkeys(MEASURES, [None] * 4)},
+    "a query has no value": {**GOOD, "per_query": {**GOOD["per_query"], "NN": [0.75, None, 0.75, 0.75]}},
+    "scores without queries": {**GOOD, "scores": {**GOOD["scores"], "mAP": 0.9}},
+    "one shape twice": {**GOOD, "shapes": ["cat0", "cat0", "dog0", "dog1"]},
+    "one shape refused twice": {**WHOLE, "unsupported": [["cat0", "a"], ["cat0", "b"]], "coverage": 0.5},
+    "another coverage than the shapes": {**WHOLE, "coverage": 1.0},
+    "a coverage below that of the shapes": {**GOOD, "coverage": 0.5},
+    "shapes without a result and no coverage": without(WHOLE, "coverage"),
+    "a refused shape that is none": {**WHOLE, "unsupported": [["owl0", "too thin"]]},
+    "an unprepared shape that was not refused": {**WHOLE, "unprepared": ["cat1"]},
+    "seen shapes that are none": {**WHOLE, "seen": ["owl0"]},
+    "quantiles that fall": {
+        **GOOD,
+        "splits": {"count": 3, "size": 2, "quantiles": {each: [0.9, 0.5, 0.1] for each in MEASURES}},
+    },
+    "deviations in words": {**GOOD, "codebook_deviation": dict.fromkeys(MEASURES, "much")},
+    "deviations of another measure": {**GOOD, "codebook_deviation": {"mAP": 0.1}},
+    "the title of a scorer without its name": {**GOOD, "scorer_title": "CM-BOF"},
+    "artefacts in words": {**GOOD, "environments": [{"environment": "{}", "artefacts": "many"}]},
+    "a NUL in the name of a set": {**GOOD, "data": {**GOOD["data"], "name": "ro\0ds"}},
+    "a NUL in a source": {**GOOD, "data": {**GOOD["data"], "source": "ro\0ds"}},
+    "a surrogate in the name of a set": {**GOOD, "data": {**GOOD["data"], "name": "ro\ud800ds"}},
+    "a surrogate in a source": {**GOOD, "data": {**GOOD["data"], "source": "ro\ud800ds"}},
+    "a NUL in the name of a shape": {**GOOD, "shapes": ["cat\0", "cat1", "dog0", "dog1"]},
+    "a surrogate in a class": {**GOOD, "labels": ["\ud800", "\ud800", "dog", "dog"]},
+    "a surrogate in a method": {**GOOD, "method": "g\ud800ps"},
+    "a NUL in a gallery": {**GOOD, "gallery": "\0"},
     "the name of another job": {**GOOD, "key": "0" * 32},
 }
 
@@ -147,7 +192,7 @@ def put_aliens(folder):
 
 @pytest.mark.parametrize("name", [name for name in ALIENS if name != "the name of another job"])
 def test_what_is_no_record_is_told(name):
-    assert fault_of(GOOD) == ""
+    assert fault_of(GOOD) == fault_of(WHOLE) == ""
     assert fault_of(ALIENS[name])
 
 
@@ -166,13 +211,19 @@ def test_what_is_no_record_is_passed_over(records):
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        ('{"a": 1}', "it has no 'key'"),
+        ('{"a": 1}', "it is no record: Object missing required field `key`"),
         ("", "it is not JSON"),
         ("[" * 100_000, "it is not JSON"),
         ('{"a": NaN}', "it is not JSON"),
-        (json.dumps({**GOOD, "scores": {**GOOD["scores"], "FT": 1.5}}), "'scores.FT' is not what a record has there"),
+        (
+            json.dumps({**GOOD, "scores": {**GOOD["scores"], "FT": 1.5}}),
+            "it is no record: Expected `float` <= 1.000000001 - at `$.scores[...]`",
+        ),
         (json.dumps({**GOOD, "n_shapes": 400}), "'n_shapes' or 'n_classes' is not the number of its shapes or classes"),
-        (json.dumps({**GOOD, "data": {**GOOD["data"], "quick": "yes"}}), "'data.quick' is not what a record has there"),
+        (
+            json.dumps({**GOOD, "data": {**GOOD["data"], "quick": "yes"}}),
+            "it is no record: Expected `bool`, got `str` - at `$.data.quick`",
+        ),
     ],
 )
 def test_the_reason_says_what_is_wrong(records, content, why):
@@ -196,10 +247,29 @@ def test_a_mean_may_hang_over_one_by_its_rounding():
     assert fault_of({**GOOD, "splits": {"count": 3, "size": 2, "quantiles": quantiles}}) == ""
 
 
+@pytest.mark.parametrize("name", [
+    "deviations in words", "the title of a scorer without its name", "artefacts in words",
+    "a NUL in the name of a set", "a surrogate in a source", "no query has a value", "quantiles that fall",
+])  # fmt: skip
+def test_a_bad_record_costs_its_own_row(tmp_path, name):
+    bad, good = {**ALIENS[name], "key": GOOD["key"]}, record("gps")
+    folder = tmp_path / "runs" / "records"
+    folder.mkdir(parents=True)
+    for each in (bad, good):
+        (folder / f"{each['key']}.json").write_text(json.dumps(each))
+    for words in (["tables"], ["tables", "-o", "tables"], ["report", "-o", "report"], ["paper", "-o", "paper"]):
+        words[2:] = [str(tmp_path / place) for place in words[2:]]
+        done = CliRunner().invoke(cli, [*words, "--results", str(tmp_path)])
+        assert done.exit_code == 0, done.output
+        assert f"skipped {folder / bad['key']}.json: " in done.output
+    assert "Gps" in (tmp_path / "tables" / "table-rods.md").read_text()
+    assert "Classic-Mds" not in (tmp_path / "tables" / "table-rods.md").read_text()
+
+
 @given(st.data())
 def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(data):
     """Whatever stands in the place of a part: either it is told, or every reader of the record takes it."""
-    changed = json.loads(json.dumps(GOOD | {"models": [MODEL], "notes": {"bridges": {"mean": 1.0, "max": 2.0}}}))
+    changed = json.loads(json.dumps(WHOLE | {"models": [MODEL]}))
     inner, name = changed, data.draw(st.sampled_from(sorted(changed)))
     while isinstance(inner[name], (dict, list)) and inner[name] and data.draw(st.booleans()):
         inner = inner[name]
@@ -210,6 +280,7 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
         return
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
+    paper_files([table], ArtefactReader(Store(Path("nowhere")), {}), "article")
     found = measured(table, ArtefactReader(Store(Path("nowhere")), {}))
     pages = TablePages(table, found)
     data_script("table", found.data)
@@ -224,7 +295,9 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
 
 def test_a_failure_needs_no_scores_but_a_place():
     assert fault_of(failed()) == ""
-    assert fault_of(without(failed(), "data")) == "it has no 'data'"
+    assert fault_of(without(failed(), "data")) == "it is no record: Object missing required field `data`"
+    assert fault_of({**failed(), "scores": GOOD["scores"]}) == "it has scores, and is not ok"
+    assert "Expected `object`, got `str` - at `$.cost`" in fault_of({**failed(), "cost": "much"})
 
 
 def test_the_outcome_is_what_came_out_wherever_and_whenever():
