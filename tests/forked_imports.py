@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from benchmark.system.fingerprints import _distributions
-
 import benchmark.jobs.execution.runner
 import benchmark.jobs.foreign.serving
 import benchmark.jobs.method_run
@@ -16,6 +14,5 @@ from retrieval.cmbof import CMBOF
 from tests.toy import rod
 
 pin_threads()
-_distributions()
 depth_surface(prepare(rod(0.1, 1.0)).mesh, FRONT, 0.6)
 CMBOF().compare([CMBOF().signature(rod(0.1, bend)) for bend in (1.0, 2.0)], 0)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark.system.fingerprints import fingerprint
 
 from benchmark.bundles.archive import LARGEST_FILE
 from benchmark.bundles.checking import Request, _verified
@@ -23,6 +22,7 @@ from benchmark.bundles.rows import _check_signature
 from benchmark.bundles.writing import Offer, _withheld
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.storage.keys import digest
+from benchmark.system.code import digest_of_source
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
 from tests.toy import write_rods
 
@@ -61,11 +61,11 @@ def test_another_process_verifies_a_bundle_and_makes_forms_again(ran, tmp_path):
 
 
 def test_forms_of_something_else_are_found_by_making_them_again(forged, ran, tmp_path):
-    """All of the bundle agrees but for the source, whose fingerprint the forger has told, too."""
+    """All of the bundle agrees but for the source, whose digest the forger has told, too."""
     other = tmp_path / "flat.py"
     other.write_bytes(forged.plugin.replace(b"0.5", b"0.7"))
     forged.put_source(other.read_bytes())
-    forged.record["recipe"]["code"]["method"]["code"]["flat.py"] = fingerprint(str(other)).code["flat.py"]
+    forged.record["recipe"]["plugin"]["flat.py"] = digest_of_source(other.read_bytes())
     forged.rekey()
     path = forged.write(tmp_path / "forged.zip")
     assert faults(outcome(path, data=ran / "rods")) == {}

@@ -4,7 +4,6 @@ import os
 from pathlib import Path
 
 import pytest
-from benchmark.system.fingerprints import fingerprint
 
 from benchmark.datasets import files
 from benchmark.datasets.files import file_digest
@@ -53,10 +52,3 @@ def test_the_digest_is_that_of_the_bytes(tmp_path):
     assert file_digest(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     with pytest.raises(UnreadableMesh, match="none: No such file or directory; check the file and its rights"):
         file_digest(tmp_path / "none")
-
-
-@pytest.mark.parametrize("name", ["humans", "animals", "humans_scanlike"])
-def test_a_generated_set_does_not_depend_on_readers_of_files(name):
-    needed = set(fingerprint(f"benchmark.datasets.{name}").code)
-    assert "benchmark.datasets.base" in needed
-    assert not {"benchmark.geometry.io", "benchmark.geometry.formats.text", "benchmark.datasets.files"} & needed

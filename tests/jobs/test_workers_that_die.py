@@ -13,7 +13,6 @@ from benchmark.jobs.execution.worker import UNWRITTEN, Status
 from benchmark.jobs.job_specs import JobSpec, ScoringTask, from_json, to_json
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
-from benchmark.system import fingerprints
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -169,7 +168,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:
-        worker._do(to_json(ScoringTask(())), tmp_path / "absent" / "status", fingerprints.export_cache())
+        worker._do(to_json(ScoringTask(())), tmp_path / "absent" / "status")
     assert left.value.code == UNWRITTEN
 
 

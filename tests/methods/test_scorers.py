@@ -70,10 +70,10 @@ def test_a_name_with_parameters_has_one_spelling_and_wrong_ones_are_refused():
 def test_the_recipe_names_the_scorer_but_for_the_default_one():
     default, other = (recipes.scorer_recipe(scorer_of(name, scorers())) for name in BUILT_IN)
     assert "name" not in default
-    assert (default["codebooks"], default["n_words"]) == ([0, 1, 2], 1500)
-    assert (other["name"], other["codebooks"], other["n_shells"]) == ("spherical-harmonics", [0], 32)
-    assert "retrieval.spherical_harmonics" in recipes.distances_code(scorer_of("spherical-harmonics", scorers())).code
-    assert "retrieval.spherical_harmonics" not in recipes.distances_code(ScorerSpec()).code
+    assert default == {"codebooks": [0, 1, 2]}
+    assert other == {"name": "spherical-harmonics", "codebooks": [0]}
+    chosen = recipes.scorer_recipe(scorer_of("cm-bof[n_words=900]", scorers()))
+    assert chosen == {"n_words": 900, "codebooks": [0, 1, 2]}
 
 
 def test_a_plugin_file_may_hold_a_scorer_alone(plugin):

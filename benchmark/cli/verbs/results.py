@@ -49,12 +49,13 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
     from benchmark.storage.merging import merge_records, publish, records_under, told
     from benchmark.storage.store import Store, sweep_leftovers
 
-    stores = [Store(folder / "runs") for folder in folders]
+    store = Store.open(results)
+    is_target = results.resolve().__eq__
+    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in folders]
     try:
-        found = [record for store in stores for record in records_under(store)]
+        found = [record for source in stores for record in records_under(source)]
     finally:
         name_skipped(*stores)
-    store = Store.open(results)
     sweep_leftovers(store)
     with Claims.of(store) as claims:
         merged = publish(found, store.published) if published else merge_records(found, store.records)
