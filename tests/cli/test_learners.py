@@ -327,7 +327,7 @@ def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
     ("name", "folder"),
     [
         ("learned", "humans-fold-0/literal-seed0"),
-        ("learned-wide-extra", "humans-sampled/wide-extra-seed0"),
+        ("learned-wide-extra[training=animals-sampled]", "animals-sampled/wide-extra-seed0"),
         ("learned-strict", "humans-fold-0/literal-seed0"),
         ("learned[training=animals-III]", "animals-III/literal-seed0"),
     ],

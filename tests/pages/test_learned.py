@@ -75,11 +75,8 @@ def test_the_field_is_above_every_classical_form_of_complete_surfaces_but_in_nn_
 @pytest.mark.parametrize(
     ("method", "galleries", "pages"),
     [
-        ("learned-streamed", FOLDS, (PAGE,)),
-        ("learned-streamed", ["humans"], (PAGE,)),
-        ("learned-wide-extra", FOLDS, (PAGE, README)),
-        ("learned-wide-extra", ["humans"], (PAGE, README)),
-        ("learned-wide-extra", ["humans-scanlike"], (PAGE, README)),
+        ("learned-streamed", FOLDS, (PAGE, README)),
+        ("learned-streamed", ["humans"], (PAGE, README)),
     ],
 )
 def test_one_view_is_above_every_classical_form_of_complete_surfaces(
