@@ -1,4 +1,4 @@
-"""Named configurations of the streamed networks: each differs from the plain one in one respect, but for the last."""
+"""Named configurations of the streamed networks."""
 
 from __future__ import annotations
 
@@ -89,40 +89,20 @@ class Streamed:
 PLAIN = Streamed(name="plain")
 
 STREAMED: dict[str, Streamed] = {
-    each.name: each
-    for each in (
+    "people": replace(
         PLAIN,
-        replace(PLAIN, name="framed", crop=False),
-        replace(PLAIN, name="residual", resolution=192, code_size=512, decoder="residual"),
-        replace(PLAIN, name="two-sided", sides=2),
-        replace(PLAIN, name="one-code", one_code=0.01),
-        replace(PLAIN, name="gradient", gradient=1.0),
-        replace(
-            PLAIN,
-            name="whole",
-            resolution=192,
-            code_size=512,
-            decoder="residual",
-            sides=2,
-            one_code=0.01,
-            gradient=1.0,
-        ),
-        replace(
-            PLAIN,
-            name="people",
-            sides=2,
-            norm="none",
-            encoder="residual",
-            decoder="shuffle",
-            average=True,
-            places=1.0,
-            points=0.1,
-            stream="wide",
-        ),
-    )
+        name="people",
+        sides=2,
+        norm="none",
+        encoder="residual",
+        decoder="shuffle",
+        average=True,
+        places=1.0,
+        points=0.1,
+        stream="wide",
+    ),
 }
-"""All configurations by name. The weights are those that make each term as large as the others early in a training;
-which of them earn their place is what ``python -m tools.studies.architectures`` measures on validation bodies."""
+"""All configurations by name. The weights are those that make each term as large as the others early in a training."""
 
 
 def streamed(name: str) -> Streamed:

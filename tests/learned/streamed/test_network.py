@@ -54,9 +54,7 @@ def test_the_gradient_of_every_term_that_counts_reaches_every_weight(name: str) 
         assert weight.grad.abs().max() > 0
 
 
-@pytest.mark.parametrize(
-    "name", [name if name == "two-sided" else pytest.param(name, marks=pytest.mark.slow) for name in STREAMED]
-)
+@pytest.mark.parametrize("name", STREAMED)
 def test_each_configuration_learns_a_pair_by_heart_and_its_form_is_a_surface(name: str) -> None:
     chosen = small(name)
     network = build_streamed(chosen)
@@ -155,7 +153,7 @@ def test_the_names_of_the_terms_are_those_of_the_history() -> None:
 
 
 def test_a_card_of_another_network_and_a_resolution_that_cannot_be_are_refused() -> None:
-    described = streamed("plain").described()
+    described = streamed("people").described()
     with pytest.raises(ConfigurationError, match="another kind of network"):
         from_card(described | {"depth": 3})
     with pytest.raises(ConfigurationError, match="multiple of 32"):
@@ -163,4 +161,4 @@ def test_a_card_of_another_network_and_a_resolution_that_cannot_be_are_refused()
     with pytest.raises(ConfigurationError, match="sides"):
         from_card(described | {"sides": 3})
     with pytest.raises(ConfigurationError, match="did you mean"):
-        streamed("two-side")
+        streamed("peopel")
