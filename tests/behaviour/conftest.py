@@ -26,22 +26,34 @@ def material(tmp_path_factory) -> Path:
     write_off(folder / "bad" / "dog0.off", *triangle)
     for number in range(2):
         write_off(folder / "one" / f"cat{number}.off", *triangle)
-    (folder / "empty").mkdir()
-    (folder / "full").mkdir()
+    for name in ("empty", "full", "strange", "forced", "plugins"):
+        (folder / name).mkdir()
     (folder / "full" / "mine.txt").write_text("mine")
+    for name in ("strange", "forced"):
+        (folder / name / "references.bib").write_text("mine")
+        (folder / name / "index.html").write_text("mine")
     (folder / "own.py").write_text(PLUGINS)
     (folder / "syntax.py").write_text("def\n")
     shutil.copytree(OLD / "results", folder / "old")
     shutil.copy(OLD / "bundle.zip", folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder / "plugins")
+        kinds = {
+            "method": "ray-stretch",
+            "descriptor": "spread",
+            "learner": "tiny",
+            "scorer": "far",
+            "dataset": "blobs",
+        }
+        assert [call("new", kind, name).code for kind, name in kinds.items()] == [0] * 5
     return folder
 
 
 @pytest.fixture
 def place(material, tmp_path, monkeypatch) -> Path:
-    """The current folder, empty but for links to all material, and to the results of today once there are some."""
-    for name in ("results", *(path.name for path in material.iterdir())):
-        if not (tmp_path / name).is_symlink():
-            (tmp_path / name).symlink_to(material / name)
+    """The current folder, empty but for links to all material, and to the results of today where there are some."""
+    for path in material.iterdir():
+        (tmp_path / path.name).symlink_to(path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

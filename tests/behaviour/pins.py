@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import benchmark.api
-from tests.behaviour.suite import HERE, call
+from tests.behaviour.suite import HERE, MEASURES, call
 
 PINNED = HERE / "pinned"
 
@@ -120,6 +120,19 @@ def columns(old: Path) -> dict[str, str]:
     return {"tables --format csv": " ".join(lines[0])} | {name: " ".join(sorted(found)) for name, found in keys.items()}
 
 
+def scores(old: Path) -> list[str]:
+    """Place, status, scores and mark of each record of the results folder of version 0.2."""
+    from benchmark.results import open_results
+
+    lines = []
+    for row in open_results(old / "old").records().itertuples():
+        figures = "" if row.status != "ok" else " ".join(f"{getattr(row, name):.6f}" for name in MEASURES)
+        place = f"{row.gallery}, {row.input}, {row.method}, {row.scorer or 'descriptor'}"
+        mark = "marked" if row.outdated else "not marked"
+        lines.append(f"{place}: {row.status} {figures} {row.unsupported} of {row.n_shapes} refused, {mark}")
+    return sorted(lines)
+
+
 def signatures() -> list[str]:
     """Signatures of public names, one a line; of classes with their methods and properties."""
     lines = []
@@ -189,6 +202,7 @@ def current(old: Path) -> dict[str, str]:
     }
     return texts | {
         "options.json": json.dumps(options(), indent=1) + "\n",
+        "scores-0.2.txt": "\n".join(scores(old)) + "\n",
         "signatures.txt": "\n".join(signatures()) + "\n",
     }
 

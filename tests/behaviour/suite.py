@@ -8,9 +8,11 @@ import runpy
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NoReturn
 from unittest.mock import patch
 
@@ -42,8 +44,8 @@ def environment(**more: str) -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"} | more
 
 
-def call(*words: object) -> Done:
-    """Run ``python -m benchmark`` in this process, in the current folder."""
+def call(*words: object, more: Mapping[str, str] = MappingProxyType({})) -> Done:
+    """Run ``python -m benchmark`` in this process, in the current folder, with more environment variables."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     handler = signal.getsignal(signal.SIGTERM)
     code: Any = 0
@@ -52,7 +54,7 @@ def call(*words: object) -> Done:
         raise SystemExit(code)
 
     with (
-        patch.dict(os.environ, environment(), clear=True),
+        patch.dict(os.environ, environment(**more), clear=True),
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
         redirect_stdout(out),

@@ -1,0 +1,140 @@
+"""How the program ends: by an exit code that a script can tell, in one line, and with nothing left behind."""
+
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+import psutil
+import pytest
+
+from tests.behaviour.suite import ROOT, call, environment, start
+
+#: A method that says that it is at work, and stays there.
+SLOW = """
+import os, time
+from pathlib import Path
+
+from benchmark.api import canonical_form
+
+
+@canonical_form(name="slow", title="Slow", inputs=("mesh",))
+def slow(shape):
+    Path(__file__).with_name("at-work").write_text(str(os.getpid()))
+    time.sleep(600)
+"""
+
+
+def ended(process, timeout=60):
+    out, err = process.communicate(timeout=timeout)
+    return process.returncode, out or "", err or ""
+
+
+def wait_for(condition, seconds=120):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "told"),
+    [
+        ("--version", 0, "benchmark"),
+        ("data check bad", 1, "cut0.off"),
+        ("run -t X", 2, "'X'"),
+        ("", 2, "Usage"),
+    ],
+)
+def test_all_well_not_all_well_and_misuse(line, code, told, place):
+    found, out, err = ended(start(*line.split(), cwd=place))
+    assert found == code
+    assert told in out + err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, code, word, place):
+    (place / "slow.py").write_text(SLOW)
+    words = ("-d", "rods", "-m", "slow", "--plugin", "slow.py", "--results", "stopped", "-j", 1)
+    process = start("run", *words, cwd=place)
+    marker = place / "at-work"
+    wait_for(lambda: (marker.exists() and marker.read_text()) or process.poll() is not None)
+    os.kill(process.pid, number)
+    found, _, err = ended(process)
+    assert found == code, err
+    assert word in err
+    assert "run again" in err
+    assert "Traceback" not in err
+    wait_for(lambda: not psutil.pid_exists(int(marker.read_text())), 10)
+
+
+def test_a_check_that_is_interrupted(place):
+    process = start("data", "check", "humans", cwd=place)
+    assert "checking humans" in process.stderr.readline()
+    os.kill(process.pid, signal.SIGINT)
+    found, _, err = ended(process)
+    assert found == 130
+    assert err.count("\n") == 1
+    assert "interrupted" in err
+
+
+@pytest.mark.parametrize("line", ["list datasets", "tables --results old -d rods", "describe gps"])
+def test_nobody_listens(line, place):
+    reads, writes = os.pipe()
+    os.close(reads)
+    process = start(*line.split(), cwd=place, stdout=writes)
+    os.close(writes)
+    assert ended(process) == (141, "", "")
+
+
+def test_no_standard_streams_at_all(place):
+    command = f"{sys.executable} -m benchmark tables --results old -d rods -o out"
+    shell = ["sh", "-c", f"exec {command} <&- >&- 2>&-"]
+    assert subprocess.run(shell, env=environment(PYTHONPATH=str(ROOT)), timeout=60, check=False).returncode == 0
+    assert (place / "out" / "tables.json").is_file()
+
+
+def test_a_terminal_gets_the_same_figures(place):
+    main, other = pty.openpty()
+    process = start("tables", "--results", "old", "-d", "rods", "--input", "mesh", cwd=place, stdout=other)
+    os.close(other)
+    shown = b""
+    with suppress(OSError):
+        while part := os.read(main, 4096):
+            shown += part
+    assert process.wait(60) == 0
+    text = " ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).split())
+    assert "GPS † 0.97 0.92 0.97 0.96" in text
+    assert "Chance 0.40 0.40 0.80 0.71" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "begun", "wanted"),
+    [
+        ("run -m", "classic-m", "plain,classic-mds"),
+        ("describe", "gp", "plain,gps"),
+        ("run -t", "III", "plain,III-held-out"),
+        ("run -d", "hum", "plain,humans"),
+        ("tables --scorer", "cm", "plain,cm-bof"),
+        ("run -m", "gps[", None),
+        ("run -m", "shape-dna[", "plain,shape-dna[count="),
+        ("tables --form", "", None),
+    ],
+)
+def test_a_shell_completes_names(words, begun, wanted, place):
+    line = f"canonical-forms {words} {begun}"
+    asked = {
+        "_CANONICAL_FORMS_COMPLETE": "bash_complete",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(words.split()) + 1),
+    }
+    done = call(more=asked)
+    assert done.code == 0
+    assert wanted is None or wanted in done.out.splitlines()

@@ -1,0 +1,135 @@
+"""Files and folders that are read: meshes, classes, settings of a set, depth images, cameras."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.io import savemat
+
+from tests.behaviour.suite import call, rod, write_frames, write_off
+
+VERTICES, FACES = rod(0.1, 1.0)
+
+
+def check(folder, code=0):
+    done = call("data", "check", folder)
+    assert done.code == code, done.out + done.err
+    return " ".join(done.out.split()) + done.err
+
+
+def write_obj(path):
+    lines = [*(f"v {x} {y} {z}" for x, y, z in VERTICES), *(f"f {a} {b} {c}" for a, b, c in FACES + 1)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_ply(path):
+    head = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(VERTICES)}",
+        *(f"property double {axis}" for axis in "xyz"),
+    ]
+    head += [f"element face {len(FACES)}", "property list uchar int vertex_indices", "end_header"]
+    body = [*(f"{x} {y} {z}" for x, y, z in VERTICES), *(f"3 {a} {b} {c}" for a, b, c in FACES)]
+    path.write_text("\n".join(head + body) + "\n")
+
+
+def write_stl(path):
+    corners = VERTICES[FACES].astype("<f4")
+    facets = np.zeros(len(FACES), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    facets["corners"] = corners
+    path.write_bytes(b"".ljust(80) + np.uint32(len(FACES)).tobytes() + facets.tobytes())
+
+
+def write_mat(path):
+    x, y, z = VERTICES.T[:, :, None]
+    savemat(path, {"surface": {"X": x, "Y": y, "Z": z, "TRIV": FACES + 1}})
+
+
+def write_vert(path):
+    np.savetxt(path, VERTICES)
+    np.savetxt(path.with_suffix(".tri"), FACES + 1, fmt="%d")
+
+
+def test_meshes(tmp_path):
+    write_off(tmp_path / "cat0.off", VERTICES, FACES)
+    for name, write in {"cat1.obj": write_obj, "cat2.ply": write_ply, "dog0.stl": write_stl}.items():
+        write(tmp_path / name)
+    write_mat(tmp_path / "dog1.mat")
+    write_vert(tmp_path / "dog2.vert")
+    told = check(tmp_path)
+    assert f"{tmp_path.name}: 6 shapes, 2 classes" in told
+    assert "vertices 130 to 130" in told
+    assert "faces 256 to 256" in told
+    assert "0 errors" in told
+
+
+def test_classes(tmp_path):
+    named, nested, listed, princeton = (tmp_path / name for name in ("named", "nested", "listed", "princeton"))
+    for number, name in enumerate(("cat0", "cat1", "dog0", "dog1")):
+        mesh = rod(0.1, number / 2)
+        write_off(named / f"{name}.off", *mesh)
+        write_off(nested / name[:3] / f"{number}.off", *mesh)
+        write_off(listed / f"m{number}.off", *mesh)
+        write_off(princeton / f"m{number}.off", *mesh)
+    rows = ["file\tclass", *(f"m{k}.off\t{name}" for k, name in enumerate(("cat", "cat", "dog", "dog")))]
+    (listed / "MANIFEST.tsv").write_text("\n".join(rows) + "\n")
+    (princeton / "x.cla").write_text("PSB 1\n2 4\n\ncat 0 2\n0\n1\n\ndog 0 2\n2\n3\n")
+    for folder in (named, nested, listed, princeton):
+        assert "cat 2, dog 2" in check(folder)
+
+
+def test_settings_of_a_set(tmp_path):
+    for name in ("cat0", "cat1", "dog0", "dog1"):
+        write_off(tmp_path / f"{name}.off", *rod(0.1, 1.0 if name.endswith("0") else 2.0))
+    settings = tmp_path / "dataset.toml"
+    settings.write_text(
+        'canonical_pose = "0"\nup = "y"\nhalf_width = 1.3\nstand_in_for = "tosca"\n[camera]\ncat = "side"\n'
+        "dog = { direction = [1, 2, 0] }\n"
+    )
+    assert "stand-in for tosca" in check(tmp_path)
+    for text, named in (("size = 3", "size"), ('up = "x"', "up"), ("half_width = 0", "half_width")):
+        settings.write_text(text + "\n")
+        told = check(tmp_path, 1)
+        assert named in told
+        assert "dataset.toml" in told
+
+
+def test_depth_images(tmp_path):
+    write_frames(tmp_path)
+    depth = np.load(tmp_path / "lean0.npy").astype(np.float32)
+    millimetres = np.round(depth * 1000).astype(np.uint16)
+    Image.fromarray(millimetres).save(tmp_path / "lean1.png")
+    Image.fromarray(millimetres).save(tmp_path / "lean2.tiff")
+    np.savez(tmp_path / "lean3.npz", depth=depth)
+    rows, columns = depth.shape
+    (tmp_path / "lean4.pfm").write_bytes(f"Pf\n{columns} {rows}\n-1.0\n".encode() + depth[::-1].astype("<f4").tobytes())
+    Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(tmp_path / "lean0_mask.png")
+    (tmp_path / "lean1.npy").unlink()
+    told = check(tmp_path)
+    assert "7 shapes, 2 classes" in told
+    assert "lean 5, stout 2" in told
+    assert "0 errors" in told
+
+
+CAMERAS = {
+    "camera.json": json.dumps(
+        {"width": 320, "height": 240, "intrinsic_matrix": [262.5, 0, 0, 0, 262.5, 0, 159.5, 119.5, 1]}
+    ),
+    "camera_info.yaml": "image_width: 320\nimage_height: 240\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+    "  data: [262.5, 0, 159.5, 0, 262.5, 119.5, 0, 0, 1]\n",
+    "intrinsics.json": json.dumps({"fx": 262.5, "fy": 262.5, "ppx": 159.5, "ppy": 119.5, "width": 320, "height": 240}),
+    "dataset.toml": "intrinsics = [262.5, 262.5, 159.5, 119.5]\ndepth_scale = 1\nup = [0, -1, 0]\n",
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_cameras(name, tmp_path):
+    folder = tmp_path / "frames"
+    write_frames(folder)
+    expected = check(folder)
+    (folder / "intrinsics.txt").unlink()
+    assert "intrinsics" in check(folder, 1)
+    (folder / name).write_text(CAMERAS[name])
+    assert check(folder) == expected

@@ -1,0 +1,102 @@
+"""Results in Python: those of version 0.2, and those of a run of today."""
+
+import numpy as np
+import pytest
+
+from benchmark.api import canonical_form_of_depth, read_card
+from benchmark.errors import BenchmarkError
+from benchmark.results import open_results
+from tests.behaviour.suite import MEASURES, call
+
+RODS = ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
+
+
+@pytest.fixture(scope="module")
+def old(material):
+    return open_results(material / "old")
+
+
+@pytest.fixture(scope="module")
+def today(ran):
+    return open_results(ran / "results", plugins=[ran / "own.py"])
+
+
+def key_of(results, method, input_="mesh", gallery="rods"):
+    records = results.records()
+    wanted = records[(records.method == method) & (records.input == input_) & (records.gallery == gallery)]
+    return wanted[wanted.scorer != "spherical-harmonics"].index.item()
+
+
+def test_queries_of_version_0_2(old):
+    queries = old.queries(key_of(old, "flat"))
+    assert list(queries["shape"]) == RODS
+    assert list(queries["subject"]) == ["thick"] * 3 + ["thin"] * 3
+    assert queries["NN"].mean().round(6) == 0.888889
+    assert len(old.queries()) == sum(record.n_shapes for record in old.records().query("status == 'ok'").itertuples())
+    broken = old.records().loc[key_of(old, "broken")]
+    assert "a fault of a test" in broken.reason
+    assert np.isnan(broken.NN)
+    picky = old.records().loc[key_of(old, "picky")]
+    assert (picky.unsupported, round(picky.coverage, 6)) == (1, 0.833333)
+    assert set(open_results(old.folder, published=True).records().dataset) == {"tosca"}
+
+
+@pytest.mark.parametrize("ask", ["distances", "distance_matrices", "forms"])
+def test_arrays_of_version_0_2_are_not_here_and_that_is_said(ask, old):
+    with pytest.raises(BenchmarkError, match="run it again"):
+        getattr(old, ask)(key_of(old, "gps"))
+    with pytest.raises(BenchmarkError, match="0123456789"):
+        getattr(old, ask)("0123456789")
+
+
+def test_a_record_of_version_0_2_is_explained_by_its_key(old, place):
+    done = call("why", key_of(old, "classic-mds", gallery="tosca"), "--results", "old")
+    assert done.code == 0
+    text = " ".join(done.out.split())
+    assert "tosca mesh classic-mds" in text
+    assert "status ok NN 0.817 FT 0.627 ST 0.850 DCG 0.842" in text
+    assert "numpy 2.4.6" in text
+
+
+def test_the_card_of_a_model_of_version_0_2(old):
+    card = read_card(old.folder / "models" / "humans-varied" / "streamed-people-seed0")
+    assert (card["data"], len(card["digest"])) == ("humans-varied", 64)
+
+
+def test_results_of_today(today):
+    records = today.records()
+    assert all(not text or text.startswith("edited") for text in records.outdated)
+    key = key_of(today, "gps")
+    assert tuple(records.loc[key, list(MEASURES)].round(6)) == (0.966667, 0.925, 0.975, 0.96404)
+    distances = today.distances(key)
+    assert list(distances.index) == list(distances.columns) == RODS
+    assert np.array_equal(distances, distances.T)
+    assert not np.diag(distances).any()
+    matrices = today.distance_matrices(key)
+    assert matrices.shape == (3, 6, 6)
+    assert np.allclose(matrices.mean(axis=0), distances)
+    forms = today.forms(key)
+    assert list(forms) == RODS
+    assert {form.vertices.shape for form in forms.values()} == {(130, 3)}
+    descriptors = today.descriptors(key_of(today, "surface-area"))
+    assert descriptors.shape == (6, 1)
+    with pytest.raises(BenchmarkError, match="descriptors"):
+        today.forms(key_of(today, "surface-area"))
+
+
+def test_the_form_of_a_depth_image(material):
+    depth = np.load(material / "frames" / "lean0.npy")
+    camera = (262.5, 262.5, 159.5, 119.5)
+    matrix = np.array([[262.5, 0, 159.5], [0, 262.5, 119.5], [0, 0, 1]])
+    form = canonical_form_of_depth(depth, camera, method="gps")
+    assert form.vertices.shape == (1523, 3)
+    assert form.faces.shape[1] == 3
+    again = canonical_form_of_depth((1000 * depth).astype(np.uint16), matrix, depth < 2.5, "gps", seed=1)
+    assert abs(len(again.vertices) - len(form.vertices)) < 50
+    with pytest.raises(BenchmarkError):
+        canonical_form_of_depth(np.zeros_like(depth), camera, method="gps")
+
+
+def test_no_results(tmp_path):
+    with pytest.raises(BenchmarkError, match="nowhere"):
+        open_results(tmp_path / "nowhere")
