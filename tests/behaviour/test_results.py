@@ -68,6 +68,12 @@ def test_results_of_today(today):
     assert all(not text or text.startswith("edited") for text in records.outdated)
     key = key_of(today, "gps")
     assert tuple(records.loc[key, list(MEASURES)].round(6)) == (0.966667, 0.925, 0.975, 0.96404)
+
+
+def test_arrays_of_today(today):
+    key = key_of(today, "gps")
+    if changed := today.records().outdated[key]:
+        pytest.skip(changed)  # code was edited, and golden results were not yet compared
     distances = today.distances(key)
     assert list(distances.index) == list(distances.columns) == RODS
     assert np.array_equal(distances, distances.T)
