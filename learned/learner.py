@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from benchmark.api.contracts import (
     CanonicalForm,
@@ -20,8 +20,10 @@ from benchmark.api.contracts import (
 )
 from benchmark.api.learning import Split, read_card
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from benchmark.geometry.depth import DepthImage
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that torch takes."""

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
-from benchmark.datasets.skinning import linear_blend_skinning
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import connected_components
@@ -194,6 +193,8 @@ def _body() -> _Body:
 
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
         sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
+
+    from benchmark.datasets.skinning import linear_blend_skinning  # numba is imported with it
 
     class Body(anny.Anny):  # type: ignore[misc]
         """The model with a compiled kernel in double precision.

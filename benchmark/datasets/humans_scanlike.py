@@ -19,7 +19,6 @@ from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, jittered
 from benchmark.datasets.human_subjects import adults
-from benchmark.datasets.scanning import membrane, scan, sheltered_vertices, vertex_normals
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 
@@ -78,6 +77,8 @@ class HumansScanlike:
         DatasetError
             If the packages that make bodies are missing.
         """
+        from benchmark.datasets.scanning import membrane, scan, vertex_normals  # numba is imported with them
+
         # Mouth, nostrils and eye sockets are cavities behind thin lids that a scanner does not see.
         body = membrane(humans.human_mesh(adults()[entry.subject], _pose(entry)), _cavities())
         heights = _asymmetry(_random(entry.subject, "asymmetry"))
@@ -100,6 +101,8 @@ def _pose(entry: Entry) -> Pose:
 
 @functools.cache
 def _cavities() -> NDArray[np.bool_]:
+    from benchmark.datasets.scanning import sheltered_vertices
+
     template = humans.reference_mesh()
     of_head = np.zeros(template.n_vertices, dtype=bool)
     of_head[humans.vertices_of(("head", "eye"))] = True

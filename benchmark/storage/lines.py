@@ -8,6 +8,8 @@ import string
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import msgspec
+
 #: Digits of the digest by which a line names what it shares with others.
 _DIGITS = 16
 
@@ -47,7 +49,7 @@ class SharedParts:
     def content(self, kind: str, digest: str) -> Any:
         """Return what has a digest; raises ``KeyError`` where there is no such content."""
         if (kind, digest) not in self._contents:
-            self._contents[kind, digest] = json.loads(self._texts[kind][digest])
+            self._contents[kind, digest] = msgspec.json.decode(self._texts[kind][digest])
         return self._contents[kind, digest]
 
     def read(self, kind: str, text: bytes) -> None:

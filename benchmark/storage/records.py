@@ -12,10 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
+
 from benchmark.storage.adoption import EDITED
 from benchmark.storage.keys import digest
 from benchmark.storage.lines import KINDS, SharedParts, as_line, key_of, unpacked
-from benchmark.storage.record_schema import chance_of_labels, fault_of, not_a_number
+from benchmark.storage.record_schema import chance_of_labels, fault_of
 from benchmark.system.files import locked, write_atomically, write_text
 from benchmark.system.text import LONGEST_NAME
 
@@ -269,8 +271,8 @@ class Records:
 def _parsed(source: _Source) -> tuple[Any, str]:
     """Return what a text says, or why it says nothing."""
     try:
-        content = json.loads(source.text.decode("utf-8"), parse_constant=not_a_number)
-    except (ValueError, RecursionError):
+        content = msgspec.json.decode(source.text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None, "it is not JSON"
     try:
         return (content if source.parts is None else unpacked(content, source.parts)), ""

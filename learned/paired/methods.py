@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from benchmark.api.contracts import Interval, MethodInfo, OneOf
 from benchmark.api.learning import Split, TrainingData
-from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
 from learned.learner import DepthImageLearner
 from learned.paired.configuration import CONFIGURATIONS
+
+if TYPE_CHECKING:
+    from benchmark.geometry.depth import DepthImage
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from benchmark.api.contracts import MethodInfo, OneOf
 from benchmark.api.learning import TrainingData
-from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
 from learned.learner import DepthImageLearner, StreamLearner
 from learned.streamed.configuration import STREAMED
+
+if TYPE_CHECKING:
+    from benchmark.geometry.depth import DepthImage
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,19 +5,21 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.datasets.animals.apes import GORILLA
-from benchmark.datasets.animals.body import Field, surface
 from benchmark.datasets.animals.carnivores import CAT, DOG, WOLF
 from benchmark.datasets.animals.hoofed import CENTAUR, HORSE
 from benchmark.datasets.animals.poses import POSES
-from benchmark.datasets.animals.relaxation import Relaxation
 from benchmark.datasets.animals.skeleton import Pose, Skeleton
 from benchmark.datasets.animals.skinning import blend, bone_weights
 from benchmark.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from benchmark.datasets.animals.relaxation import Relaxation
 
 SPECIES = {species.name: species for species in (CAT, CENTAUR, DOG, GORILLA, HORSE, WOLF)}
 """The generated bodies, by class name.
@@ -46,6 +48,9 @@ class Animal:
     @classmethod
     def of(cls, name: str) -> Animal:
         """Build the animal of a species."""
+        from benchmark.datasets.animals.body import Field, surface  # numba is imported with them
+        from benchmark.datasets.animals.relaxation import Relaxation
+
         species = SPECIES[name]
         skeleton = Skeleton.of(species)
         mesh, owners = surface(Field.of(species, skeleton), N_VERTICES)
