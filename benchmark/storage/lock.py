@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmark.errors import ConfigurationError
 from benchmark.storage.keys import digest
 from benchmark.system.code import ROOT, code_of, digest_of_bytes, forget_sources, text_of
 from benchmark.system.files import write_text
@@ -50,8 +51,17 @@ class Lock(NamedTuple):
 
 @cache
 def read_lock(path: Path = PATH) -> Lock:
-    """Return the versions of all components, and the code that they were checked with."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+    """Return the versions of all components, and the code that they were checked with.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is damaged, or two branches have changed it.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}", "run make golden, which writes it anew") from error
     return Lock(
         {name: Component(golden, tuple(folders)) for name, (golden, *folders) in content["components"].items()},
         {folder: Code(*digests) for folder, digests in content["code"].items()},
