@@ -14,6 +14,9 @@ from tests.behaviour.suite import HERE, call
 #: What needs no results of today.
 WITHOUT_RESULTS = ("Names", "Data")
 
+#: What stands behind a command.
+MARKS = {"slow": pytest.mark.slow, "fails": pytest.mark.xfail(reason="to be repaired", strict=True)}
+
 
 @dataclass
 class Case:
@@ -32,9 +35,9 @@ def cases():
         if kind == "##":
             section = text
         elif kind == "$":
-            words, _, slow = text.partition("#")
+            words, _, mark = text.partition("#")
             case = Case(words.strip(), section, 2 if section == "Refusals" else 0)
-            marks = [pytest.mark.slow] if slow else []
+            marks = [MARKS[mark.strip()]] if mark else []
             found.append(pytest.param(case, id=case.line or "no words", marks=marks))
         elif kind == "?":
             case.code = int(text)
