@@ -11,7 +11,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, Self, runtime_checkable
 
@@ -96,6 +96,9 @@ class TrainingData:
         Every shape whose image training sees, as input or as target.
     n_pairs
         Number of pairs.
+    clearance
+        For each generated set of people, the distance in phenotype space that their bodies keep from all subjects of
+        it that they are not; empty where no body has a phenotype.
     pairs
         Makes the pairs.
     unseen
@@ -111,6 +114,7 @@ class TrainingData:
     n_pairs: int
     pairs: MakesPairs
     unseen: MakesPairs
+    clearance: Mapping[str, float] = field(default_factory=dict)
 
 
 @runtime_checkable
@@ -209,6 +213,9 @@ def read_card(folder: Path) -> dict[str, Any]:
         seen = card.get(name)
         if not isinstance(seen, list) or not seen or not all(isinstance(each, str) and each for each in seen):
             raise ConfigurationError(f"{path} does not list the {name} that the model has seen", hint)
+    clearance = card.get("clearance", {})
+    if not isinstance(clearance, dict) or not all(type(distance) is float for distance in clearance.values()):
+        raise ConfigurationError(f"{path} says 'clearance' is {str(clearance)[:50]!r}", hint)
     for name, kind in _OPTIONAL.items():
         if not isinstance(card.get(name, kind()), kind):
             raise ConfigurationError(f"{path} says '{name}' is {str(card[name])[:50]!r}", hint)

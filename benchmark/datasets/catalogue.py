@@ -92,6 +92,15 @@ def _humans_scanlike(_: Path) -> Dataset:
     return HumansScanlike()
 
 
+def _humans_random(draw: int) -> Loader:
+    def load(_: Path) -> Dataset:
+        from benchmark.datasets.humans_random import HumansRandom
+
+        return HumansRandom(draw)
+
+    return load
+
+
 def _animals(_: Path) -> Dataset:
     from benchmark.datasets.animals import Animals
 
@@ -140,6 +149,15 @@ CATALOGUE: dict[str, DatasetSource] = {
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
+    "humans-random": DatasetSource(
+        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three", _humans_random(0), 300, 15
+    ),
+    **{
+        f"humans-random[draw={draw}]": DatasetSource(
+            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}", _humans_random(draw), 300, 15
+        )
+        for draw in range(3)
+    },
     "animals": DatasetSource(
         "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals, 80, 9
     ),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ _CHILDREN = (0.26, 0.48)
 _ADULTS = (0.60, 1.0)
 _LOWEST, _HIGHEST = (0.15, 0.14, 0.08, 0.12), (0.95, 0.95, 0.60, 0.95)
 """Ranges of muscle, weight, height and proportions: no walking skeletons, and nobody above two metres."""
-_CLEARANCE = 0.25
-"""Smallest Euclidean distance in phenotype space between a sampled body and those of the data set."""
+CLEARANCE = 0.25
+"""Smallest Euclidean distance in phenotype space between a body to train on and every subject that is tested on."""
 
 
 N_ADULTS = 40
@@ -153,8 +154,8 @@ def random_subjects(draw: int) -> dict[str, Subject]:
     """Draw the subjects of ``humans-random``: man, woman and child in turn, five times.
 
     Every value is uniform in the ranges of :func:`new_subject` and rounded to two digits;
-    a child is male or female. A body nearer than 0.25 in phenotype space to a subject of ``humans`` or
-    ``humans-scanlike`` is drawn again. Nothing else is looked at, nor how near the subjects are to each other.
+    a child is male or female. A body nearer than :data:`CLEARANCE` to a subject of ``humans`` or ``humans-scanlike`` is
+    drawn again. Nothing else is looked at, nor how near the subjects are to each other.
 
     Parameters
     ----------
@@ -162,7 +163,6 @@ def random_subjects(draw: int) -> dict[str, Subject]:
         Number of the draw, which seeds it together with :data:`RANDOM_SEED`.
     """
     random = np.random.Generator(np.random.PCG64([RANDOM_SEED, draw]))
-    taken = np.array([astuple(subject) for subject in (*SUBJECTS.values(), *adults().values())])
     drawn: dict[str, Subject] = {}
     for number in range(1, 6):
         for kind, ages in (("man", _ADULTS), ("woman", _ADULTS), ("child", _CHILDREN)):
@@ -170,27 +170,56 @@ def random_subjects(draw: int) -> dict[str, Subject]:
             while f"{kind}-{number}" not in drawn:
                 values = np.round(lowest + random.random(6) * (highest - lowest), 2)
                 values[0] = {"man": 0.0, "woman": 1.0, "child": float(values[0] >= 0.5)}[kind]
-                if np.linalg.norm(taken - values, axis=1).min() >= _CLEARANCE:
-                    drawn[f"{kind}-{number}"] = Subject(*values.tolist())
+                candidate = Subject(*values.tolist())
+                if clearance(candidate, ("humans", "humans-scanlike")) >= CLEARANCE:
+                    drawn[f"{kind}-{number}"] = candidate
     return drawn
 
 
-def new_subject(random: np.random.Generator) -> Subject:
-    """Draw a body that is none of :data:`SUBJECTS`.
+TESTED = ("humans", "humans-scanlike", "humans-random")
+"""Generated sets of people that methods are tested on."""
 
-    A third are men, a third women, a third children; everything else is uniform. Bodies nearer than 0.25 to one of the
-    data set, measured in phenotype space, are drawn again.
+
+@functools.cache
+def _tested(dataset: str) -> NDArray[np.float64]:
+    """Phenotypes of the subjects of a set, those of all draws together."""
+    known = {"humans": (SUBJECTS,), "humans-scanlike": (adults(),), "humans-random": RANDOM_SUBJECTS}
+    return np.array([astuple(subject) for subjects in known[dataset] for subject in subjects.values()])
+
+
+def clearance(subject: Subject, sets: Iterable[str] = TESTED) -> float:
+    """Distance in phenotype space from a body to the nearest subject of some of the sets in :data:`TESTED`."""
+    return min(float(np.linalg.norm(_tested(name) - astuple(subject), axis=1).min()) for name in sets)
+
+
+def clearances(bodies: Iterable[Subject]) -> dict[str, float]:
+    """Distance of the nearest of some bodies to other subjects of each set in :data:`TESTED`, cut to four digits."""
+    points, found = np.array([astuple(body) for body in bodies]), {}
+    for name in TESTED:
+        distances = np.linalg.norm(points[:, np.newaxis] - _tested(name), axis=2)
+        nearest = distances[:, distances.min(axis=0) > 0].min()
+        found[name] = float(np.floor(1e4 * nearest) / 1e4)
+    return found
+
+
+def new_subject(random: np.random.Generator, kind: int | None = None, sets: Iterable[str] = TESTED) -> Subject:
+    """Draw a body that is no subject of a set.
+
+    Age and shape are uniform, and the gender of a child. Bodies with less than :data:`CLEARANCE` are drawn again.
 
     Parameters
     ----------
     random
         Source of the choice.
+    kind
+        0 for a man, 1 for a woman, 2 for a child; None draws it, again where the body is drawn again.
+    sets
+        The sets whose subjects it stays away from.
     """
-    taken = np.array([astuple(subject) for subject in SUBJECTS.values()])
     while True:
-        kind = random.integers(3)
-        gender = random.uniform() if kind == 2 else float(kind)
-        age = random.uniform(*(_CHILDREN if kind == 2 else _ADULTS))
+        drawn = int(random.integers(3)) if kind is None else kind
+        gender = random.uniform() if drawn == 2 else float(drawn)
+        age = random.uniform(*(_CHILDREN if drawn == 2 else _ADULTS))
         candidate = Subject(gender, age, *random.uniform(_LOWEST, _HIGHEST).tolist())
-        if np.linalg.norm(taken - astuple(candidate), axis=1).min() >= _CLEARANCE:
+        if clearance(candidate, sets) >= CLEARANCE:
             return candidate

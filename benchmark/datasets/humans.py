@@ -141,8 +141,8 @@ def recipe(subject: Subject, pose: Pose) -> str:
 def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subject, Sequence[Pose]]]:
     """Further bodies and poses for training, as many as wanted.
 
-    The bodies keep a distance from those of the data set, so a method may train on them and be tested on all of it.
-    A larger sample begins with the smaller one of the same seed.
+    The bodies keep a distance from the subjects of all generated sets of people that methods are tested on. A larger
+    sample begins with the smaller one of the same seed.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subjec
 
 
 def sample_human(index: int, n_poses: int, seed: int, draw: int = 0) -> tuple[Subject, Sequence[Pose]]:
-    """One body of :func:`sample_humans` with its poses.
+    """One body of :func:`sample_humans` with its poses: man, woman and child in turn.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def sample_human(index: int, n_poses: int, seed: int, draw: int = 0) -> tuple[Su
     """
     further = [draw] if draw else []
     of_subject, of_poses = (np.random.default_rng([seed, index, part, *further]) for part in range(2))
-    return new_subject(of_subject), [perturbed_pose(of_poses) for _ in range(n_poses)]
+    return new_subject(of_subject, index % 3), [perturbed_pose(of_poses) for _ in range(n_poses)]
 
 
 def _missing(package: str) -> DatasetError:

@@ -1,7 +1,8 @@
 """Generated humans in any number, for runs that are larger than any published set: ``humans[subjects=500,poses=20]``.
 
-The bodies are drawn like those that training samples, but with another seed, and all of them take the same poses, those
-of :mod:`benchmark.datasets.humans`. A larger gallery begins with the bodies of the smaller one.
+The bodies are drawn like those that training samples, but with another seed and away from the subjects of ``humans``
+alone, and all of them take the same poses, those of :mod:`benchmark.datasets.humans`. A larger gallery begins with the
+bodies of the smaller one.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ import functools
 import re
 from dataclasses import dataclass
 
+import numpy as np
+
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import Subject
+from benchmark.datasets.human_subjects import Subject, new_subject
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
@@ -107,4 +110,5 @@ def _entries(subjects: int, poses: int) -> tuple[Entry, ...]:
 
 @functools.lru_cache(maxsize=_MOST)
 def _body(subject: str) -> Subject:
-    return humans.sample_human(int(subject.removeprefix("body-")), 0, _SEED)[0]
+    index = int(subject.removeprefix("body-"))
+    return new_subject(np.random.default_rng([_SEED, index, 0]), sets=("humans",))

@@ -17,7 +17,7 @@ from benchmark.jobs.job_specs import JobSpec
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.models import MissingModel, Model, find_models
+from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.storage import keys
 from benchmark.storage.lock import edited, key_of, words_of_edit
@@ -263,7 +263,7 @@ class _Planning:
             models = find_models(spec, gallery, store.models.absolute(), proven)
         except MissingModel as error:
             return job("unavailable", str(error))
-        except NoFolds as error:
+        except (NoFolds, TooNear) as error:
             return job("unsupported", str(error))
         recipe = job_recipe(gallery, spec, data, models, seed, scorer)
         key, edit = key_of(recipe), edited(recipe["versions"])

@@ -27,12 +27,12 @@ from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.model_places import model_places
 from benchmark.protocols.rows import (
+    AVERAGED,
     FURTHER_TRAININGS,
     ONLY_ABLATED,
     ONLY_NAMED,
     QUICK_CONTROLS,
     ROBUSTNESS_ROWS,
-    TRAINING_SEEDS,
     VARIANTS,
 )
 from benchmark.protocols.tables import TABLES, Table
@@ -121,7 +121,7 @@ class Gallery:
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Methods that are tested on it, some in several variants.
 
-        In an ablation, there is one for each seed of which a learner has a model.
+        Where a row is a mean over trainings, there is one for each of which a learner has a model.
 
         Parameters
         ----------
@@ -132,21 +132,25 @@ class Gallery:
         """
         if not self.table.ablation:
             chosen = [row for spec in methods for row in self._with_variants(spec, trained_here)]
-            return list({row.name: row for row in chosen}.values())
+            averaged = [row for spec in chosen for row in self._averaged(spec, trained_here)]
+            return list({row.name: row for row in averaged}.values())
         printed = {row.method for row in paper.ABLATION}
         return [
             variant
             for spec in methods
             if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split != "sampled"
-            for variant in self._seeds(spec, trained_here)
+            for variant in self._averaged(spec, trained_here)
         ]
 
-    def _seeds(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
-        """The method, and its variants with further seeds of its training that have models for these shapes."""
-        parameters = spec.resolved_parameters()
-        if spec.load().split == "strict" or "training_seed" not in parameters or "training_seed" in spec.parameters:
+    def _averaged(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
+        """The method, and its variants with other trainings that share its row and have models for these shapes."""
+        name = self.table.averaged
+        if not name or not spec.learns or spec.load().split != "table":
             return [spec]
-        further = (spec.with_parameter("training_seed", n) for n in TRAINING_SEEDS if n != parameters["training_seed"])
+        parameters = spec.resolved_parameters()
+        if name not in parameters or name in spec.parameters:
+            return [spec]
+        further = (spec.with_parameter(name, value) for value in AVERAGED[name] if value != parameters[name])
         return [spec, *(variant for variant in further if self._has_models(variant, trained_here))]
 
     def _has_models(self, spec: MethodSpec, trained_here: Path | None) -> bool:
@@ -170,6 +174,8 @@ class Gallery:
         try:
             if self.table.split_size and spec.learns:
                 return False
+            if self.table.few_rows and spec.info.family == "extended":
+                return False
             if self.few_rows and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
                 return False
             return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
@@ -178,7 +184,7 @@ class Gallery:
 
     def _with_variants(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
         own = [spec] if spec.named or self._has_row(spec) else []
-        if spec.named or spec.parameters or self.few_rows:
+        if spec.named or spec.parameters or self.few_rows or self.table.few_rows:
             return own
         known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
         further = known.get(spec.base_name, ()) if own else ()

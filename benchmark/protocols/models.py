@@ -11,21 +11,25 @@ from typing import Any
 
 from benchmark.api.learning import CARD, WEIGHTS, Learner, find_model, read_card
 from benchmark.datasets.base import Entry
-from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.files import file_digest
-from benchmark.datasets.jittered import clean_dataset, clean_name
+from benchmark.datasets.human_subjects import CLEARANCE, TESTED
+from benchmark.datasets.jittered import clean_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.methods.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.model_places import model_places, where_else
-from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
+from benchmark.protocols.trainings import TRAININGS, set_of_subjects, trainings_by_shape
 from benchmark.system.text import say
 
-__all__ = ["MissingModel", "Model", "find_models", "with_model"]
+__all__ = ["MissingModel", "Model", "TooNear", "find_models", "with_model"]
 
 
 class MissingModel(ConfigurationError):
     """A learner has not been trained for a gallery, or its model cannot be used."""
+
+
+class TooNear(ConfigurationError):
+    """A model was trained on bodies near to the subjects of a set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +59,27 @@ class Model:
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether training showed a shape, or another one of its subject.
 
-        Names say so within one data set, and in a folder, which may hold anything; those of two known sets mean
-        different things.
+        Names say so within sets of the same subjects, and in a folder, which may hold anything; those of two known
+        sets mean different things.
         """
-        dataset = clean_name(dataset)
-        if dataset in CATALOGUE and dataset != TRAININGS[self.training].dataset:
+        if set_of_subjects(dataset) not in (None, TRAININGS[self.training].dataset):
             return False
         return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
+
+    def check_clearance(self, dataset: str) -> None:
+        """Raise :class:`TooNear` if it must not be tested on a set, for the bodies that it was trained on.
+
+        Its card says how near they come to subjects of each generated set of people that they are none of. A card that
+        says nothing of a set tells of no such bodies, unless they were sampled.
+        """
+        shown, sampled = set_of_subjects(dataset) or "", TRAININGS[self.training].is_sampled
+        if sampled and shown.startswith("humans["):
+            raise TooNear(f"the bodies of {shown} are drawn as those of training '{self.training}' are", _INSTEAD)
+        distance = self.card.get("clearance", {}).get(shown, 0.0 if sampled else CLEARANCE)
+        if shown in TESTED and distance < CLEARANCE:
+            raise TooNear(
+                f"training '{self.training}' did not stay {CLEARANCE} away from the subjects of {shown}", _INSTEAD
+            )
 
     def summary(self) -> dict[str, Any]:
         """Return what a record tells of it."""
@@ -97,6 +115,8 @@ def find_models(
         If one has not been trained; the message says by which command it is.
     NoFolds
         If the learner has a model for each fold and the set has none.
+    TooNear
+        If one was trained on bodies near to subjects of the set.
     ConfigurationError
         If the learner names a training that does not exist.
     """
@@ -114,6 +134,8 @@ def find_models(
         models = {name: _first_usable(spec, name, folders, proven) for name, folders in found.items()}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.hint) from error
+    for model in models.values():
+        model.check_clearance(gallery.dataset.name)
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
@@ -167,6 +189,8 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
                 say(f"passed over the model in {folder}: {error}", err=True)
     return _model(spec, training, last, proven)
 
+
+_INSTEAD = "take a model of another training"
 
 #: Folders of models that were named as unusable.
 _PASSED_OVER: set[Path] = set()

@@ -5,20 +5,23 @@ from __future__ import annotations
 from benchmark.reference import paper
 
 __all__ = [
+    "AVERAGED",
     "FURTHER_TRAININGS",
     "ONLY_ABLATED",
     "ONLY_NAMED",
     "QUICK_CONTROLS",
     "ROBUSTNESS_ROWS",
-    "TRAINING_SEEDS",
     "VARIANTS",
 ]
 
 #: Methods beyond the paper's that have rows in quick runs without being asked for: what a canonical form has to beat.
 QUICK_CONTROLS = ("identity",)
 
-#: Seeds of the trainings that a row of an ablation is the mean of, where there is a model of them.
-TRAINING_SEEDS = (0, 1, 2)
+#: Values of a parameter of learners, beside its default, that a row is the mean of where there is a model of them.
+AVERAGED: dict[str, tuple[int | str, ...]] = {
+    "training_seed": (0, 1, 2),
+    "training": ("humans-fold-1", "humans-fold-2"),
+}
 
 #: Methods that have rows in the ablation alone, unless they are asked for by name.
 ONLY_ABLATED = {row.method for row in paper.ABLATION} - {row.method for row in paper.ROWS}

@@ -55,6 +55,10 @@ class Table:
         others are asked for, and by its name alone.
     only_named
         Whether it is made where it, or its set, is asked for by name alone.
+    few_rows
+        Whether of the methods that were not asked for by name those of the paper and controls alone have rows.
+    averaged
+        Parameter of learners whose values share a row, which is their mean, as far as there are models; "" for none.
     """
 
     identifier: str
@@ -72,6 +76,8 @@ class Table:
     any_of: tuple[str, ...] = ()
     robustness: bool = False
     only_named: bool = False
+    few_rows: bool = False
+    averaged: str = ""
 
     @property
     def datasets(self) -> tuple[str, ...]:
@@ -123,6 +129,15 @@ TABLES: tuple[Table, ...] = (
         split_size=len(SUBJECT_FOLDS[0]),
     ),
     Table(
+        "I-random",
+        "Retrieval of synthetic humans drawn at random, all subjects in one gallery (without figures of the paper)",
+        "humans-random",
+        any_of=tuple(f"humans-random[draw={draw}]" for draw in range(3)),
+        in_quick_runs=False,
+        few_rows=True,
+        averaged="training",
+    ),
+    Table(
         "II",
         "Retrieval of real humans",
         "shrec14-real",
@@ -149,6 +164,7 @@ TABLES: tuple[Table, ...] = (
         folds=SUBJECT_FOLDS,
         in_quick_runs=False,
         ablation=True,
+        averaged="training_seed",
     ),
     Table(
         "extended",

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmark.api.learning import Learner
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.catalogue import is_present
+from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, did_you_mean
 
@@ -30,6 +30,7 @@ __all__ = [
     "find_training",
     "fold_name",
     "only_training",
+    "set_of_subjects",
     "subject_fold",
     "trainings_by_shape",
     "trainings_on",
@@ -64,6 +65,11 @@ class Training:
     dataset: str
     trained: Part
     tested: Part
+
+    @property
+    def is_sampled(self) -> bool:
+        """Return whether it shows bodies that are in no set."""
+        return self.trained == Part()
 
 
 def subject_fold(place: int) -> int:
@@ -100,8 +106,20 @@ PEOPLE = ("david", "michael", "victoria")
 #: Which of the two trainings on animals a table-bound learner uses by default: "III" or "III-people".
 TABLE_III = "III"
 
-#: Sets of the subjects and poses of another one, whose trainings leave out the same.
-SAME_SUBJECTS = {"camera": "humans"}
+#: Sets that show subjects of another one.
+_SAME_SUBJECTS = {
+    "camera": "humans",
+    "camera-few": "humans",
+    "animals-few": "animals",
+    **{f"humans-random[draw={draw}]": "humans-random" for draw in range(3)},
+}
+
+
+def set_of_subjects(dataset: str) -> str | None:
+    """Return the set of the catalogue whose subjects a set shows, changed in whatever way; None where nobody knows."""
+    name = catalogued(dataset)
+    return None if name is None else _SAME_SUBJECTS.get(name, name)
+
 
 #: Name of the training on sampled bodies, and how many bodies in how many poses it takes by default.
 SAMPLED = "humans-sampled"
@@ -264,15 +282,15 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     """
     if only := only_training(learner):
         return [only]
-    trained_on = SAME_SUBJECTS.get(dataset, dataset)
+    trained_on = set_of_subjects(dataset) or dataset
     names = _strict_names(trained_on) if learner.split == "strict" else _fold_names(trained_on)
     if names[0] in TRAININGS:
         return [TRAININGS[name] for name in names]
     if learner.split == "strict":
         raise NoFolds(f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans")
-    if dataset in ("tosca", "animals"):
-        return [TRAININGS[f"{dataset}-{TABLE_III}"]]
-    is_official = dataset == "shrec14-real" and is_present("shrec14-synthetic", data_root)
+    if trained_on in ("tosca", "animals"):
+        return [TRAININGS[f"{trained_on}-{TABLE_III}"]]
+    is_official = trained_on == "shrec14-real" and is_present("shrec14-synthetic", data_root)
     return [TRAININGS[fold_name("shrec14-synthetic" if is_official else "humans", 0)]]
 
 
@@ -292,6 +310,9 @@ def trainings_by_shape(
     found = trainings_on(learner, dataset.name, data_root)
     if len(found) == 1:
         return dict.fromkeys((entry.identifier for entry in entries), found[0])
+    # Places of poses are those of the set that is trained on, of which another one may show some alone.
+    if dataset.name != found[0].dataset:
+        dataset = open_dataset(found[0].dataset, data_root)
     place = tuple((entry.identifier, entry.subject) for entry in dataset.entries), *(each.name for each in found)
     if place not in _OF_SHAPE:
         _OF_SHAPE[place] = {entry.identifier: each for each in found for entry in each.tested.of(dataset)}

@@ -291,15 +291,15 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
-    """Row that a record belongs to: in an ablation, trainings with other seeds share it."""
+    """Row that a record belongs to: in some tables, trainings of a learner share it."""
     name = str(record["method"])
-    return without_training_seed(name) if table.ablation else name
+    return without(name, table.averaged) if table.averaged else name
 
 
-def without_training_seed(method: str) -> str:
-    """Return the name that all trainings of a method share."""
+def without(method: str, parameter: str) -> str:
+    """Return the name that a method has without one of its parameters."""
     base, _, rest = method.partition("[")
-    kept = [part for part in rest.removesuffix("]").split(",") if part and not part.startswith(f"{TRAINING_SEED}=")]
+    kept = [part for part in rest.removesuffix("]").split(",") if part and not part.startswith(f"{parameter}=")]
     return f"{base}[{','.join(kept)}]" if kept else base
 
 

@@ -57,7 +57,8 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
     ConfigurationError
         If it is not the card of such a model; the message names the field.
     """
-    if odd := sorted(card.keys() ^ _TOLD.keys()):
+    # A card of an older model says nothing of the clearance.
+    if odd := sorted((card.keys() - {"clearance"}) ^ _TOLD.keys()):
         verb = "lacks" if odd[0] in _TOLD else "has an unknown field"
         raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", HINT)
     for name, kind in _TOLD.items():

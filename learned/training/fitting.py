@@ -177,6 +177,7 @@ class Fitting(Generic[N]):
             **trained.seen,
             "subjects": list(data.subjects),
             "identifiers": list(data.identifiers),
+            "clearance": dict(data.clearance),
             "extra_data": True,
             "seed": self.seed,
             self.planned: asdict(self.plan),

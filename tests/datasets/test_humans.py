@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmark.datasets import humans
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.human_poses import POSES, Arm, Column, Leg, Pose, bone_rotations
-from benchmark.datasets.human_subjects import SUBJECTS
+from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, SUBJECTS, adults
 from benchmark.datasets.humans import Humans, human_mesh, human_meshes, recipe, sample_humans
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT
@@ -321,8 +321,10 @@ def test_the_first_use_says_that_it_takes_longer(
     assert capsys.readouterr().err == ""
 
 
-def test_sampled_subjects_are_none_of_the_data_set() -> None:
-    taken = np.array([astuple(subject) for subject in SUBJECTS.values()])
+def test_sampled_subjects_are_none_that_methods_are_tested_on() -> None:
+    sets = (SUBJECTS, adults(), *RANDOM_SUBJECTS)
+    taken = np.array([astuple(subject) for subjects in sets for subject in subjects.values()])
+    assert len(taken) == 100
     sampled = np.array([astuple(subject) for subject, _ in sample_humans(200, 0, seed=1)])
     assert np.linalg.norm(sampled[:, None] - taken[None], axis=2).min() >= 0.25
     assert sampled.min() >= 0

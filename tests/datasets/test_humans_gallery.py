@@ -1,5 +1,6 @@
 """Galleries of any number of generated bodies."""
 
+import hashlib
 from dataclasses import astuple
 
 import numpy as np
@@ -48,7 +49,15 @@ def test_a_larger_gallery_begins_with_the_smaller_one_and_repeats_no_body():
     assert [small.recipe(entry) for entry in small.entries] == recipes[: len(small.entries)]
     assert len(set(recipes)) == len(recipes)
     trained = {astuple(sample_human(index, 0, 0)[0]) for index in range(200)}
+    assert (
+        hashlib.sha256(repr([_body(f"body-{n}") for n in range(200)]).encode()).hexdigest()[:16] == "fd10170ec93762bf"
+    )
     assert not trained & {astuple(_body(f"body-{index}")) for index in range(2000)}
+
+
+def test_the_bodies_of_published_galleries_are_drawn_again():
+    drawn = [np.round(astuple(_body(f"body-{n}")), 6).tolist() for n in range(200)]
+    assert hashlib.sha256(repr(drawn).encode()).hexdigest()[:16] == "82c4358c5ac5bd9d"
 
 
 @pytest.mark.slow

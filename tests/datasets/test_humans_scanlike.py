@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from benchmark.datasets import humans, humans_scanlike
 from benchmark.datasets.base import Dataset, check_retrievable
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import SUBJECTS
-from benchmark.datasets.humans_scanlike import POSE_NAMES, HumansScanlike, adults
+from benchmark.datasets.human_subjects import SUBJECTS, adults
+from benchmark.datasets.humans_scanlike import POSE_NAMES, HumansScanlike
 from benchmark.datasets.scanning import CELL, membrane, scan, sheltered_vertices, vertex_normals
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import fit_half_width

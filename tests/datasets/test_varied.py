@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -10,10 +11,9 @@ import trimesh
 
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Arm, Pose
-from benchmark.datasets.human_subjects import SUBJECTS
-from benchmark.datasets.humans_scanlike import adults
+from benchmark.datasets.human_subjects import CLEARANCE, SUBJECTS, adults
 from benchmark.datasets.varied import sampler as sampling
-from benchmark.datasets.varied.bodies import CLEARANCE, LABELS, Body, local_changes, varied_body, varied_subject
+from benchmark.datasets.varied.bodies import LABELS, Body, local_changes, varied_body, varied_subject
 from benchmark.datasets.varied.camera import Perturbations, both_sides, extents, perturbed, rendered, turned
 from benchmark.datasets.varied.model import CANONICAL, body_model
 from benchmark.datasets.varied.overlap import doubled_share
@@ -47,6 +47,12 @@ def test_no_body_is_near_to_a_subject_that_is_tested() -> None:
     assert abs((drawn[:, 1] < 0.5).mean() - 0.5) < 0.15
     assert abs((drawn[:, 0] < 0.5).mean() - 0.5) < 0.1
     assert len(np.unique(drawn, axis=0)) == 400
+
+
+def test_the_bodies_that_networks_were_chosen_by_are_drawn_again() -> None:
+    random = np.random.default_rng(3)
+    drawn = repr([astuple(varied_subject(random)) for _ in range(300)])
+    assert hashlib.sha256(drawn.encode()).hexdigest()[:16] == "6ddf26b46d98bf50"
 
 
 def test_every_angle_is_free_of_the_others_and_within_its_joint() -> None:

@@ -10,9 +10,10 @@ import trimesh
 
 from benchmark.api.streaming import N_POINTS
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
+from benchmark.datasets.human_subjects import CLEARANCE, clearance
 from benchmark.datasets.scans.triangles import collapsed
 from benchmark.datasets.varied import wide
-from benchmark.datasets.varied.bodies import CLEARANCE, Body, clearance, varied_body
+from benchmark.datasets.varied.bodies import AWAY_FROM, Body, varied_body
 from benchmark.datasets.varied.coarse import coarse_model
 from benchmark.datasets.varied.joints import batch_rotations
 from benchmark.datasets.varied.model import CANONICAL
@@ -77,7 +78,7 @@ def test_no_subject_of_a_set_enters_training(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(wide, "varied_body", noted)
     WideSampler(seed=11)(0, 8, 64)
     assert len(drawn) >= 8
-    assert min(clearance(body.subject) for body in drawn) >= CLEARANCE
+    assert min(clearance(body.subject, AWAY_FROM) for body in drawn) >= CLEARANCE
 
 
 @needs_the_full_body

@@ -19,9 +19,9 @@ from benchmark.datasets import human_subjects
 from benchmark.datasets.animals import Animals
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.human_poses import POSES
+from benchmark.datasets.human_subjects import adults, clearance, clearances
 from benchmark.datasets.humans import CANONICAL_POSE, Humans
-from benchmark.datasets.humans_scanlike import adults
-from benchmark.datasets.varied.bodies import clearance, varied_body
+from benchmark.datasets.varied.bodies import AWAY_FROM, varied_body
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.datasets.varied_animals.proportions import drawn_species
 from benchmark.jobs.pairs import animals
@@ -144,16 +144,22 @@ def test_sampled_animals_are_of_no_set(of_data: list[Card]) -> None:
         ]
         assert np.abs(girths).max() > 0.05, "some part is thicker or thinner by more than a twentieth"
         body = varied_body(np.random.default_rng([animals.SEED, place * animals.MOST_DRAWS**2, 0]))
-        assert clearance(body.subject) >= 0.25
+        assert clearance(body.subject, AWAY_FROM) >= 0.25
 
 
-def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None:
+def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one(cards: dict[Path, Card]) -> None:
     """Names say little: what a body is lies in its phenotype. Neighbouring subjects of one set are .3 apart or more."""
     tested = np.array([astuple(human_subjects.SUBJECTS[name]) for name in SUBJECTS])
     between = np.linalg.norm(tested[:, None] - tested, axis=2)
     assert between[~np.eye(len(tested), dtype=bool)].min() > 0.3, "a fold's subjects and those of its training"
+    for card in cards.values():
+        if card["data"].startswith(("humans-fold", "humans-strict")):
+            bodies = [human_subjects.SUBJECTS[name] for name in card["subjects"]]
+            assert card["clearance"] == clearances(bodies), card["data"]
+        if card["data"] in ("humans-varied", "animals-sampled"):
+            assert card["clearance"] == dict.fromkeys(AWAY_FROM, 0.25)
     drawn = [varied_body(np.random.default_rng([0, number, 0])).subject for number in range(1500)]
-    assert min(map(clearance, drawn)) >= 0.25, "of the real people's stand-in as well"
+    assert min(clearance(subject, AWAY_FROM) for subject in drawn) >= 0.25
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from benchmark.api.learning import MakesPairs, TrainingData
 from benchmark.datasets.animals import CANONICAL_POSE, Animals
 from benchmark.datasets.animals.people import CENTIMETRES
 from benchmark.datasets.base import Entry
+from benchmark.datasets.varied.bodies import AWAY_FROM
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied_animals import AnimalSampler
 from benchmark.errors import DatasetError
@@ -57,6 +58,7 @@ def sampled_animals(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingDat
         _IMAGES,
         lambda start=0: asked.pairs(made_body, _IMAGES, start),
         unseen,
+        AWAY_FROM,
     )
 
 

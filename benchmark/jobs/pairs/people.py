@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Pose
+from benchmark.datasets.human_subjects import TESTED
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.pairs.synthetic import SyntheticTraining
@@ -38,6 +39,7 @@ def sampled_people(asked: SyntheticTraining, unseen: MakesPairs) -> TrainingData
         _IMAGES,
         lambda start=0: _pairs(bodies, asked, start),
         unseen,
+        TESTED,
     )
 
 

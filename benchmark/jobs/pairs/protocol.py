@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
+from benchmark.datasets.animals.people import BODIES
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
+from benchmark.datasets.human_subjects import SUBJECTS, Subject, clearances
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.jobs.pairs.animals import sampled_animals
 from benchmark.jobs.pairs.people import sampled_people
@@ -32,6 +34,9 @@ _SYNTHETIC_SETS: Mapping[str, Callable[[SyntheticTraining, MakesPairs], Training
     VARIED: varied_data,
 }
 """Makers of data that is in no set, by the name of the training."""
+
+_PHENOTYPES: Mapping[str, Mapping[str, Subject]] = {"humans": SUBJECTS, "animals": BODIES}
+"""Bodies of the people in sets that are trained on."""
 
 
 def training_data(
@@ -70,6 +75,8 @@ def training_data(
         data = synthetic(SyntheticTraining(training, dataset, preparation.half_width, n_sampled, say), unseen)
     else:
         pairs = _renderable(training.trained.of(dataset), preparation, say)
+        phenotypes = _PHENOTYPES.get(dataset.name, {})
+        bodies = [phenotypes[name] for name in dict.fromkeys(each.subject for each, _ in pairs) if name in phenotypes]
         shown = list({entry.identifier: entry for pair in pairs for entry in pair}.values())
         data = TrainingData(
             name=training.name,
@@ -80,6 +87,7 @@ def training_data(
             n_pairs=len(pairs),
             pairs=lambda start=0: _pairs(pairs[start:], preparation),
             unseen=unseen,
+            clearance=clearances(bodies) if bodies else {},
         )
     _check_apart(data, tested)
     return data

@@ -9,7 +9,9 @@ from dataclasses import replace
 from benchmark.api.learning import MakesPairs, TrainingPair
 from benchmark.api.scans import ScannedData, StreamedAndScannedData
 from benchmark.api.streaming import StreamedData
+from benchmark.datasets.human_subjects import CLEARANCE
 from benchmark.datasets.scans.sampler import ScanSampler
+from benchmark.datasets.varied.bodies import AWAY_FROM
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.depth import SIZE
@@ -47,6 +49,7 @@ def varied_data(asked: SyntheticTraining, unseen: MakesPairs) -> StreamedAndScan
         n_pairs=SAMPLE,
         pairs=lambda start=0: _pairs(fresh, start),
         unseen=unseen,
+        clearance=dict.fromkeys(AWAY_FROM, CLEARANCE),
         fresh=fresh,
         validation=validation,
         surfaces=fresh.surfaces,
@@ -76,6 +79,7 @@ def _scanned(plain: StreamedData) -> ScannedData:
         n_pairs=plain.n_pairs,
         pairs=plain.pairs,
         unseen=plain.unseen,
+        clearance=plain.clearance,
         scans=scans,
         validation=validation,
     )

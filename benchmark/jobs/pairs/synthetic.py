@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.datasets.base import Dataset
+from benchmark.datasets.human_subjects import CLEARANCE
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
@@ -52,7 +53,13 @@ class SyntheticTraining:
         return [*map(repr, cameras), self.half_width, versions_of(["preparation/view"])]
 
     def data(
-        self, title: str, recipe: list[object], images: int, pairs: MakesPairs, unseen: MakesPairs
+        self,
+        title: str,
+        recipe: list[object],
+        images: int,
+        pairs: MakesPairs,
+        unseen: MakesPairs,
+        away_from: Iterable[str],
     ) -> TrainingData:
         """The bodies as training data; they are made as they are read, for they are too many to be kept.
 
@@ -68,6 +75,8 @@ class SyntheticTraining:
             Makes the pairs.
         unseen
             Makes pairs of the subjects that are tested.
+        away_from
+            Generated sets of people from whose subjects the bodies keep ``CLEARANCE``.
         """
         names = [_body_name(number) for number in range(self.n_bodies)]
         return TrainingData(
@@ -79,6 +88,7 @@ class SyntheticTraining:
             n_pairs=self.n_bodies * images,
             pairs=pairs,
             unseen=unseen,
+            clearance=dict.fromkeys(away_from, CLEARANCE),
         )
 
     def pairs(self, made: MakesImages, images: int, start: int) -> Iterator[TrainingPair]:

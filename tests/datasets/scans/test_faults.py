@@ -198,8 +198,9 @@ def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_code(monke
 
 @pytest.mark.exhaustive
 def test_no_subject_of_a_set_and_no_body_of_another_stream_is_scanned(monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmark.datasets.human_subjects import CLEARANCE, clearance
     from benchmark.datasets.varied import sampler as bodies
-    from benchmark.datasets.varied.bodies import CLEARANCE, clearance, varied_body
+    from benchmark.datasets.varied.bodies import AWAY_FROM, varied_body
 
     drawn = []
 
@@ -209,7 +210,7 @@ def test_no_subject_of_a_set_and_no_body_of_another_stream_is_scanned(monkeypatc
 
     monkeypatch.setattr(bodies, "varied_body", noted)
     made = ScanSampler(seed=0)(5, 4)
-    assert min(clearance(each.subject) for each in drawn) >= CLEARANCE
+    assert min(clearance(each.subject, AWAY_FROM) for each in drawn) >= CLEARANCE
     ours = set(drawn)
     drawn.clear()
     WideSampler(seed=0)(5, 4, 32)

@@ -1,0 +1,124 @@
+"""Which shipped model may be tested on which set: names of subjects, and how near its bodies come to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from benchmark.api.learning import CARD, read_card
+from benchmark.cli.main import cli
+from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.humans_gallery import HumansGallery
+from benchmark.protocols.models import Model, TooNear
+from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
+from learned.paired.methods import Learned
+
+RANDOM = ["humans-random", *(f"humans-random[draw={draw}]" for draw in range(3))]
+GENERATED = HumansGallery(4, 2).name
+CHANGED = [
+    "humans[noise=3]", "humans[jitter=1]", "humans[decimation=libigl]", "humans[depth-noise=2][jitter=1]",
+    "camera[occlusion=1]", "camera-few[distance=2]", "animals-few[noise=1]", "humans-random[draw=1][holes=2]",
+    "humans-scanlike[scale=1]", f"{GENERATED}[noise=1]",
+]  # fmt: skip
+SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
+
+OF_HUMANS = ("humans", "humans[", "camera", "camera-few", "camera[", "camera-few[")
+
+
+def shipped() -> list[Model]:
+    folders = (path.parent for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}")))
+    return [Model(folder.parent.name, folder, read_card(folder)) for folder in folders]
+
+
+def refused(model: Model, name: str) -> bool:
+    try:
+        model.check_clearance(name)
+    except TooNear:
+        return True
+    return False
+
+
+def refused_on(training: str) -> set[str]:
+    """Sets that the models of a training must not be tested on."""
+    near = {name for name in SETS if name.startswith("humans-scanlike")}
+    if training in ("humans-varied", "animals-sampled"):
+        return {name for name in SETS if name.startswith(("humans-random", GENERATED))}
+    if training == "humans-sampled":  # the model of version 0.2
+        return near | {name for name in SETS if name.startswith(("humans-random", GENERATED))}
+    is_near = training.startswith(("humans-fold-1", "humans-fold-2", "humans-strict-1", "humans-strict-2"))
+    return near if is_near else set()
+
+
+def share_seen(training: str, name: str) -> float:
+    """Share of the subjects of a set that the models of a training have seen."""
+    if training.startswith(("humans-fold", "humans-strict")):
+        is_of_humans = name.startswith(OF_HUMANS[2:]) or (name.partition("[")[0] == "humans" and GENERATED not in name)
+        return 2 / 3 if is_of_humans else 0.0
+    if training == "animals-III" and name.startswith("animals"):
+        return 4 / 9 if name == "animals" else 1 / 6
+    return 0.0
+
+
+def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
+    models = shipped()
+    assert len({model.training for model in models}) >= 18
+    subjects = {name: [(e, e.subject) for e in open_dataset(name, None).entries] for name in SETS}
+    for model in models:
+        assert {name for name in SETS if refused(model, name)} == refused_on(model.training), model.folder
+        for name, shapes in subjects.items():
+            seen = {subject for entry, subject in shapes if model.has_seen(entry, name)}
+            expected = share_seen(model.training, name) * len({subject for _, subject in shapes})
+            assert len(seen) == pytest.approx(expected), f"{model.folder} on {name}"
+
+
+def test_subjects_of_camera_frames_are_known_to_models_that_saw_them() -> None:
+    model = next(model for model in shipped() if model.training == "humans-fold-0")
+    camera = open_dataset("camera", None).entries
+    tested = TRAININGS["humans-fold-1"].tested.of(open_dataset("camera", None))
+    assert len(tested) == 100 and all(model.has_seen(entry, "camera") for entry in tested)
+    assert sum(model.has_seen(entry, "camera") for entry in camera) == 200
+
+
+@pytest.mark.parametrize("name", ["humans[noise=3]", "camera-few", "camera-few[occlusion=1]", "animals-few"])
+def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name: str) -> None:
+    dataset = open_dataset(name, None)
+    of_shape = trainings_by_shape(Learned(), dataset, dataset.entries, None)
+    trainings = {model.training: model for model in shipped() if model.folder.name == "literal-seed0"}
+    seen = [e.identifier for e in dataset.entries if trainings[of_shape[e.identifier].name].has_seen(e, name)]
+    assert len(of_shape) == len(dataset.entries)
+    # The paper tests on animals that it trained on, too.
+    assert seen == (["dog0", "dog2", "dog4"] if name == "animals-few" else [])
+
+
+@pytest.mark.parametrize(
+    ("dataset", "method", "said"),
+    [
+        ("humans-random", "learned-streamed", "did not stay 0.25 away from the subjects of humans-random"),
+        ("humans-scanlike", "learned[training=humans-fold-1]", "did not stay 0.25 away from the subjects of humans-sc"),
+        (GENERATED, "deformation-field", "are drawn as those of training 'humans-varied' are"),
+    ],
+)
+def test_a_plan_says_why_a_model_is_refused(tmp_path: Path, dataset: str, method: str, said: str) -> None:
+    done = CliRunner().invoke(cli, ["plan", "-d", dataset, "-m", method, "--results", str(tmp_path)])
+    rows = [line for line in done.stdout.splitlines() if said in line]
+    assert rows and all(line.startswith("unsupported") for line in rows), done.stdout
+
+
+def test_a_sampled_model_whose_card_says_nothing_of_a_set_is_refused_there(tmp_path: Path) -> None:
+    card = {name: value for name, value in shipped()[0].card.items() if name != "clearance"}
+    assert refused(Model("humans-sampled", tmp_path, card), "humans")
+    assert not refused(Model("humans-fold-0", tmp_path, card), "humans-scanlike")
+    assert not refused(Model("humans-sampled", tmp_path, card), "tosca")
+
+
+def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, ["plan", "-t", "I-random", "--input", "view", "--results", str(tmp_path)])
+    lines = [line.split() for line in done.stdout.splitlines() if "humans-random" in line]
+    methods = {line[3] for line in lines}
+    assert {line[1] for line in lines} == set(RANDOM[1:])
+    assert {m for m in methods if m.startswith("learned")} == {
+        "learned", "learned[training=humans-fold-1]", "learned[training=humans-fold-2]"
+    }  # fmt: skip
+    assert {"classic-mds", "identity", "wks-mean"} <= methods and not {"nystrom-mds", "euclidean-distance"} & methods
