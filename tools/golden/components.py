@@ -49,6 +49,7 @@ SIGNED = ("closed", "small", "open", "bridged")
 GENERATED: Mapping[str, tuple[int, ...]] = {
     "humans": tuple(n % 15 * 20 + n for n in range(20)),
     "humans-scanlike": (1, 157, 398),
+    "humans-random": (7, 154, 299),
     "animals": (1, 12, 18, 26, 34, 38, 50, 70, 79),
     "animals-few": (1, 16),
     "camera": (1, 42, 153, 298),
@@ -186,7 +187,7 @@ def _api() -> Iterator[Part]:
 
 
 def _data() -> Iterator[tuple[str, Component]]:
-    for name in (name for name, source in CATALOGUE.items() if not source.folder):
+    for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
         dataset = open_dataset(name, None)
         parts = [Part("all", partial(stages.entries_of, dataset))]
         chosen = [dataset.entries[place] for place in GENERATED[name]]
@@ -195,6 +196,8 @@ def _data() -> Iterator[tuple[str, Component]]:
             parts.append(Part("bodies", stages.adult_bodies, small=False))
         if name == "animals":
             parts.append(Part("skeletons", stages.animal_skeletons, small=False))
+        if name == "humans-random":
+            parts.append(Part("subjects", stages.random_bodies))
         if name == "humans":
             parts.append(Part("gallery", stages.humans_gallery, small=False))
         modules = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -164,6 +165,13 @@ def entries_of(dataset: Dataset) -> Arrays:
     return {"entries": np.array(lines), "about": f"{dataset.name} {dataset.half_width} {dataset.stand_in_for}"}
 
 
+def random_bodies() -> Arrays:
+    """Phenotypes of all draws of random subjects."""
+    from benchmark.datasets.human_subjects import RANDOM_SUBJECTS
+
+    return {f"draw-{n}": np.array([astuple(s) for s in drawn.values()]) for n, drawn in enumerate(RANDOM_SUBJECTS)}
+
+
 def mesh_of(dataset: Dataset, entry: Entry) -> Arrays:
     return _thin(dataset.load(entry), 100)
 
@@ -178,8 +186,9 @@ def humans_gallery() -> Arrays:
 def adult_bodies() -> Arrays:
     """Every body that is scanned, before that, and every pose."""
     from benchmark.datasets.human_poses import POSES
+    from benchmark.datasets.human_subjects import adults
     from benchmark.datasets.humans import human_mesh
-    from benchmark.datasets.humans_scanlike import POSE_NAMES, adults
+    from benchmark.datasets.humans_scanlike import POSE_NAMES
 
     poses = [POSES[name] for name in POSE_NAMES]
     bodies = [human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(adults().values())]
