@@ -24,8 +24,6 @@ CHANGED = [
 ]  # fmt: skip
 SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
 
-OF_HUMANS = ("humans", "humans[", "camera", "camera-few", "camera[", "camera-few[")
-
 
 def shipped() -> list[Model]:
     folders = (path.parent for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}")))
@@ -42,20 +40,17 @@ def refused(model: Model, name: str) -> bool:
 
 def refused_on(training: str) -> set[str]:
     """Sets that the models of a training must not be tested on."""
-    near = {name for name in SETS if name.startswith("humans-scanlike")}
     if training in ("humans-varied", "animals-sampled"):
         return {name for name in SETS if name.startswith(("humans-random", GENERATED))}
-    if training == "humans-sampled":  # the model of version 0.2
-        return near | {name for name in SETS if name.startswith(("humans-random", GENERATED))}
-    is_near = training.startswith(("humans-fold-1", "humans-fold-2", "humans-strict-1", "humans-strict-2"))
-    return near if is_near else set()
+    if training.startswith(("humans-fold-1", "humans-fold-2", "humans-strict-1", "humans-strict-2")):
+        return {name for name in SETS if name.startswith("humans-scanlike")}
+    return set()
 
 
 def share_seen(training: str, name: str) -> float:
     """Share of the subjects of a set that the models of a training have seen."""
     if training.startswith(("humans-fold", "humans-strict")):
-        is_of_humans = name.startswith(OF_HUMANS[2:]) or (name.partition("[")[0] == "humans" and GENERATED not in name)
-        return 2 / 3 if is_of_humans else 0.0
+        return 2 / 3 if name.partition("[")[0] in ("humans", "camera", "camera-few") and GENERATED not in name else 0.0
     if training == "animals-III" and name.startswith("animals"):
         return 4 / 9 if name == "animals" else 1 / 6
     return 0.0
