@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import stat
 import zipfile
 from collections import Counter
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.bundles.manifest import MANIFEST, NAMES, BundleError
-from benchmark.storage.record_schema import not_a_number
+from benchmark.storage.record_schema import read_json
 from benchmark.system.arrays import load_arrays
 
 #: Bytes of the largest bundle, of all its files together, of one of them, and of the arrays that one unfolds to.
@@ -97,7 +96,7 @@ class Archive:
         if name in self.parts and self.parts[name].file_size > LARGEST_JSON:
             raise BundleError("too-large", f"'{name}' in it unfolds to more than {LARGEST_JSON:,} bytes", _HINT)
         try:
-            return json.loads(self.read(name).decode("utf-8"), parse_constant=not_a_number)
+            return read_json(self.read(name))
         except (ValueError, RecursionError) as error:
             raise BundleError("no-json", f"'{name}' in it is no JSON, or holds NaN or Infinity", _HINT) from error
 

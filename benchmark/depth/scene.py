@@ -12,7 +12,6 @@ from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.mask import Mask
 from benchmark.depth.reading import Depths
 from benchmark.geometry.mesh import Faces, Mesh, Points
-from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles
 
 KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5, (640, 480))
 """Nominal intrinsics of a structured-light camera of 640 x 480 pixels."""
@@ -68,6 +67,8 @@ def perspective_depth(points: Points, faces: Faces, camera: Intrinsics, size: tu
     size
         Width and height.
     """
+    from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles  # numba is imported with it
+
     width, height = size
     drawn = np.ascontiguousarray(faces[(points[faces, 2] > _NEAREST).all(axis=1)], dtype=np.int32)
     z = np.maximum(points[:, 2], _NEAREST)

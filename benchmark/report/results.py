@@ -69,6 +69,7 @@ class Results:
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
     _shapes: dict[tuple[str, str], str] = field(default_factory=dict, repr=False)
+    _outdated: dict[str, str] = field(default_factory=dict, repr=False)
 
     def all(
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
@@ -121,6 +122,11 @@ class Results:
 
     def outdated(self, record: Record) -> str:
         """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
+        if record["key"] not in self._outdated:
+            self._outdated[record["key"]] = self._what_changed(record)
+        return self._outdated[record["key"]]
+
+    def _what_changed(self, record: Record) -> str:
         recipe = record["recipe"]
         if "unavailable" in recipe:
             return ""

@@ -104,7 +104,9 @@ def versions_of(components: Iterable[str]) -> dict[str, str]:
 def edited(components: Iterable[str]) -> dict[str, str]:
     """Return the edited folders that components run, with the digest of their code; empty where all is as published."""
     changed, known = edited_folders(), read_lock().components
-    folders = {folder for name in components if name in known for folder in known[name].folders} if changed else ()
+    if not changed:
+        return {}
+    folders = {folder for name in components if name in known for folder in known[name].folders}
     return {folder: changed[folder] for folder in sorted(changed.keys() & folders)}
 
 

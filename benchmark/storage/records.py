@@ -12,12 +12,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
-
 from benchmark.storage.adoption import EDITED
 from benchmark.storage.keys import digest
 from benchmark.storage.lines import KINDS, SharedParts, as_line, key_of, unpacked
-from benchmark.storage.record_schema import chance_of_labels, fault_of
+from benchmark.storage.record_schema import chance_of_labels, fault_of, read_json
 from benchmark.system.files import locked, write_atomically, write_text
 from benchmark.system.text import LONGEST_NAME
 
@@ -271,8 +269,8 @@ class Records:
 def _parsed(source: _Source) -> tuple[Any, str]:
     """Return what a text says, or why it says nothing."""
     try:
-        content = msgspec.json.decode(source.text)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        content = read_json(source.text)
+    except (ValueError, RecursionError):
         return None, "it is not JSON"
     try:
         return (content if source.parts is None else unpacked(content, source.parts)), ""

@@ -245,7 +245,7 @@ EDITS = [
     (put_another_comment, "source-differs", "false"),
     (put_another_source_with_its_digest, "source-differs", "false"),
     (put_a_source_that_is_none, "source-differs", "false"),
-    (name_a_shape_twice, "name-twice", "false"),
+    (name_a_shape_twice, "record-edited", "false"),
     (be_of_another_method, "other-method", "false"),
     (claim_another_scorer, "scores-differ", "false"),
     (leave_the_distances_out, "file-missing", "unreadable"),
