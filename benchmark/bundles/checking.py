@@ -160,7 +160,8 @@ class _Check:
         plugin = self.manifest.plugin
         assert plugin  # noqa: S101
         for entry in self.manifest.entries:
-            sources = self.archive.json(entry.record)["recipe"].get("plugin", {})
+            recipe = self.archive.json(entry.record)["recipe"]
+            sources = recipe["plugin"] if "plugin" in recipe else recipe["code"]["method"]["code"]  # of version 0.2
             known = {name: sources.get(name.removeprefix("plugin/")) for name in plugin.digests}
             try:
                 if known[plugin.file] is None or any(

@@ -174,7 +174,10 @@ class RowCheck:
         except BenchmarkError as error:
             self.faults.append(claim("scorer-unknown", error.problem, error.hint))
             return None
-        if plain(scorer_recipe(found)) != self.record["recipe"].get("scorer"):
+        of_scorer = scorer_recipe(found)
+        if "versions" not in self.record["recipe"]:  # of version 0.2, which named the defaults, too
+            of_scorer |= found.resolved_parameters()
+        if plain(of_scorer) != self.record["recipe"].get("scorer"):
             self.faults.append(lie("scores-differ", f"its record was made by another scorer than '{found.name}'"))
         return found
 

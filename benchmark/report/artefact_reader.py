@@ -26,7 +26,6 @@ from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 from benchmark.storage.records import Record, answered_shapes
 from benchmark.storage.store import Store
-from benchmark.system.arrays import load_arrays
 from benchmark.system.plugins import is_imported
 
 
@@ -55,11 +54,7 @@ class ArtefactReader:
         """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
         count = len(answered_shapes(record))
         for name in record.get("artefacts", ()):
-            path = self.store.artefacts / name[:2] / f"{name}.npz"
-            try:
-                arrays = load_arrays(path, name, lambda array: array == "distances")
-            except Exception:  # noqa: S112
-                continue  # freed or damaged
+            arrays = self.store.arrays_under(name, "distances")
             if "distances" in arrays and arrays["distances"].shape == (count, count):
                 yield arrays["distances"]
 

@@ -193,6 +193,11 @@ class Store:
         """Return whether there is a file of arrays that stay under a key, whole or not."""
         return self._path(key).is_file()
 
+    def arrays_under(self, key: str, name: str) -> Arrays:
+        """Return the array of a name under a key; empty where there is none, or its file is damaged."""
+        artefact = _load(self._path(key), key, name.__eq__)
+        return artefact.arrays if artefact else {}
+
     def digest_under(self, key: str) -> str:
         """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
         found = _load(self._path(key), key, lambda name: False)

@@ -169,7 +169,12 @@ def why(target: str, everything: bool, **options: Any) -> None:
     store = Store.open(selection.results)
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
-        found = [r for records in (store.records, store.published) for r in records if r["key"].startswith(target)]
+        found = [
+            r
+            for records in (store.records, store.published)
+            for r in records
+            if r["key"].rpartition("-")[2].startswith(target)
+        ]
         name_skipped(store)
         if found:
             _explain_record(found[0])
@@ -183,7 +188,8 @@ def why(target: str, everything: bool, **options: Any) -> None:
     width = max(len(clean(job.name)) for job in jobs)
     for job, record in zip(jobs, made, strict=True):
         scores = _scores(record) if record is not None else ""
-        say(f"{job.key[:12] or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
+        short = job.key.rpartition("-")[2][:12]
+        say(f"{short or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
     say(f"{len(jobs)} jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all of each")
 
 
