@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import RANDOM_SUBJECTS
+from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, Subject
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 
@@ -39,22 +39,24 @@ class HumansRandom:
     @property
     def title(self) -> str:
         """Name in captions."""
-        return f"humans drawn at random, draw {self.draw}"
+        return "humans drawn at random"
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 300 shapes, by subject, then by pose."""
-        return tuple(
-            Entry(f"{subject}_{pose}", subject, pose) for subject in RANDOM_SUBJECTS[self.draw] for pose in POSES
-        )
+        """The 300 shapes, by subject, then by pose; no two draws share a name, for no two share a subject."""
+        subjects = [f"{name}-of-draw-{self.draw}" for name in RANDOM_SUBJECTS[self.draw]]
+        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES)
 
     def load(self, entry: Entry) -> Mesh:
         """Make the mesh of one shape; see :func:`benchmark.datasets.humans.human_meshes`."""
-        return humans.human_mesh(RANDOM_SUBJECTS[self.draw][entry.subject], POSES[entry.pose])
+        return humans.human_mesh(self._body(entry), POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
         """Name the values of the body and the angles of its joints."""
-        return humans.recipe(RANDOM_SUBJECTS[self.draw][entry.subject], POSES[entry.pose])
+        return humans.recipe(self._body(entry), POSES[entry.pose])
+
+    def _body(self, entry: Entry) -> Subject:
+        return RANDOM_SUBJECTS[self.draw][entry.subject.partition("-of-")[0]]
 
     def camera(self, entry: Entry) -> Camera:
         """Look at the front."""

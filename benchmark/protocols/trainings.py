@@ -114,6 +114,9 @@ _SAME_SUBJECTS = {
     **{f"humans-random[draw={draw}]": "humans-random" for draw in range(3)},
 }
 
+#: Sets with some of the poses of another one, of which no fold of poses can be told.
+_FEWER_POSES = frozenset({"camera-few", "animals-few"})
+
 
 def set_of_subjects(dataset: str) -> str | None:
     """Return the set of the catalogue whose subjects a set shows, changed in whatever way; None where nobody knows."""
@@ -282,11 +285,11 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     """
     if only := only_training(learner):
         return [only]
-    trained_on = set_of_subjects(dataset) or dataset
-    names = _strict_names(trained_on) if learner.split == "strict" else _fold_names(trained_on)
-    if names[0] in TRAININGS:
+    trained_on, is_strict = set_of_subjects(dataset) or dataset, learner.split == "strict"
+    names = _strict_names(trained_on) if is_strict else _fold_names(trained_on)
+    if names[0] in TRAININGS and not (is_strict and catalogued(dataset) in _FEWER_POSES):
         return [TRAININGS[name] for name in names]
-    if learner.split == "strict":
+    if is_strict:
         raise NoFolds(f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans")
     if trained_on in ("tosca", "animals"):
         return [TRAININGS[f"{trained_on}-{TABLE_III}"]]

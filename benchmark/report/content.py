@@ -210,7 +210,8 @@ def contents(
         data = result.record["data"]
         for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
             if table in wanted or not (wanted or parsed(data["name"])):  # the table of robustness sums these up
-                grouped.setdefault((table, data["name"], bool(data["quick"])), []).append(result)
+                place = (table, _shown_as(table, data["name"]), bool(data["quick"]))
+                grouped.setdefault(place, []).append(result)
     order = {table.identifier: number for number, table in enumerate(TABLES)}
     places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
     made = (_content(_table(*place[:2]), grouped[place], blanks=blanks, named=named) for place in places)
@@ -221,6 +222,12 @@ def _table(identifier: str, dataset: str) -> Table:
     """The paper's table of a data set; for all other sets one of its own, even for a folder that is called "I"."""
     known = (t for t in TABLES if t.identifier == identifier and dataset in t.datasets)
     return next(known, None) or own_table(dataset)
+
+
+def _shown_as(identifier: str, dataset: str) -> str:
+    """Name of the data of a table: that of all of its sets where rows are means over them, else the set's own."""
+    tables = (t for t in TABLES if t.identifier == identifier and t.mean_over_sets and dataset in t.datasets)
+    return next((table.dataset for table in tables), dataset)
 
 
 def _is_own(identifier: str, dataset: str) -> bool:
@@ -248,7 +255,7 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bo
     inputs = tuple(i for i in INPUTS if any(i in cells for cells in by_row.values()))
     printed = paper.rows(table.identifier) if table in TABLES else {}
     quick = bool(results[0].record["data"]["quick"])
-    n_folds = 1 if quick else max(1, len(table.folds))
+    n_folds = len(galleries) if table.mean_over_sets else 1 if quick else max(1, len(table.folds))
     cells: dict[str, dict[Input, Cell]] = {
         name: {i: cell_of(found, n_folds) for i, found in by_input.items()} for name, by_input in by_row.items()
     }
@@ -264,10 +271,11 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bo
     chance = [
         chance_of(scored_each[name]) if name in scored_each else one_each[name]["data"]["chance"] for name in galleries
     ]
+    data = one_each[galleries[0]]["data"]
     scored = next((r.record for r in results if "scorer_title" in r.record), None)
     return TableContent(
         table,
-        one_each[galleries[0]]["data"],
+        {**data, "name": _shown_as(table.identifier, data["name"])},
         inputs,
         tuple(rows) if by_row else (),
         {name: statistics.fmean(levels[name] for levels in chance) for name in min(chance, key=len)},

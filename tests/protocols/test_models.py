@@ -12,8 +12,9 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.humans_gallery import HumansGallery
 from benchmark.protocols.models import Model, TooNear
-from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
+from benchmark.protocols.trainings import TRAININGS, NoFolds, trainings_by_shape, trainings_on
 from learned.paired.methods import Learned
+from tests.mean_folds import MeanStrict
 
 RANDOM = ["humans-random", *(f"humans-random[draw={draw}]" for draw in range(3))]
 GENERATED = HumansGallery(4, 2).name
@@ -117,3 +118,9 @@ def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_pat
         "learned", "learned[training=humans-fold-1]", "learned[training=humans-fold-2]"
     }  # fmt: skip
     assert {"classic-mds", "identity", "wks-mean"} <= methods and not {"nystrom-mds", "euclidean-distance"} & methods
+
+
+def test_a_set_of_some_of_the_poses_has_no_folds_of_poses() -> None:
+    assert len(trainings_on(MeanStrict(), "camera", None)) == 12
+    with pytest.raises(NoFolds, match="'camera-few' has no folds of subjects and poses"):
+        trainings_on(MeanStrict(), "camera-few", None)

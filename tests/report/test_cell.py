@@ -85,6 +85,30 @@ def test_in_the_ablation_trainings_with_other_seeds_share_a_row():
     assert row_of(BY_NAME["IV"], other) == "learned[smoothing=3.0]"
 
 
+def of_draw(draw, nn, training=""):
+    """Record of a learner, or one of its fold models, on people drawn at random."""
+    name = f"humans-random[draw={draw}]"
+    return record(
+        f"learned[training={training}]" if training else "learned", nn=nn, gallery=name, input_="view", family="paper",
+        parameters={"training": training} if training else {}, data={"name": name, "title": "People", "source": name},
+        models=[MODEL | {"digest": training}],
+    )  # fmt: skip
+
+
+def test_a_row_of_people_drawn_at_random_is_the_mean_over_models_and_draws():
+    folds = ("", "humans-fold-1", "humans-fold-2")
+    made = [of_draw(draw, 0.1 * draw + 0.01 * k, fold) for draw in range(3) for k, fold in enumerate(folds)]
+    (table,) = contents(results(*made))
+    (row,) = table.rows
+    assert row.cells["view"].scores["NN"] == pytest.approx(0.11)
+    assert row.cells["view"].deviation["NN"] == pytest.approx(0.1)
+    assert (row.label, table.data["name"]) == ("Learned (3 models)", "humans-random")
+    assert table.caption.endswith("mean over three draws")
+    (one,) = contents(results(of_draw(1, 0.5)))
+    assert one.rows[0].cells["view"].scores["NN"] == 0.5
+    assert "mean" not in one.caption
+
+
 def tables_of(*records):
     return {table.identifier: table for table in contents(results(*records))}
 
