@@ -22,7 +22,7 @@ from tools.golden.results import compare, read_golden, run_component, version_of
 
 
 def test_there_is_a_component_for_each_method_scorer_generated_set_and_change():
-    generated = [name for name, source in CATALOGUE.items() if not source.folder]
+    generated = [name for name, source in CATALOGUE.items() if not source.folder and "[" not in name]
     wanted = {
         *(f"method/{name}" for name in registry.BUILT_IN),
         *(f"scorer/{name}" for name in scorers.BUILT_IN),
