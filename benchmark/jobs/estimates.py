@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmark.jobs.plan import Job
@@ -18,6 +18,9 @@ SHARED = ("prepare", "geodesics")
 
 #: Files whose mean size stands for that of all.
 _SAMPLE = 500
+
+#: Stands behind the name of a method for whatever parameters it has.
+_ANY = "[...]"
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,11 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     to_run = list({job.key: job for job in jobs if job.to_run}.values())
     if not to_run:
         return Estimate(0.0, 0, None)
-    costs = [record for record in (*store.published, *store.records) if "cost" in record]
+    costs: dict[tuple[str, str], list[Record]] = {}
+    for record in (*store.published, *store.records):
+        if "cost" in record:
+            for name in {record["method"], record["method"].partition("[")[0] + _ANY}:
+                costs.setdefault((name, record["input"]), []).append(record)
     seconds, unknown, n_forms = 0.0, 0, 0
     shared: dict[tuple[str, str, str], dict[str, float]] = {}
     for job in to_run:
@@ -90,12 +97,9 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     return Estimate(seconds, unknown, room)
 
 
-def _phases(job: Job, costs: Iterable[Record]) -> Mapping[str, float] | None:
+def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float] | None:
     """Seconds a shape by phase: of the gallery itself, else the median over others; None if there are none."""
-    alike = [record for record in costs if (record["method"], record["input"]) == (job.method.name, job.input)]
-    if not alike:
-        base = job.method.base_name
-        alike = [r for r in costs if (r["method"].partition("[")[0], r["input"]) == (base, job.input)]
+    alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
     here = [record for record in alike if record["gallery"] == job.gallery.name]
     found = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
     if not found:

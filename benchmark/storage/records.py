@@ -84,6 +84,7 @@ class Records:
     folder: Path
     skipped: dict[str, str] = field(default_factory=dict, compare=False)
     _told: set[str] = field(default_factory=set, compare=False, repr=False)
+    _checked: dict[bytes, Record] = field(default_factory=dict, compare=False, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Keep a record in a file of its own; a later one under the same key replaces it as a whole.
@@ -257,13 +258,17 @@ class Records:
 
     def _record(self, source: _Source) -> Record | None:
         """Record of a text; None, with a note why, where it holds none."""
+        if source.text in self._checked:
+            return dict(self._checked[source.text])
         content, fault = _parsed(source)
         fault = fault or fault_of(content)
         if not fault and content["key"] != source.key:
             fault = "it has the name of another job"
         if fault:
             self.skipped[source.name] = fault
-        return None if fault else content
+            return None
+        self._checked[source.text] = content
+        return dict(content)
 
 
 def _parsed(source: _Source) -> tuple[Any, str]:
