@@ -13,7 +13,7 @@ from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.methods import registry, scorers
 from benchmark.results import open_results
-from benchmark.storage.lock import read_lock
+from benchmark.storage.lock import edited_folders, read_lock
 from benchmark.system.code import ROOT
 from tools.golden import results
 from tools.golden.components import VARIANTS, components, folders_of
@@ -48,6 +48,10 @@ def test_the_lock_names_the_digest_of_each_golden_file_and_the_folders_of_its_co
     assert {name: locked[name] for name in components()} == {
         name: (version_of(read_golden(name)), folders_of(name)) for name in components()
     }
+
+
+def test_the_code_is_that_by_which_the_golden_results_were_compared():
+    assert dict(edited_folders()) == {}, "run make golden"
 
 
 @pytest.mark.parametrize("name", ["preparation/mesh", "method/fast-mds", "measures"])

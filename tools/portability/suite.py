@@ -1,4 +1,4 @@
-"""``make portability``: the numerical tests under the kernels of other processors, two variants side by side."""
+"""``make portability``: golden results under the kernels of other processors, two variants side by side."""
 
 from __future__ import annotations
 
@@ -14,27 +14,13 @@ from pathlib import Path
 
 from tools.portability.variants import FOLDER, TESTED, TOGETHER, Variant, own_kernels
 
-#: Tests whose outcome can depend on BLAS, numba or numpy's choice of instructions. Those of the harness cannot, and the
-#: network runs on the kernels of torch, which none of the variants changes. Of the data sets, generators compute.
-NUMERICAL = (
-    "tests/baselines",
-    "tests/retrieval",
-    "tests/geometry",
-    *(f"tests/datasets/test_{name}.py" for name in ("animals", "humans", "humans_scanlike")),
-)
-#: Among them, tests of files and their bytes, which no kernel touches.
-READERS = ("tests/geometry/test_formats.py", "tests/geometry/test_io.py")
-#: The first test that needs a kernel compiles it, which takes minutes on a busy machine.
-TIMEOUT = "--timeout=900"
-COMMAND = (
-    sys.executable, "-m", "pytest", "-x", TIMEOUT, "-p", "no:cacheprovider",
-    *NUMERICAL, *(f"--ignore={name}" for name in READERS),
-)  # fmt: skip
+#: The golden results of all components, within their tolerances; a variant whose kernels are not compiled does that first.
+COMMAND = (sys.executable, "-m", "tools.golden")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the tests of one variant went."""
+    """How the results of one variant compare."""
 
     variant: Variant
     passed: bool
@@ -51,7 +37,7 @@ class _Runs:
         self._stopped = False
 
     def run(self, variant: Variant, command: Sequence[str]) -> Outcome:
-        """Run the tests of one variant to their end."""
+        """Run the command under one variant to its end."""
         start = time.perf_counter()
         with self._lock:
             if self._stopped:
@@ -105,7 +91,12 @@ def run_suite(variants: Sequence[Variant] = TESTED, command: Sequence[str] = COM
                 log = FOLDER / f"{outcome.variant.name}.log"
                 log.write_text(outcome.output)
                 settings = " ".join(f"{name}={value}" for name, value in outcome.variant.environment.items())
-                print(outcome.output[-4000:], f"all of it is in {log}; again: {settings} pytest", sep="\n", flush=True)
+                print(
+                    outcome.output[-4000:],
+                    f"all of it is in {log}; again: {settings} make golden",
+                    sep="\n",
+                    flush=True,
+                )
                 return False
     return True
 
@@ -113,7 +104,7 @@ def run_suite(variants: Sequence[Variant] = TESTED, command: Sequence[str] = COM
 def main(arguments: Sequence[str]) -> int:
     """Run the suite; 0 if all variants passed.
 
-    With ``--others``, without the kernels that this processor chooses by itself, under which the other tests ran, and
+    With ``--others``, without the kernels that this processor chooses by itself, under which ``make golden`` ran, and
     the old instructions of BLAS, numba and numpy at once.
     """
     start = time.perf_counter()
@@ -125,7 +116,7 @@ def main(arguments: Sequence[str]) -> int:
         variants = [variant for variant in TOGETHER if variant.name != own]
     passed = run_suite(variants)
     if passed:
-        print(f"the numerical tests pass under all kernels in {time.perf_counter() - start:.0f} s")
+        print(f"golden results agree under all kernels in {time.perf_counter() - start:.0f} s")
     return 0 if passed else 1
 
 
