@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
@@ -40,8 +41,8 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
 }
 
 #: Shapes that are small enough to run without compilation, those that methods refuse among them, and larger ones.
-SMALL = ("small", "small-open", "bridged", "pieces", "tetrahedron", "flat")
-LARGER = ("closed", "open")
+SMALL = ("small", "small-open", "pieces", "tetrahedron", "flat")
+LARGER = ("bridged", "closed", "open")
 LARGEST = "large"
 SIGNED = ("closed", "small", "open", "bridged")
 
@@ -145,7 +146,7 @@ def _of_method(name: str) -> Iterator[Part]:
                 make = partial(stages.form_of, variant, shape)
                 if spec.learns:
                     make = partial(stages.learned_form, variant, inputs.shape(shape))
-                yield Part(f"{variant}/{shape}", make, shape in SMALL)
+                yield Part(f"{variant}/{shape}", make, shape in SMALL and (variant == name or shape == "small"))
 
 
 def _of_scorer(name: str) -> Iterator[Part]:
@@ -265,10 +266,11 @@ def folders_of(component: str) -> tuple[str, ...]:
 
 
 def _folder(module: str) -> str:
-    return str(_path(module).parent.relative_to(ROOT))
+    return str(path_of(module).parent.relative_to(ROOT))
 
 
-def _path(module: str) -> Any:
+def path_of(module: str) -> Path:
+    """File of a module."""
     base = ROOT.joinpath(*module.split("."))
     return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
 
@@ -277,7 +279,7 @@ def _path(module: str) -> Any:
 def _imports(module: str) -> tuple[str, ...]:
     """Modules of the suite that a module imports, but for types alone and for training."""
     found: list[str] = []
-    pending: list[ast.AST] = [ast.parse(_path(module).read_bytes())]
+    pending: list[ast.AST] = [ast.parse(path_of(module).read_bytes())]
     while pending:
         node = pending.pop()
         if isinstance(node, ast.FunctionDef) and node.name in ("train", "check_options"):
@@ -289,4 +291,4 @@ def _imports(module: str) -> tuple[str, ...]:
         elif isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         pending += ast.iter_child_nodes(node)
-    return tuple(name for name in found if name.split(".")[0] in FIRST_PARTY and _path(name).is_file())
+    return tuple(name for name in found if name.split(".")[0] in FIRST_PARTY and path_of(name).is_file())
