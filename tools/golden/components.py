@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.geometry.camera import DepthSensor
+from benchmark.geometry.geodesics import SOLVERS
 from benchmark.methods.registry import BUILT_IN as METHODS
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import BUILT_IN as SCORERS
@@ -25,8 +26,7 @@ NON_METRIC = 2e-4
 NETWORKS = 1e-5
 #: Distances, measures, and meshes of generators: sums of doubles that cancel nowhere.
 DOUBLES = 1e-9
-
-#: Depth images in single precision.
+#: Depth images in single precision, and the surfaces behind them.
 SINGLES = 1e-6
 
 #: Variants of methods that tables print, by base name; their files are that of the method.
@@ -43,8 +43,36 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
 #: Shapes that are small enough to run without compilation, those that methods refuse among them, and larger ones.
 SMALL = ("small", "small-open", "pieces", "tetrahedron", "flat")
 LARGER = ("bridged", "closed", "open")
-LARGEST = "large"
 SIGNED = ("closed", "small", "open", "bridged")
+RAW = ("dog", "horse", "scan", "flat", "point", "triangle")
+
+#: Arguments of each part of the preparation of an input, the modules that it calls, and its tolerance.
+PREPARATION: Mapping[str, tuple[Callable[..., Any], Mapping[str, tuple[Any, ...]], tuple[str, ...], float]] = {
+    "mesh": (stages.completed, {name: (name,) for name in RAW}, ("jobs.stages.complete",), DOUBLES),
+    "view": (
+        stages.seen,
+        {
+            **{name: (name, None) for name in RAW},
+            "dog-far": ("dog", 190.0),
+            "dog-too-far": ("dog", 1e5),
+            "dog-noisy": ("dog", 190.0, DepthSensor(0.002, 0.002, 5)),
+        },
+        ("jobs.stages.view",),
+        SINGLES,
+    ),
+    "frame": (
+        stages.observed,
+        {
+            "given": (True, None),
+            "found": (False, None),
+            "no-floor": (True, None, False),
+            "sidecar": (True, (0.1, -1.0, 0.2), False),
+            "upside": (True, (0.0, 0.0, 1.0), False),
+        },
+        ("jobs.stages.view", "depth.frame"),
+        SINGLES,
+    ),
+}
 
 #: Places of the shapes of generated sets that are made: every subject and pose of the humans, every kind of animal.
 GENERATED: Mapping[str, tuple[int, ...]] = {
@@ -57,31 +85,34 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
     "camera-few": (1, 58),
 }
 
+#: Further parts of sets: what two or three shapes do not show.
+WHOLE = {"humans-scanlike": "bodies", "humans-random": "subjects", "animals": "skeletons", "humans": "gallery"}
+
 #: Modules of the streams of bodies that networks are trained on.
-SAMPLERS: Mapping[str, str] = {
-    "people": "humans",
-    "animals": "varied_animals.sampler",
-    "varied": "varied.sampler",
-    "wide": "varied.wide",
+SAMPLERS = {
+    "people": "humans", "animals": "varied_animals.sampler", "varied": "varied.sampler", "wide": "varied.wide",
     "scans": "scans.sampler",
-}
+}  # fmt: skip
 
 #: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
 NO_FIGURES = ("benchmark", "benchmark/system", "benchmark/methods", "benchmark/storage", "benchmark/jobs")
 
+_STAGES, _SETS = "benchmark.jobs.stages.", "benchmark.datasets."
+
 
 class Part(NamedTuple):
-    """One call: its name, what makes its arrays, and whether it takes seconds at most without compilation."""
+    """One call: its name, whether it takes seconds at most without compilation, what is called, and with what."""
 
     name: str
-    run: Callable[[], Mapping[str, Any]]
-    small: bool = True
+    small: bool
+    make: Callable[..., Mapping[str, Any]]
+    arguments: tuple[Any, ...] = ()
 
 
 class Component(NamedTuple):
     """What is made, by modules and all that they import from the layers below, and the largest difference."""
 
-    parts: tuple[Part, ...]
+    parts: Callable[[], Iterator[Part]]
     modules: tuple[str, ...]
     tolerance: float = DOUBLES
 
@@ -93,158 +124,122 @@ def components() -> Mapping[str, Component]:
 
 
 def _components() -> Iterator[tuple[str, Component]]:
-    stage = "benchmark.jobs.stages."
-    for name, target in METHODS.items():
-        module = target.partition(":")[0]
-        yield f"method/{name}", Component(tuple(_of_method(name)), (module, f"{stage}form"), _tolerance(name, module))
-    for name, target in SCORERS.items():
-        modules = (target.partition(":")[0], f"{stage}features", f"{stage}distances")
-        yield f"scorer/{name}", Component(tuple(_of_scorer(name)), modules)
-    raw = ("dog", "horse", "scan", "flat", "point", "triangle")
-    yield (
-        "preparation/mesh",
-        Component(tuple(Part(name, partial(stages.completed, name)) for name in raw), (f"{stage}complete",)),
-    )
-    yield "preparation/view", Component(tuple(_views(raw)), (f"{stage}view",), SINGLES)
-    yield "preparation/frame", Component(tuple(_frames()), ("benchmark.depth.frame", f"{stage}view"), SINGLES)
-    yield "api", Component(tuple(_api()), ("benchmark.api.contracts", "benchmark.geometry.laplacian"), FORMS)
-    yield from _data()
-    yield from _changes()
-    yield "measures", Component(tuple(_measures()), (f"{stage}measures",))
-    method, scorer = METHODS["classic-mds"].partition(":")[0], SCORERS["cm-bof"].partition(":")[0]
-    whole = Part("classic-mds", partial(stages.scored, "classic-mds", "cm-bof"), small=False)
-    modules = (
-        method,
-        scorer,
-        *(f"{stage}{name}" for name in ("complete", "form", "features", "distances", "measures")),
-    )
-    yield "end-to-end", Component((whole,), modules)
-
-
-def _tolerance(name: str, module: str) -> float:
-    if module.startswith("learned."):
-        return NETWORKS
-    return NON_METRIC if name == "non-metric-mds" else FORMS
+    modules = {name: target.partition(":")[0] for name, target in {**METHODS, **SCORERS}.items()}
+    for name in METHODS:
+        networks = NETWORKS if modules[name].startswith("learned.") else FORMS
+        tolerance = NON_METRIC if name == "non-metric-mds" else networks
+        yield f"method/{name}", Component(partial(_of_method, name), (modules[name], f"{_STAGES}form"), tolerance)
+    for name in SCORERS:
+        called = (modules[name], f"{_STAGES}features", f"{_STAGES}distances")
+        yield f"scorer/{name}", Component(partial(_of_scorer, name), called)
+    for name, (call, arguments, called, tolerance) in PREPARATION.items():
+        parts = partial(_called, call, arguments)
+        yield f"preparation/{name}", Component(parts, tuple(f"benchmark.{module}" for module in called), tolerance)
+    yield "api", Component(_api, ("benchmark.api.contracts", "benchmark.geometry.laplacian"), FORMS)
+    for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
+        dataset = open_dataset(name, None)
+        made_by = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
+        yield f"data/{name}", Component(partial(_generated, name), tuple(sorted(made_by)), FORMS)
+    for name, module in SAMPLERS.items():
+        parts = partial(_called, stages.sampled, {"bodies": (name,)}, small=False)
+        yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)
+    yield "data/files", Component(partial(_read, "files"), (f"{_SETS}folder", "benchmark.geometry.io"))
+    yield "data/frames", Component(partial(_read, "frames"), (f"{_SETS}depth_folder", "benchmark.depth.reading"))
+    for name, known in PERTURBATIONS.items():
+        called = (f"{_SETS}perturbations.frames",) if known.of_frames else (f"{_SETS}perturbations.dataset",)
+        called += (known.on_mesh.__module__,) if known.on_mesh else ()
+        yield f"change/{name}", Component(partial(_changed, name), called, FORMS)
+    yield "change/jitter", Component(partial(_changed, "jitter"), (f"{_SETS}jittered",))
+    yield "change/decimation", Component(partial(_changed, "decimation"), (f"{_SETS}decimated",), FORMS)
+    yield "measures", Component(_measures, (f"{_STAGES}measures",))
+    called = tuple(f"{_STAGES}{name}" for name in ("complete", "form", "features", "distances", "measures"))
+    parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")}, small=False)
+    yield "end-to-end", Component(parts, (modules["classic-mds"], modules["cm-bof"], *called))
 
 
 def _of_method(name: str) -> Iterator[Part]:
     spec = MethodSpec(name, METHODS[name])
-    variants = [name, *(f"{name}[{variant}]" for variant in VARIANTS.get(name, ()))]
-    for variant in variants:
+    for variant in [name, *(f"{name}[{variant}]" for variant in VARIANTS.get(name, ()))]:
         if spec.learns and "view" in spec.info.inputs:
             for image in ("woman", "man", "nothing", "tiny"):
-                call = partial(stages.learned_form, variant, inputs.depth_shape(image))
-                yield Part(f"{variant}/{image}", call)
-        elif spec.describes:
-            for shape in (*SMALL, *LARGER):
-                yield Part(f"{variant}/{shape}", partial(stages.descriptors_of, variant, (shape,)), shape in SMALL)
-            yield Part(variant, partial(stages.descriptors_of, variant, SIGNED), small=False)
-        else:
-            is_witness = name.startswith("scikit-learn")
-            shapes = (*SMALL, *LARGER, *([LARGEST] if variant == name and not is_witness else []))
-            for shape in shapes:
-                make = partial(stages.form_of, variant, shape)
-                if spec.learns:
-                    make = partial(stages.learned_form, variant, inputs.shape(shape))
-                yield Part(f"{variant}/{shape}", make, shape in SMALL and (variant == name or shape == "small"))
+                yield Part(f"{variant}/{image}", True, stages.learned_form, (variant, inputs.depth_shape(image)))
+            continue
+        witnesses = ("large",) if variant == name and not (spec.describes or name.startswith("scikit-learn")) else ()
+        for shape in (*SMALL, *LARGER, *witnesses):
+            small = shape in SMALL and (variant == name or shape == "small")
+            if spec.describes:
+                yield Part(f"{variant}/{shape}", small, stages.descriptors_of, (variant, (shape,)))
+            elif spec.learns:
+                yield Part(f"{variant}/{shape}", small, stages.learned_form, (variant, inputs.shape(shape)))
+            else:
+                yield Part(f"{variant}/{shape}", small, stages.form_of, (variant, shape))
+        if spec.describes:
+            yield Part(variant, False, stages.descriptors_of, (variant, SIGNED))
 
 
 def _of_scorer(name: str) -> Iterator[Part]:
+    quick = name != "cm-bof"
     for shape in (*SIGNED, "tetrahedron", "flat", "line"):
-        yield Part(shape, partial(stages.signature_of, name, shape), name != "cm-bof")
+        yield Part(shape, quick, stages.signature_of, (name, shape))
     if name == "cm-bof":
-        yield Part("few-pixels", partial(stages.signature_of, f"{name}[image_size=48]", "small"))
-        yield Part("few-words", partial(stages.compared, f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
-        for variant in VARIANTS[name]:
-            yield Part(variant, partial(stages.signature_of, f"{name}[{variant}]", "closed"), small=False)
-            yield Part(f"{variant}/compared", partial(stages.compared, f"{name}[{variant}]", SIGNED), small=False)
-    yield Part("compared", partial(stages.compared, name, SIGNED), name != "cm-bof")
-
-
-def _views(raw: tuple[str, ...]) -> Iterator[Part]:
-    for name in raw:
-        yield Part(name, partial(stages.seen, name, None))
-    yield Part("dog-far", partial(stages.seen, "dog", 190.0))
-    yield Part("dog-too-far", partial(stages.seen, "dog", 1e5))
-    yield Part("dog-noisy", partial(stages.seen, "dog", 190.0, DepthSensor(0.002, 0.002, 5)))
-
-
-def _frames() -> Iterator[Part]:
-    yield Part("given", partial(stages.observed, True, None))
-    yield Part("found", partial(stages.observed, False, None))
-    yield Part("no-floor", partial(stages.observed, True, None, False))
-    yield Part("sidecar", partial(stages.observed, True, (0.1, -1.0, 0.2), False))
-    yield Part("upside", partial(stages.observed, True, (0.0, 0.0, 1.0), False))
+        yield Part("few-pixels", True, stages.signature_of, (f"{name}[image_size=48]", "small"))
+        yield Part("few-words", True, stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
+    for variant in VARIANTS.get(name, ()):
+        yield Part(variant, False, stages.signature_of, (f"{name}[{variant}]", "closed"))
+        yield Part(f"{variant}/compared", False, stages.compared, (f"{name}[{variant}]", SIGNED))
+    yield Part("compared", quick, stages.compared, (name, SIGNED))
 
 
 def _api() -> Iterator[Part]:
-    from benchmark.geometry.geodesics import SOLVERS
-
     for shape in (*SMALL, *LARGER):
         for solver in SOLVERS:
-            yield Part(f"{solver}/{shape}", partial(stages.geodesics, shape, solver), shape in SMALL)
-        yield Part(f"laplacian/{shape}", partial(stages.laplacian, shape))
-    yield Part("random", stages.draws)
+            yield Part(f"{solver}/{shape}", shape in SMALL, stages.geodesics, (shape, solver))
+        yield Part(f"laplacian/{shape}", True, stages.laplacian, (shape,))
+    yield Part("random", True, stages.draws)
 
 
-def _data() -> Iterator[tuple[str, Component]]:
-    for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
-        dataset = open_dataset(name, None)
-        parts = [Part("all", partial(stages.entries_of, dataset))]
-        chosen = [dataset.entries[place] for place in GENERATED[name]]
-        parts += [Part(e.identifier, partial(stages.mesh_of, dataset, e), small=False) for e in chosen]
-        if name == "humans-scanlike":
-            parts.append(Part("bodies", stages.adult_bodies, small=False))
-        if name == "animals":
-            parts.append(Part("skeletons", stages.animal_skeletons, small=False))
-        if name == "humans-random":
-            parts.append(Part("subjects", stages.random_bodies))
-        if name == "humans":
-            parts.append(Part("gallery", stages.humans_gallery, small=False))
-        modules = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
-        yield f"data/{name}", Component(tuple(parts), tuple(sorted(modules)), FORMS)
-    for name, module in SAMPLERS.items():
-        part = Part("bodies", partial(stages.sampled, name), small=False)
-        yield f"sampler/{name}", Component((part,), (f"benchmark.datasets.{module}",), SINGLES)
-    parts = [
-        Part(path.name, partial(stages.mesh_file, path.name)) for path in sorted((inputs.INPUTS / "files").iterdir())
-    ]
-    parts.append(Part("folder", stages.folder_files))
-    yield "data/files", Component(tuple(parts), ("benchmark.datasets.folder", "benchmark.geometry.io"))
-    parts = []
-    for path in sorted((inputs.INPUTS / "frames").iterdir()):
-        call = stages.intrinsics_file if path.suffix in (".json", ".yaml", ".txt") else stages.depth_file
-        parts.append(Part(path.name, partial(stages.mask_file if "mask" in path.name else call, path.name)))
-    yield "data/frames", Component(tuple(parts), ("benchmark.datasets.depth_folder", "benchmark.depth.reading"))
+def _generated(name: str) -> Iterator[Part]:
+    dataset = open_dataset(name, None)
+    yield Part("all", True, stages.entries_of, (dataset,))
+    for entry in (dataset.entries[place] for place in GENERATED[name]):
+        yield Part(entry.identifier, False, stages.mesh_of, (dataset, entry))
+    if name in WHOLE:
+        yield Part(WHOLE[name], name == "humans-random", getattr(stages, WHOLE[name]))
 
 
-def _changes() -> Iterator[tuple[str, Component]]:
-    perturbations = "benchmark.datasets.perturbations."
-    for name, known in PERTURBATIONS.items():
-        call = stages.changed_frame if known.of_frames else partial(stages.changed, entry=0)
-        parts = [Part(f"{n}", partial(call, f"{name}={n}"), small=not known.of_frames and n > 2) for n in STRENGTHS]
-        modules = [f"{perturbations}dataset"]
-        if known.on_mesh is not None:
-            parts.append(Part("scan", partial(stages.changed, f"{name}=3", 1)))
-            modules.append(known.on_mesh.__module__)
-        elif known.of_frames:
-            modules = [f"{perturbations}frames"]
-        yield f"change/{name}", Component(tuple(parts), tuple(modules), FORMS)
-    parts = [Part(f"{n}", partial(stages.changed, f"jitter={n}", 0)) for n in (1, 2)]
-    yield "change/jitter", Component(tuple(parts), ("benchmark.datasets.jittered",))
-    parts = [Part(name, partial(stages.changed, "decimation=libigl", n)) for n, name in enumerate(("dog", "scan"))]
-    yield "change/decimation", Component(tuple(parts), ("benchmark.datasets.decimated",), FORMS)
+def _read(folder: str) -> Iterator[Part]:
+    for path in sorted((inputs.INPUTS / folder).iterdir()):
+        yield Part(path.name, True, stages.file_of, (path,))
+    if folder == "files":
+        yield Part("folder", True, stages.folder_of, (inputs.INPUTS / folder,))
+
+
+def _changed(name: str) -> Iterator[Part]:
+    if name == "decimation":
+        for place, mesh in enumerate(("dog", "scan")):
+            yield Part(mesh, True, stages.changed, (name, "libigl", place))
+    elif name == "jitter":
+        for number in (1, 2):
+            yield Part(f"{number}", True, stages.changed, (name, number, 0))
+    else:
+        of_frames, on_mesh = PERTURBATIONS[name].of_frames, PERTURBATIONS[name].on_mesh
+        for strength in STRENGTHS:
+            small = not of_frames and strength > 2
+            yield Part(f"{strength}", small, stages.changed, (name, strength, 17 if of_frames else 0))
+        if on_mesh:
+            yield Part("scan", True, stages.changed, (name, 3, 1))
 
 
 def _measures() -> Iterator[Part]:
     for answered in (False, True):
         for name, matrices in {"plain": ("plain-0", "plain-1"), "tied": ("tied",), "constant": ("constant",)}.items():
-            yield Part(f"{name}{'-answered' if answered else ''}", partial(stages.measured, matrices, answered))
+            yield Part(f"{name}{'-answered' if answered else ''}", True, stages.measured, (matrices, answered))
     for size in (2, 4):
-        yield Part(f"split-{size}", partial(stages.split, size))
+        yield Part(f"split-{size}", True, stages.split, (size,))
 
 
-# Code ----------------------------------------------------------------------------------------------------------------
+def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]], small: bool = True) -> Iterator[Part]:
+    return (Part(name, small, call, given) for name, given in arguments.items())
 
 
 @cache
@@ -265,20 +260,20 @@ def folders_of(component: str) -> tuple[str, ...]:
     return tuple(sorted({_folder(module) for module in modules_of(component)}))
 
 
-def _folder(module: str) -> str:
-    return str(path_of(module).parent.relative_to(ROOT))
-
-
 def path_of(module: str) -> Path:
     """File of a module."""
     base = ROOT.joinpath(*module.split("."))
     return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
 
 
+def _folder(module: str) -> str:
+    return str(path_of(module).parent.relative_to(ROOT))
+
+
 @cache
 def _imports(module: str) -> tuple[str, ...]:
     """Modules of the suite that a module imports, but for types alone and for training."""
-    found: list[str] = []
+    names: list[str] = []
     pending: list[ast.AST] = [ast.parse(path_of(module).read_bytes())]
     while pending:
         node = pending.pop()
@@ -287,8 +282,8 @@ def _imports(module: str) -> tuple[str, ...]:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.ImportFrom) and node.module:
-            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         elif isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            names += [alias.name for alias in node.names]
         pending += ast.iter_child_nodes(node)
-    return tuple(name for name in found if name.split(".")[0] in FIRST_PARTY and path_of(name).is_file())
+    return tuple(name for name in names if name.split(".")[0] in FIRST_PARTY and path_of(name).is_file())

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,10 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Mesh, Shape
 from benchmark.datasets.base import Entry
-from benchmark.geometry.camera import FRONT, Camera
+from benchmark.geometry.camera import FRONT
+
+#: Log-odds of masks by network: nearly all pixels lie so far from a half that no rounding moves one across.
+MASKS = {"literal": 0.03, "without_srf": 0.09, "without_lrf": 0.15, "wide-extra": 0.45, "people": 0.54}
 
 GOLDEN = Path(__file__).parents[2] / "tests" / "golden"
 INPUTS = GOLDEN / "inputs"
@@ -41,33 +45,23 @@ def shape(name: str) -> Shape:
 
 def depth_shape(name: str) -> Shape:
     """A shape with a depth image, for networks that look at nothing else."""
-    depth = {"nothing": np.zeros((500, 500)), "tiny": np.zeros((32, 32))}.get(name)
-    if depth is None:
-        depth = arrays("depth")[name] / 4096
+    refused = {"nothing": np.zeros((500, 500)), "tiny": np.zeros((32, 32))}
+    depth = refused[name] if name in refused else arrays("depth")[name] / 4096
     return Shape(identifier=name, mesh=mesh("shapes", "small-open"), depth=depth.astype(np.float32))
 
 
-class CommittedMeshes:
-    """A data set of the raw meshes, to be changed."""
-
-    name = "committed"
-    title = "committed meshes"
-    stand_in_for = ""
-    half_width = 100.0
-    entries = (Entry("dog", "dog", "3"), Entry("scan", "scan", "0"))
-
-    def load(self, entry: Entry) -> Mesh:
-        return mesh("raw", entry.identifier)
-
-    def recipe(self, entry: Entry) -> str:
-        return entry.identifier
-
-    def camera(self, entry: Entry) -> Camera:
-        return FRONT
+def committed_meshes() -> Any:
+    """A data set of raw meshes, to be changed."""
+    return SimpleNamespace(
+        name="committed",
+        entries=(Entry("dog", "dog", "3"), Entry("scan", "scan", "0")),
+        load=lambda entry: mesh("raw", entry.identifier),
+        camera=lambda _: FRONT,
+    )
 
 
-def write_model(network: Any, card: Mapping[str, Any], folder: Path) -> None:
-    """Write a network with weights by a formula: legacy numpy streams are frozen, so no file of weights is needed.
+def write_model(method: Any, folder: Path) -> None:
+    """Write a model of a learner with weights by a formula: old streams of numpy are frozen, so no file is needed.
 
     Matrices get the variances of He et al. 2015, biases small numbers; what else is learned moves a little from where
     it begins, which is no random number. Depths lie around the middle of the frame.
@@ -76,14 +70,17 @@ def write_model(network: Any, card: Mapping[str, Any], folder: Path) -> None:
 
     from learned.weights import stored
 
+    network, card = _built(method)
     with torch.no_grad():
         for place, (name, parameter) in enumerate(network.named_parameters()):
             drawn = np.random.RandomState(place).uniform(-1, 1, tuple(parameter.shape))
-            uniform = torch.from_numpy(np.asarray(drawn, dtype=np.float32))
-            last = "head" in name
+            uniform, last = torch.from_numpy(np.asarray(drawn, dtype=np.float32)), "head" in name
             if name.endswith("bias"):
                 parameter.copy_(0.1 * uniform)
-                parameter[: 2 * len(parameter) // 3 if last else 0] += 0.5
+                if last:
+                    depths = 2 * len(parameter) // 3
+                    parameter[:depths] += 0.5
+                    parameter[depths:] += MASKS.get(method.configuration, 0.0)
             elif name.endswith("weight") and parameter.ndim > 1:
                 parameter.copy_((0.3 if last else 1.0) * (6 / parameter[0].numel()) ** 0.5 * uniform)
             else:
@@ -93,3 +90,23 @@ def write_model(network: Any, card: Mapping[str, Any], folder: Path) -> None:
     (folder / "weights.safetensors").write_bytes(content)
     facts = {"digest": hashlib.sha256(content).hexdigest(), "data": "golden", "subjects": ["a"], "identifiers": ["a"]}
     (folder / "card.json").write_text(json.dumps({**card, **facts}))
+
+
+def _built(method: Any) -> tuple[Any, dict[str, Any]]:
+    """The network of a learner as built, and what its card says."""
+    from learned.field.configuration import FIELDS
+    from learned.field.network import build_field
+    from learned.paired.card import _TOLD
+    from learned.paired.configuration import CONFIGURATIONS
+    from learned.paired.network import build
+    from learned.streamed.configuration import STREAMED
+    from learned.streamed.network import build_streamed
+
+    if (kind := type(method).__module__.split(".")[1]) == "paired":
+        chosen = CONFIGURATIONS[method.configuration]
+        kinds = {key: kind[0] if isinstance(kind, tuple) else kind for key, kind in _TOLD.items()}
+        blank = {key: 1 if kind is int else kind() for key, kind in kinds.items()}
+        return build(chosen), {**blank, "configuration": chosen.described(), "schedule": {"resolution": 128}}
+    known, make = {"field": (FIELDS, build_field), "streamed": (STREAMED, build_streamed)}[kind]
+    configuration: Any = known[method.configuration]
+    return make(configuration), {kind: configuration.described()}
