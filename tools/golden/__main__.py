@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from benchmark.storage.lock import Component, edited, read_lock, write_lock
+from benchmark.system.code import ROOT
+from benchmark.system.kernels import drop_stale_kernels
 from benchmark.threads import pin_threads
 from tools.golden.components import components, folders_of
 from tools.golden.results import Arrays, Difference, compare, golden_path, read_golden, timed, version_of, write_golden
@@ -77,6 +79,7 @@ def _settled(name: str, arrays: Arrays, moved: list[Difference], accepted: list[
 def _run(names: Iterable[str]) -> Iterator[tuple[str, Arrays, list[Difference]]]:
     """Results of components with their differences, in the order in which they are ready."""
     pin_threads()
+    drop_stale_kernels(ROOT)
     start, seconds = time.perf_counter(), {}
     places = {name: [name.startswith(first) for first in (*FIRST, "")].index(True) for name in names}
     with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:

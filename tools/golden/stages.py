@@ -12,30 +12,28 @@ from typing import Any
 import numpy as np
 
 from benchmark.api.contracts import Mesh, Shape
+from benchmark.datasets import (
+    camera_frames,
+    catalogue,
+    decimated,
+    folder,
+    human_poses,
+    human_subjects,
+    humans,
+    jittered,
+)
+from benchmark.datasets import humans_scanlike as scanlike
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.camera_frames import CameraFrames
-from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.decimated import Decimated
-from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, adults
-from benchmark.datasets.humans import human_mesh, human_meshes, sample_human
-from benchmark.datasets.humans_scanlike import POSE_NAMES
-from benchmark.datasets.jittered import Jittered
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.datasets.perturbations.frames import perturbed
 from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.datasets.varied_animals import AnimalSampler
-from benchmark.depth.frame import observe
-from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
-from benchmark.depth.mask import read_mask
-from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.depth.reading import in_metres, read_depth
+from benchmark.depth import frame, intrinsics, mask, projection, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
@@ -66,9 +64,9 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 def _trained(name: str) -> tuple[Any, Any]:
     """A learner with its model, and the folder of the latter, which lasts as long as the process."""
     method: Any = variant(name, methods()).create()
-    folder = tempfile.TemporaryDirectory()
-    inputs.write_model(method, Path(folder.name) / "model")
-    return method.load(Path(folder.name) / "model"), folder
+    models = tempfile.TemporaryDirectory()
+    inputs.write_model(method, Path(models.name) / "model")
+    return method.load(Path(models.name) / "model"), models
 
 
 def descriptors_of(name: str, shapes: Sequence[str]) -> Arrays:
@@ -102,17 +100,19 @@ def completed(name: str) -> Arrays:
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
     """View of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
-    frame = view.frame_of([view.half_width_of(source, SIDE)]) if half_width is None else half_width
-    found = view.seen(source, SIDE, frame, sensor)
-    return {**found, "depth": found["depth"][::10, ::10], "half_width": frame}
+    width = view.frame_of([view.half_width_of(source, SIDE)]) if half_width is None else half_width
+    found = view.seen(source, SIDE, width, sensor)
+    return {**found, "depth": found["depth"][::10, ::10], "half_width": width}
 
 
-def observed(mask: bool, up: tuple[float, ...] | None, floor: bool = True) -> Arrays:
+def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> Arrays:
     """View of the object of a depth frame."""
-    frame = inputs.arrays("frame")
-    depth = frame["depth"] if floor else np.where(frame["mask"], frame["depth"], 0)
-    found = observe(in_metres(depth), Intrinsics(*frame["camera"]), frame["mask"] if mask else None, up)
-    prepared = view.seen(found.surface, UPRIGHT, HALF_WIDTH)
+    stored = inputs.arrays("frame")
+    depth = stored["depth"] if floor else np.where(stored["mask"], stored["depth"], 0)
+    found = frame.observe(
+        reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
+    )
+    prepared = view.seen(found.surface, projection.UPRIGHT, projection.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in found.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
@@ -153,19 +153,22 @@ def mesh_of(dataset: Dataset, entry: Entry, step: int = 100) -> Arrays:
 
 def gallery() -> Arrays:
     """Generated humans in any number."""
-    dataset = open_dataset("humans[subjects=30,poses=3]", None)
+    dataset = catalogue.open_dataset("humans[subjects=30,poses=3]", None)
     return {**entries_of(dataset), **mesh_of(dataset, dataset.entries[-2])}
 
 
 def subjects() -> Arrays:
     """Phenotypes of all draws of random subjects."""
-    return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in enumerate(RANDOM_SUBJECTS)}
+    return {
+        f"draw-{n}": [astuple(body) for body in drawn.values()]
+        for n, drawn in enumerate(human_subjects.RANDOM_SUBJECTS)
+    }
 
 
 def bodies() -> Arrays:
     """Every body that is scanned, before that, and every pose."""
-    poses = [POSES[name] for name in POSE_NAMES]
-    made = [human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(adults().values())]
+    poses = [human_poses.POSES[name] for name in scanlike.POSE_NAMES]
+    made = [humans.human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(human_subjects.adults().values())]
     return {"bodies": [body.vertices[::500] for body in made]}
 
 
@@ -183,16 +186,16 @@ def skeletons() -> Arrays:
 def sampled(name: str) -> Arrays:
     """A body or two of a stream that networks are trained on."""
     if name == "people":
-        body, poses = sample_human(0, 6, seed=0)
-        return {"bodies": [mesh.vertices[::200] for mesh in human_meshes((body, pose) for pose in poses)]}
+        body, poses = humans.sample_human(0, 6, seed=0)
+        return {"bodies": [mesh.vertices[::200] for mesh in humans.human_meshes((body, pose) for pose in poses)]}
     if name == "animals":
         species, meshes = AnimalSampler(2, 3)(0, 0)
         return {"species": species, "bodies": [mesh.vertices[::100] for mesh in meshes]}
     if name == "scans":
-        scan = ScanSampler(seed=0)(0, 1).scans[0][0]
-        vertices, faces = scan.mesh.vertices[::50], scan.mesh.faces
-        facts = {"count": scan.mesh.n_vertices, "corners": scan.corners, "weights": scan.weights[::50]}
-        return {"vertices": vertices, "faces": faces, **facts}
+        scans = ScanSampler(seed=0)(0, 1)
+        scan = scans.scans[0][0]
+        places = np.einsum("nk,nkc->nc", scan.weights, scans.canonical[0][scan.corners])  # corners tie on edges
+        return {"vertices": scan.mesh.vertices[::50], "faces": scan.mesh.faces, "places": places[::50]}
     sampler = Sampler(0) if name == "varied" else WideSampler(seed=0, views=2)
     fresh, surfaces = vars(sampler(0, 1, 64)), Sampler(0).surfaces(1, 1)
     images = {key: fresh[key][..., ::3, ::3] for key in ("images", "fronts", "backs")}
@@ -203,12 +206,14 @@ def sampled(name: str) -> Arrays:
 def changed(change: str, value: Any, place: int) -> Arrays:
     """A committed mesh, or a frame of the generated camera, under a change of its data set; and how it is seen."""
     if change == "jitter":
-        dataset: Any = Jittered(inputs.committed_meshes(), value)
+        dataset: Any = jittered.Jittered(inputs.committed_meshes(), value)
     elif change == "decimation":
-        dataset = Decimated.of(inputs.committed_meshes(), value)
+        dataset = decimated.Decimated.of(inputs.committed_meshes(), value)
     else:
         of_frames = PERTURBATIONS[change].of_frames
-        dataset = perturbed(CameraFrames(poses=4) if of_frames else inputs.committed_meshes(), change, value)
+        dataset = perturbed(
+            camera_frames.CameraFrames(poses=4) if of_frames else inputs.committed_meshes(), change, value
+        )
         if of_frames:
             return mesh_of(dataset, dataset.entries[place])
     entry = dataset.entries[place]
@@ -223,17 +228,17 @@ def file_of(path: Path) -> Arrays:
         mesh = read_mesh(path)
         return {"vertices": mesh.vertices, "faces": mesh.faces, "count": mesh.n_vertices}
     if "mask" in path.name:
-        return {"mask": read_mask(path)}
+        return {"mask": mask.read_mask(path)}
     if path.suffix not in (".json", ".yaml", ".txt"):
-        return {"depth": read_depth(path)}
-    found = read_intrinsics(path)
+        return {"depth": reading.read_depth(path)}
+    found = intrinsics.read_intrinsics(path)
     numbers = [found.fx, found.fy, found.cx, found.cy, *(found.size or ()), *found.distortion]
     return {"numbers": np.array(numbers, dtype=float), "rays": found.rays(53, 42)[::6, ::6]}
 
 
 def folder_of(path: Path) -> Arrays:
     """What a folder of meshes says of its shapes."""
-    return entries_of(folder_dataset(path))
+    return entries_of(folder.folder_dataset(path))
 
 
 def measured(matrices: Sequence[str], answered: bool) -> Arrays:
