@@ -124,7 +124,10 @@ def _components() -> Iterator[tuple[str, Component]]:
         parts = partial(_called, stages.sampled, {"bodies": (name,)}, small=False)
         yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)
     yield "data/files", Component(partial(_read, "files"), (f"{_SETS}folder", "benchmark.geometry.io"))
-    yield "data/frames", Component(partial(_read, "frames"), (f"{_SETS}depth_folder", "benchmark.depth.reading"))
+    yield (
+        "data/frames",
+        Component(partial(_read, "frames"), (f"{_SETS}depth_folder", "benchmark.depth.reading")),
+    )
     for name, known in PERTURBATIONS.items():
         called = (f"{_SETS}perturbations.frames",) if known.of_frames else (f"{_SETS}perturbations.dataset",)
         called += (known.on_mesh.__module__,) if known.on_mesh else ()
@@ -195,6 +198,8 @@ def _read(folder: str) -> Iterator[Part]:
         yield Part(path.name, True, stages.file_of, (path,))
     if folder == "files":
         yield Part("folder", True, stages.folder_of, (inputs.INPUTS / folder,))
+    else:
+        yield Part("object", True, stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
 
 
 def _changed(name: str) -> Iterator[Part]:

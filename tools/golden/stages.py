@@ -236,6 +236,12 @@ def file_of(path: Path) -> Arrays:
     return {"numbers": np.array(numbers, dtype=float), "rays": found.rays(53, 42)[::6, ::6]}
 
 
+def frame_of(path: Path) -> Arrays:
+    """Object of a depth image, with the mask and the intrinsics that lie beside it."""
+    found = frame.FrameFiles(path).observe()
+    return {"vertices": found.surface.vertices, "faces": found.surface.faces, "mask": found.mask}
+
+
 def folder_of(path: Path) -> Arrays:
     """What a folder of meshes says of its shapes."""
     return entries_of(folder.folder_dataset(path))
