@@ -1,14 +1,13 @@
 """Ranking a gallery: one matrix at a time, and a word on how far it is."""
 
 import weakref
-from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs import recipes
 from benchmark.jobs.execution import runner
 from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
@@ -16,6 +15,7 @@ from benchmark.jobs.stages import features
 from benchmark.jobs.stages.measures import over_splits, scores
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
+from benchmark.storage import lock
 from benchmark.storage.store import Store
 from retrieval import codebook
 from retrieval.codebook import sample_codebook
@@ -62,10 +62,12 @@ def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(tmp_
     assert CliRunner().invoke(cli, ["run", *words]).exit_code == 0
     (before,) = Store.open(results).records
 
-    real = recipes.measures_code()
-    monkeypatch.setattr(recipes, "measures_code", lambda: replace(real, code={**real.code, "retrieval.new": "1"}))
+    real = lock.read_lock()
+    measures = real.components["measures"]._replace(golden="0123")
+    other = real._replace(components={**real.components, "measures": measures})
+    monkeypatch.setattr(lock, "read_lock", cache(lambda: other))
     monkeypatch.setattr(features, "extract", lambda *_: pytest.fail("a form was rendered"))
-    assert "code of retrieval.new changed" in CliRunner().invoke(cli, ["plan", *words[:-2]]).output
+    assert "versions changed: measures" in CliRunner().invoke(cli, ["plan", *words[:-2]]).output
     done = CliRunner().invoke(cli, ["run", *words])
     assert done.exit_code == 0, done.output
     (after,) = [record for record in Store.open(results).records if record["key"] != before["key"]]

@@ -14,10 +14,9 @@ from torch import nn
 
 from benchmark.errors import TrainingError
 from learned.training import checkpoint
-from learned.training.checkpoint import CHECKPOINT, Checkpoint, Progress, training_code, write
+from learned.training.checkpoint import CHECKPOINT, Checkpoint, Progress, write
 from tests.learned.toy import files
 
-LOOP = "learned.paired.training"
 RECIPE = {"seed": 0, "schedule": {"epochs": 9, "learning_rate": 1e-3}, "data": "ellipsoids"}
 PROGRESS = Progress(epoch=3, batch=4, seconds=1.5, history=({"epoch": 1.0, "loss": 0.1}, {"epoch": 2.0, "loss": 1 / 3}))
 
@@ -44,9 +43,9 @@ def step(network: nn.Module, optimiser: torch.optim.Optimizer, steps: int) -> No
 @pytest.mark.parametrize("steps", [0, 3])
 def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
     network, optimiser = stepped(steps)
-    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, network, optimiser).keep(PROGRESS, RECIPE)
     other, other_optimiser = stepped(0, seed=1)
-    assert Checkpoint(tmp_path, other, other_optimiser, LOOP).resume(RECIPE) == PROGRESS
+    assert Checkpoint(tmp_path, other, other_optimiser).resume(RECIPE) == PROGRESS
     for further in (0, 2):
         step(network, optimiser, further)
         step(other, other_optimiser, further)
@@ -55,11 +54,11 @@ def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
 
 
 def test_nothing_to_go_on_from(tmp_path: Path) -> None:
-    assert Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE) is None
+    assert Checkpoint(tmp_path, *stepped(0)).resume(RECIPE) is None
 
 
 def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
-    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, *stepped(1)).keep(PROGRESS, RECIPE)
     content = (tmp_path / CHECKPOINT).read_bytes()
     # Eight bytes tell the length of a JSON header; all that follows are numbers.
     length = int.from_bytes(content[:8], "little")
@@ -82,27 +81,10 @@ def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
 )
 def test_another_recipe_is_refused_by_name(tmp_path: Path, change: dict[str, Any], named: str) -> None:
     network, optimiser = stepped(1)
-    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, network, optimiser).keep(PROGRESS, RECIPE)
     before = [parameter.clone() for parameter in network.parameters()]
     with pytest.raises(TrainingError, match=f"{named}; train with the same options, or delete the folder"):
-        Checkpoint(tmp_path, network, optimiser, LOOP).resume(RECIPE | change)
-    assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
-
-
-def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    network, optimiser = stepped(1)
-    Checkpoint(tmp_path, network, optimiser, LOOP).keep(PROGRESS, RECIPE)
-    before = [parameter.clone() for parameter in network.parameters()]
-    other = training_code(LOOP) | {"learned.paired.network": "another", "learned.paired.schedule": "another"}
-    monkeypatch.setattr(checkpoint, "training_code", lambda loop: other)
-    with pytest.raises(TrainingError) as caught:
-        Checkpoint(tmp_path, network, optimiser, LOOP).resume(RECIPE)
-    assert caught.value.problem.endswith(
-        "was made by other code: learned.paired.network, learned.paired.schedule changed"
-    )
-    assert caught.value.hint == "delete it to begin anew, or go on with the code that made it"
+        Checkpoint(tmp_path, network, optimiser).resume(RECIPE | change)
     assert all(torch.equal(old, new) for old, new in zip(before, network.parameters(), strict=True))
 
 
@@ -110,32 +92,22 @@ def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_what_changed(
 def test_a_checkpoint_of_another_torch_is_refused_but_not_one_of_another_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, fits: bool
 ) -> None:
-    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, *stepped(1)).keep(PROGRESS, RECIPE)
     made, now = torch.__version__, version.replace("%s", torch.__version__.partition("+")[0])
     monkeypatch.setattr(checkpoint, "VERSION", now)
     if fits:
-        assert Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE) == PROGRESS
+        assert Checkpoint(tmp_path, *stepped(0)).resume(RECIPE) == PROGRESS
     else:
         told = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
         with pytest.raises(TrainingError, match=told):
-            Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
-
-
-def test_a_checkpoint_that_does_not_tell_its_code_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint, "training_code", lambda loop: {})
-        Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
-    with pytest.raises(
-        TrainingError, match="by other code: .*learned.paired.training, .*learned.training.checkpoint, .*changed"
-    ):
-        Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
+            Checkpoint(tmp_path, *stepped(0)).resume(RECIPE)
 
 
 @pytest.mark.parametrize("damage", ["empty", "truncated header", "truncated", "noise", "other safetensors"])
 def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
     from safetensors.torch import save
 
-    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, *stepped(1)).keep(PROGRESS, RECIPE)
     path = tmp_path / CHECKPOINT
     content = path.read_bytes()
     path.write_bytes(
@@ -148,11 +120,11 @@ def test_a_damaged_checkpoint_is_named(tmp_path: Path, damage: str) -> None:
         }[damage]
     )
     with pytest.raises(TrainingError, match=f"{CHECKPOINT} is damaged.*; delete it and train again"):
-        Checkpoint(tmp_path, *stepped(0), LOOP).resume(RECIPE)
+        Checkpoint(tmp_path, *stepped(0)).resume(RECIPE)
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    Checkpoint(tmp_path, *stepped(1), LOOP).keep(PROGRESS, RECIPE)
+    Checkpoint(tmp_path, *stepped(1)).keep(PROGRESS, RECIPE)
     before = (tmp_path / CHECKPOINT).read_bytes()
 
     def full(_: int) -> None:
@@ -160,7 +132,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr("benchmark.system.files.os.fsync", full)
     with pytest.raises(TrainingError, match="No space left on device; free some space and start again"):
-        Checkpoint(tmp_path, *stepped(2), LOOP).keep(PROGRESS, RECIPE)
+        Checkpoint(tmp_path, *stepped(2)).keep(PROGRESS, RECIPE)
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == {CHECKPOINT}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tools.portability.variants import FOLDER, TESTED, TOGETHER, Variant, own_kernels
 
-#: The golden results of all components, within their tolerances; a variant whose kernels are not compiled does that first.
+#: The golden results of all components; a variant whose kernels are not compiled does that first.
 COMMAND = (sys.executable, "-m", "tools.golden")
 
 

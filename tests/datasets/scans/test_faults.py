@@ -186,13 +186,13 @@ def test_poses_are_those_without_an_authored_one() -> None:
     assert WideBodies._posed is WideSampler._posed
 
 
-def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_version(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: Any = SimpleNamespace(training=TRAININGS["humans-varied"])
     data = varied_data(asked, iter)
     assert data.scanned.scans == ScanSampler(seed=0)
     assert data.scanned.validation == ScanSampler(seed=1)
     assert len({data.digest, data.wide.digest, data.scanned.digest}) == 3
-    monkeypatch.setattr(stream, "source_code", lambda _: SimpleNamespace(digest="other"))
+    monkeypatch.setattr(stream, "versions_of", lambda _: {"sampler/scans": "other"})
     assert varied_data(asked, iter).scanned.digest != data.scanned.digest
 
 

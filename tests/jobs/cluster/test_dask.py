@@ -257,7 +257,7 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     supervisor = other / "benchmark" / "jobs" / "cluster" / "supervisor.py"
     supervisor.write_text(supervisor.read_text().replace('message["status_file"]', 'message["progress_file"]'))
     cluster.worker(other)
-    said = "tcp.*: code of benchmark.jobs.cluster.supervisor changed; install there the suite"
+    said = "tcp.*: code changed: benchmark/jobs/cluster .*; install there the suite"
     with pytest.raises(ConfigurationError, match=said):
         run(*selection(place, "results"), *on(cluster))
 
@@ -266,7 +266,7 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     ("answer", "problem", "told"),
     [
         ({}, "another version of this suite", False),
-        ({"suite": {"code": {}, "distributed": "1"}}, "code of benchmark.jobs.cluster.supervisor changed", True),
+        ({"suite": {"code": {}, "packages": {}, "distributed": "1"}}, "code changed: benchmark/jobs/cluster", True),
         ({"suite": None}, "", False),
     ],
     ids=["a suite that does not tell", "another one", "the same"],
@@ -275,7 +275,7 @@ def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, t
     from benchmark.jobs.cluster import dask_executor
 
     pool = object.__new__(dask_executor.DaskWorkerPool)
-    pool._suite = {"code": {"benchmark.jobs.cluster.supervisor": "a"}, "distributed": "2"}
+    pool._suite = {"code": {"benchmark/jobs/cluster": "a"}, "packages": {}, "distributed": "2"}
     node = dask_executor.WorkerNode("tcp://a", "a", 1, futures.Future())
     found = {"problem": "", "hint": ""} | answer
     if "suite" in answer:
