@@ -202,22 +202,36 @@ def sources_of(module: str) -> dict[str, str]:
         Digest of the code of each module that was imported from outside of installed distributions, by its path from
         the folder of the plugin or else by its name; version of each distribution, by its name.
     """
-    is_file = module.endswith(".py")
-    first = sys.modules[_module_name(module) if is_file else module]
+    first = sys.modules[_module_name(module) if module.endswith(".py") else module]
     folder = Path(first.__file__ or "").resolve().parent
     sources: dict[str, str] = {}
     pending, seen = [first], {first.__name__}
     while pending:
-        path = Path(pending.pop().__file__ or "").resolve()
-        sources[_name_of_source(path, folder)] = digest_of_source(path.read_bytes())
-        for top in _imported(path) if is_file else (*_imported(path), module.partition(".")[0]):
-            loaded = [name for name in list(sys.modules) if name.partition(".")[0] == top and name not in seen]
-            seen.update(loaded)
-            local = [sys.modules[name] for name in loaded if _is_local(sys.modules[name])]
-            pending += local
-            if loaded and not local and top not in sys.stdlib_module_names | _PROJECT:
-                sources |= _versions(top)
+        importer = pending.pop()
+        if _is_local(importer):
+            path = Path(importer.__file__ or "").resolve()
+            sources[_name_of_source(path, folder)] = digest_of_source(path.read_bytes())
+            names = dict.fromkeys(name for name in _imports_of(importer) if name in sys.modules and name not in seen)
+            seen.update(names)
+            pending += [sys.modules[name] for name in names]
+        elif (top := importer.__name__.partition(".")[0]) not in sys.stdlib_module_names | _PROJECT:
+            sources |= _versions(top)
     return dict(sorted(sources.items()))
+
+
+def _imports_of(module: ModuleType) -> Iterator[str]:
+    """Names that a module imports anywhere, with those of the packages around them."""
+    for node in ast.walk(ast.parse(Path(module.__file__ or "").read_bytes())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            around = (module.__package__ or "").split(".")[: 1 - node.level or None] if node.level else []
+            base = ".".join([*around, *([node.module] if node.module else [])])
+            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
+        for name in names:
+            parts = name.split(".")
+            yield from (".".join(parts[:count]) for count in range(1, len(parts) + 1))
 
 
 def files_named(module: str, names: Iterable[str]) -> dict[str, str]:
@@ -234,7 +248,12 @@ def _name_of_source(path: Path, folder: Path) -> str:
 def _is_local(module: ModuleType) -> bool:
     """Return whether a module is Python code outside of Python, of installed distributions and of the suite."""
     path = getattr(module, "__file__", None)
-    if not path or not path.endswith(".py") or module.__name__.partition(".")[0] in _PROJECT:
+    if (
+        not path
+        or not path.endswith(".py")
+        or module.__name__.partition(".")[0] in _PROJECT
+        or not Path(path).is_file()
+    ):
         return False
     return not str(Path(path).resolve()).startswith(NOT_OF_PLUGINS)
 

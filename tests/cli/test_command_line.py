@@ -188,7 +188,7 @@ def test_a_plugin_file_appears_as_a_row_and_costs_only_itself(finished, tmp_path
     assert plan.stdout.endswith("0 of 8 jobs to run\n")
     (tmp_path / "stretch.py").write_text(PLUGIN.replace("2.0", "3.0"))
     changed = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py").stdout
-    assert "parameters changed: factor 2.0 -> 3.0; code of stretch.py changed" in changed
+    assert "parameters changed: factor 2.0 -> 3.0; plugin changed: stretch.py " in changed
     assert changed.endswith("2 of 8 jobs to run\n")
 
 

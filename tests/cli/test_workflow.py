@@ -164,7 +164,7 @@ def test_one_character_in_a_reader_of_files_is_named_for_every_file_and_for_noth
     edit(">= 84", ">= 85")
     states, lines, last = planned(from_files)
     assert states == ["stale"] * 4
-    assert all(line.endswith("code of benchmark.geometry.formats.stl changed") for line in lines)
+    assert all(line.endswith("edited: benchmark/geometry/formats; run make golden") for line in lines)
     assert last == "4 of 4 jobs to run"
     states, _, last = planned(generated)
     assert states == ["cached"] * 4

@@ -284,7 +284,7 @@ def test_an_edit_while_a_job_runs_is_noticed_and_the_job_done_anew(place):
     done = benchmark("run", *arguments, "-j", 1, notes=place / "notes")
     assert done.returncode == 1
     assert records(place / "results")["surface-area"]["status"] == "ok"
-    assert "the code changed during the run (code of faults.py changed)" in done.stderr
+    assert "the code changed during the run (plugin changed: faults.py " in done.stderr
     record = records(place / "results")["edits-itself"]
     forms = {path.stem for path in (place / "results" / "runs" / "artefacts").rglob("*.npz")}
     assert record["status"] == "changed"
