@@ -52,7 +52,8 @@ def options(verb: str = "") -> dict[str, list[str]]:
     text = call(*verb.split(), "--help").out
     usage = " ".join(text.partition("\n\n")[0].split()).removeprefix("Usage: python -m benchmark")
     heads = [line.strip() for line in text.splitlines() if re.match(r"  (-\w, )?-", line)]
-    shown = [re.split(r"  +", head)[0] for head in heads]
+    # The short form is that of the group, which click forgets where a verb was asked without it before.
+    shown = [re.split(r"  +", head)[0].replace("-h, --help", "--help") for head in heads]
     found = {verb: [usage.strip(), *(each for each in shown if not _is_going(verb, each))]}
     for name in re.findall(r"^  (\w+)  ", text.partition("\nCommands:\n")[2], re.MULTILINE):
         if name not in GOING:
