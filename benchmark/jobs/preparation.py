@@ -15,7 +15,7 @@ from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError, UnsupportedShape
-from benchmark.jobs.recipes import Recipe, frame_recipe, sensor_of, shape_recipe, source_recipe
+from benchmark.jobs.recipes import Recipe, frame_recipe, original_of, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import frame_of, half_width_of, seen
 from benchmark.storage.costs import Cost, Meter
@@ -144,9 +144,8 @@ class Preparation:
 
 def files_of(dataset: Dataset) -> dict[str, str]:
     """Files that the plugin of a data set has read, with their digests."""
-    while isinstance(dataset, ChangedDataset):
-        dataset = dataset.clean
-    return dataset.files if isinstance(dataset, OwnDataset) else {}
+    original = original_of(dataset)
+    return original.files if isinstance(original, OwnDataset) else {}
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:

@@ -35,7 +35,7 @@ def dataset_module(dataset: Dataset) -> str:
 
 def source_components(dataset: Dataset) -> list[str]:
     """Components that make the meshes of a data set: readers of files or a generator, and the changes in brackets."""
-    known, original = read_lock().components, _original(dataset)
+    known, original = read_lock().components, original_of(dataset)
     changes = [f"change/{name}" for name in re.findall(r"\[([a-z-]+)=", dataset.name)]
     if isinstance(original, OwnDataset):
         base = OFFERED
@@ -46,7 +46,7 @@ def source_components(dataset: Dataset) -> list[str]:
     return [base if base in known else "data/files", *(name for name in changes if name in known)]
 
 
-def _original(dataset: Dataset) -> Dataset:
+def original_of(dataset: Dataset) -> Dataset:
     """Return the data set that a changed one is made of."""
     while (clean := getattr(dataset, "clean", None)) is not None:
         dataset = clean
@@ -84,7 +84,7 @@ def job_versions(dataset: Dataset, input_: Input, spec: MethodSpec, scorer: Scor
 
 def job_plugins(dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> Recipe:
     """Return the part of a recipe that names the sources of the plugins of a job; empty without plugins."""
-    return _plugins(_original(dataset), spec, *([] if spec.describes else [scorer]))
+    return _plugins(original_of(dataset), spec, *([] if spec.describes else [scorer]))
 
 
 def _plugins(*plugins: Any) -> Recipe:
@@ -105,7 +105,7 @@ def _versions(upstream: Iterable[Recipe], components: Iterable[str]) -> dict[str
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
     """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
-    recipe = {"stage": "source", "data": source_data(dataset, entry), **_plugins(_original(dataset))}
+    recipe = {"stage": "source", "data": source_data(dataset, entry), **_plugins(original_of(dataset))}
     return recipe | {"versions": _versions((), source_components(dataset))}
 
 
@@ -123,7 +123,7 @@ def frame_recipe(dataset: Dataset) -> Recipe:
         return {"stage": "frame", "half_width": dataset.half_width, "versions": {}}
     shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries]
     components = [*source_components(dataset), *preparation_components(dataset, "view")]
-    recipe = {"stage": "frame", "shapes": keys.digest(shapes), **_plugins(_original(dataset))}
+    recipe = {"stage": "frame", "shapes": keys.digest(shapes), **_plugins(original_of(dataset))}
     return recipe | {"versions": _versions((), components)}
 
 
