@@ -19,6 +19,11 @@ def digest(recipe: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
+def bare_key(key: str) -> str:
+    """Return a key without the name of the edit whose code made the result, if any."""
+    return key.rpartition("-")[2]
+
+
 def plain(recipe: Any) -> Any:
     """The recipe as it comes back from JSON: tuples become lists, numpy numbers become numbers."""
     return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))

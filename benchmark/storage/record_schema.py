@@ -14,7 +14,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
-from benchmark.storage.keys import digest
+from benchmark.storage.keys import bare_key, digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
@@ -135,7 +135,7 @@ def fault_of(content: Any) -> str:
     try:
         msgspec.convert(content, _Record)
         fault = _contradiction(content) or _fault_of_names(content)
-        if not fault and digest(content["recipe"]) != content["key"].rpartition("-")[2]:
+        if not fault and digest(content["recipe"]) != bare_key(content["key"]):
             fault = "its key is not that of its recipe"
     except msgspec.ValidationError as error:
         return f"it is no record: {error}"

@@ -17,7 +17,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.storage.adoption import CODE_FILE, EDITED, RECIPE, adopt_edited, stale_edits
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
-from benchmark.storage.keys import plain
+from benchmark.storage.keys import bare_key, plain
 from benchmark.storage.lock import edited, key_of
 from benchmark.storage.records import Record, Records, by_place
 from benchmark.system.arrays import Arrays, digest_of, load_arrays, save_arrays
@@ -166,7 +166,7 @@ class Store:
             self._say_which_code(key, recipe)
             about[RECIPE] = json.dumps(plain(recipe))
         texts = {name: np.array(text) for name, text in about.items()}
-        self._write(path, lambda file: save_arrays(file, _bare(key), {**arrays, **texts}, compressed=not scratch))
+        self._write(path, lambda file: save_arrays(file, bare_key(key), {**arrays, **texts}, compressed=not scratch))
         files = files_among(arrays)
         return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=about[_DIGEST], files=files)
 
@@ -219,7 +219,7 @@ class Store:
             self.scratch.mkdir()
 
     def _path(self, key: str, *, scratch: bool = False) -> Path:
-        root, bare = self.root / EDITED / key.partition("-")[0] if "-" in key else self.root, _bare(key)
+        root, bare = self.root / EDITED / key.partition("-")[0] if "-" in key else self.root, bare_key(key)
         return root / ("scratch" if scratch else "artefacts") / bare[:2] / f"{bare}.npz"
 
     def _say_which_code(self, key: str, recipe: Mapping[str, Any]) -> None:
@@ -265,7 +265,7 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
         return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST, FILES) or wanted(name)
 
     try:
-        arrays = load_arrays(path, _bare(key), is_read)
+        arrays = load_arrays(path, bare_key(key), is_read)
         cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
         digest = str(arrays.pop(_DIGEST, ""))
         arrays.pop(RECIPE, None)
@@ -275,11 +275,6 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     if changed_files(files):
         return None
     return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest, files=files)
-
-
-def _bare(key: str) -> str:
-    """Return a key without the name of an edit."""
-    return key.rpartition("-")[2]
 
 
 def unneeded(store: Store) -> Iterator[Path]:

@@ -163,6 +163,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
 
     Several jobs have a line each, unless --all is given.
     """
+    from benchmark.storage.keys import bare_key
     from benchmark.storage.store import Store
 
     selection = RunOptions.of(options)
@@ -173,7 +174,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
             r
             for records in (store.records, store.published)
             for r in records
-            if r["key"].rpartition("-")[2].startswith(target)
+            if bare_key(r["key"]).startswith(target)
         ]
         name_skipped(store)
         if found:
@@ -188,7 +189,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
     width = max(len(clean(job.name)) for job in jobs)
     for job, record in zip(jobs, made, strict=True):
         scores = _scores(record) if record is not None else ""
-        short = job.key.rpartition("-")[2][:12]
+        short = bare_key(job.key)[:12]
         say(f"{short or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
     say(f"{len(jobs)} jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all of each")
 
