@@ -171,10 +171,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
         found = [
-            r
-            for records in (store.records, store.published)
-            for r in records
-            if bare_key(r["key"]).startswith(target)
+            r for records in (store.records, store.published) for r in records if bare_key(r["key"]).startswith(target)
         ]
         name_skipped(store)
         if found:
