@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -17,7 +16,6 @@ from benchmark.jobs.stages import distances, features, form
 from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
-from benchmark.storage.keys import plain
 from benchmark.system.arrays import Arrays
 from benchmark.system.services import Ask
 
@@ -33,12 +31,7 @@ def serve(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
 
 
 def _tell(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
-    spec = _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"])
-    told = {"info": dataclasses.asdict(spec.info), "title": spec.title, "parameters": plain(spec.resolved_parameters())}
-    told["sources"] = spec.sources
-    if isinstance(spec, MethodSpec):
-        told |= {"describes": spec.describes, "learns": spec.learns}
-    return told, {}
+    return _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"]).facts, {}
 
 
 def _canonicalise(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
