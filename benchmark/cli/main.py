@@ -60,7 +60,7 @@ def cli() -> None:
 @cli.command("completion")
 @click.argument("shell", type=click.Choice(completion.SHELLS))
 def completion_(shell: str) -> None:
-    """Print what a shell has to read to complete names: eval "$(canonical-forms completion bash)"."""
+    """Print a shell completion script: eval "$(canonical-forms completion bash)"."""
     click.echo(completion.script(cli, shell))
 
 

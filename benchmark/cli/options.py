@@ -128,11 +128,9 @@ inputs_option = click.option(
     "--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."
 )
 
-force_option = click.option("--force", is_flag=True, help="Replace files of -o DIR that this verb has not written.")
+force_option = click.option("--force", is_flag=True, help="Replace files in -o DIR that this verb did not write.")
 
-published_option = click.option(
-    "--published", is_flag=True, help="From the records that travel with the suite alone, whatever has run here."
-)
+published_option = click.option("--published", is_flag=True, help="Use only published records.")
 
 
 scorer_option = click.option(
@@ -469,7 +467,7 @@ def timeout_option(what: str, default: str = PATIENCE) -> Decorator:
     """Make the option that limits how long foreign code may take for something."""
     return click.option(
         "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
-        help=f"Limit of {what}: 90s, 10m, 2h.",
+        help=f"Time limit for {what}: 90s, 10m, 2h.",
     )  # fmt: skip
 
 
@@ -487,9 +485,9 @@ def _together(*options: Decorator) -> Decorator:
 # fmt: off
 selection_options = _together(
     click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", shell_complete=completion.tables,
-                 help="Table of the paper: I, II, III, IV."),
+                 help="Table; see 'list tables'."),
     click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", shell_complete=completion.methods,
-                 help="See 'list methods'; or all, or finished."),
+                 help="Method, all, or finished; see 'list methods'."),
     datasets_option,
     scorer_option,
     inputs_option,
@@ -497,29 +495,29 @@ selection_options = _together(
     results_option,
     data_root_option,
     click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
-    click.option("--quick", is_flag=True, help="Fewer poses of each subject, the methods of the paper."),
+    click.option("--quick", is_flag=True, help="Fewer poses per subject, and only the paper's methods."),
 )
 
 plan_options = _together(
-    click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs; 'plan' does so by itself."),
+    click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs (default of 'plan')."),
     selection_options,
-    click.option("--paper", is_flag=True, help="The rows of the paper alone: Tables I to IV without further methods."),
+    click.option("--paper", is_flag=True, help="Only the rows of the paper."),
     click.option("--repeat", type=click.IntRange(min=2), metavar="N",
-                 help="Prepare each gallery N more times, its vertices jittered, and tell the spread."),
+                 help="Repeat each gallery N times with jittered vertices, and print the spread."),
     click.option("--shard", type=ShardOption(), metavar="I/N",
-                 help="Part I of N of the jobs; 'merge' joins what all of them leave."),
+                 help="Run part I of N of the jobs; 'merge' joins the parts."),
 )
 
 run_options = _together(
     plan_options,
     click.option("-j", "--jobs", "workers", type=click.IntRange(min=1), metavar="N",
-                 help="Jobs at a time; all cores by default."),
+                 help="Number of parallel jobs. [all cores]"),
     click.option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes",
                  show_default=True),
     click.option("--scheduler", default="", metavar="URL",
                  help="Scheduler of a dask cluster, such as tcp://HOST:8786."),
     timeout_option("one job", "2h"),
-    click.option("--retry", multiple=True, help="Run failures of this kind again.",
+    click.option("--retry", multiple=True, help="Run failed jobs of this kind again.",
                  type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"])),
 )
 # fmt: on

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.command("compile")
 @click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; all cores by default.")
 def compile_(jobs: int | None) -> None:
-    """Compile the kernels and build the body model, once on a machine; a run that comes first does it itself."""
+    """Compile the kernels and build the body model in advance; otherwise the first run does."""
     from benchmark.threads import available_cores
 
     sys.exit(0 if compile_parts(jobs or available_cores()) else 1)

@@ -39,11 +39,11 @@ def print_rows(rows: list[dict[str, str]], as_json: bool, columns: Collection[st
 
 @click.group()
 def data() -> None:
-    """List data sets, check one, draw one, or write one out in an official layout."""
+    """List, check, draw or export data sets."""
 
 
 @data.command("list")
-@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_option
 @data_root_option
 def list_(as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
@@ -58,7 +58,7 @@ def list_(as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> N
 @plugin_option
 @data_root_option
 def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
-    """Look for anything wrong in a data set; exit 1 if it cannot be used as it is."""
+    """Check a data set; exit 1 if it cannot be used."""
     lines, is_usable = _on_data(_checked, name, plugins, data_root, name)
     for line in lines:
         say(line)
@@ -73,14 +73,14 @@ def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     required=True,
     type=PathOption(),
     metavar="DIR",
-    help="Folder to write; must be empty or new.",
+    help="New or empty folder.",
 )
 @click.option(
     "--layout",
     type=click.Choice(["shrec14", "tosca", "frames"]),
     help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera sets.",
 )
-@click.option("--force", is_flag=True, help="Write into a folder that is not empty, replacing files of the same name.")
+@click.option("--force", is_flag=True, help="Write into a non-empty folder, replacing files of the same name.")
 @plugin_option
 @data_root_option
 def export(
@@ -103,16 +103,16 @@ def export(
     "--output",
     type=PathOption(),
     metavar="FILE.png",
-    help="File to write; by default sheet-NAME.png.",
+    help="File to write. [sheet-NAME.png]",
 )
-@click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows; all subjects by default.")
+@click.option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows. [all subjects]")
 @click.option("--poses", type=click.IntRange(min=1), default=8, show_default=True, metavar="K", help="Columns.")
 @click.option(
     "--perturbations",
     "--nuisances",
     "perturbations",
     metavar="SHAPE",
-    help="This shape alone, under each perturbation.",
+    help="Draw only this shape, under each perturbation.",
 )
 @plugin_option
 @data_root_option

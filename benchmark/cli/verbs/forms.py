@@ -34,21 +34,17 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
     "--output",
     type=PathOption(),
     metavar="OUT",
-    help="Mesh file to write; by default IN-METHOD.off in the current folder. Of several images, a folder. [forms]",
+    help="Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms].",
 )
 @plugin_option
-@timeout_option("making the form")
+@timeout_option("the form")
 @click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--vertices", type=VertexCount(), metavar="N|all", help="Number of vertices, or all of the file. [2000]")
+@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
+@click.option("--mask", type=PathOption(), metavar="FILE", help="Object in a depth image. [found automatically]")
+@click.option("--depth-scale", type=float, metavar="N", help="Depth units per metre. [1000 for integers, 1 for floats]")
 @click.option(
-    "--vertices", type=VertexCount(), metavar="N|all", help="Vertices of the form; all: those of the file. [2000]"
-)
-@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Of a depth image; else the file beside it.")
-@click.option("--mask", type=PathOption(), metavar="FILE", help="Of the object in a depth image; else found.")
-@click.option(
-    "--depth-scale", type=float, metavar="N", help="Units per metre of a depth image. [1000 for integers, 1 for floats]"
-)
-@click.option(
-    "--picture", type=PathOption(), metavar="OUT.png", help="Picture from depth to form; of several, a folder."
+    "--picture", type=PathOption(), metavar="OUT.png", help="Draw depth and form; for several images, a folder."
 )
 def canonicalise(
     method: str,
@@ -63,9 +59,9 @@ def canonicalise(
     depth_scale: float | None,
     picture: Path | None,
 ) -> None:
-    """Write the canonical form of one mesh, or of what depth images show.
+    """Write the canonical form of a mesh, or of depth images.
 
-    A depth image is a PNG or TIFF of 16 bits, NPY, NPZ or PFM; a folder or a pattern stands for all of its images.
+    A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
     from benchmark.cli.canonicalise import FormRequest, canonicalise_file
     from benchmark.cli.depth_forms import FrameOptions, is_of_depth
@@ -135,16 +131,16 @@ def _canonicalise_frames(
 
 @click.command()
 @click.argument("target", metavar="METHOD|FILE", shell_complete=completion.methods_or_files)
-@click.option("-m", "--method", "chosen", multiple=True, metavar="METHOD", help="Of a file, check this method alone.")
-@click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="How to train a learner for it.")
+@click.option("-m", "--method", "chosen", multiple=True, metavar="METHOD", help="Check only this method of a file.")
+@click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Option for training a learner.")
 @plugin_option
 @timeout_option("one check")
 def check(
     target: str, chosen: tuple[str, ...], options: tuple[str, ...], plugins: tuple[Path, ...], timeout: float
 ) -> None:
-    """Check that a method, or all that a plugin file brings, keeps the contract; exit 1 if it does not.
+    """Test the contract of a method, or of everything in a plugin file; exit 1 if it fails.
 
-    Parameters are written behind either: FILE[power=1].
+    Append parameters to either: FILE[power=1].
     """
     from benchmark.methods.conformance import Target, check_apart
     from benchmark.parameters.values import assignments

@@ -18,7 +18,7 @@ from benchmark.system.text import say
 @click.argument("bundles", type=PathOption(), metavar="DIR")
 @click.option(
     "-o", "--output", type=PathOption(), default=Path("leaderboard"), show_default=True, metavar="DIR",
-    help="Folder of the page.",
+    help="Folder for the page.",
 )  # fmt: skip
 @known_options
 @force_option

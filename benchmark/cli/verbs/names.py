@@ -14,12 +14,12 @@ from benchmark.system.text import say
 
 @click.command("list")
 @click.argument("what", type=click.Choice(["methods", "scorers", "datasets", "tables", "models"]))
-@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_option
 @results_option
 @data_root_option
 def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, data_root: Path | None) -> None:
-    """List what can be named on the command line."""
+    """List methods, scorers, data sets, tables or models."""
     from benchmark.cli import listing
 
     rows = {
@@ -36,10 +36,10 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
 
 @click.command()
 @click.argument("method", metavar="METHOD", shell_complete=completion.methods)
-@click.option("--json", "as_json", is_flag=True, help="For other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_option
 def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
-    """Tell what a method takes and where it comes from: parameters, source, inputs."""
+    """Describe a method: parameters, source, inputs."""
     import json
     import shutil
 

@@ -9,7 +9,7 @@ from benchmark.system.text import say
 
 @click.group()
 def new() -> None:
-    """Write files to start from."""
+    """Write a plugin to start from, with a test."""
 
 
 def _add_new(kind: str, what: str) -> None:

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     type=click.Choice(["article", "ieee"]),
     default="article",
     show_default=True,
-    help="Class of the paper.",
+    help="LaTeX class.",
 )
 @force_option
 @published_option
 def paper(output: Path, template: Template, force: bool, **options: Any) -> None:
-    """Write a paper of results in LaTeX: protocol, tables, figures, statistics, sources; 'make' in DIR compiles it.
+    """Write a LaTeX paper of results: protocol, tables, figures, statistics, sources; compile it by 'make' in DIR.
 
-    Without -t and -d it has Tables I to IV and those of own data. Files that were changed by hand are kept.
+    Without -t and -d it contains Tables I to IV and those of your own data. Files that you edited are kept.
     """
     from benchmark.methods.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader

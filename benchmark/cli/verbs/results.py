@@ -36,14 +36,12 @@ _SHORTEST_KEY = 6
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=PathOption(), metavar="DIR...")
-@click.option(
-    "--published", is_flag=True, help="Into RESULTS/records, which is committed; quick runs and own data are left out."
-)
+@click.option("--published", is_flag=True, help="Merge into RESULTS/records, without quick runs and own data.")
 @results_option
 def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
-    """Join the records of several results folders into one; exit 1 if two machines contradict each other.
+    """Join the records of several results folders; exit 1 if they contradict each other.
 
-    They become a file for each data set, a line for each record, unless a run is writing records there.
+    Writes one file per data set and one line per record, unless a run is writing records there.
     """
     from benchmark.jobs.execution.claims import Claims
     from benchmark.storage.merging import merge_records, publish, records_under, told
@@ -74,14 +72,14 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @datasets_option
 @inputs_option
 @scorer_option
-@click.option("--all", "everything", is_flag=True, help="Every pair, perturbed sets too, with intervals and tests.")
+@click.option("--all", "everything", is_flag=True, help="Compare every pair, with perturbed sets, intervals and tests.")
 @plugin_option
 @published_option
 @results_option
 def compare(first: str, second: str, everything: bool, **given: Any) -> None:
-    """Tell what differs between two results folders, or between two methods of one, and for how many queries.
+    """Compare two methods, two results folders, or two scorers.
 
-    Of two scorers, tell whether they put the methods in the same order: Kendall's tau for each table and measure.
+    For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
     """
     from benchmark.methods.registry import methods, variant
     from benchmark.methods.scorers import scorer_of, scorers
@@ -137,10 +135,10 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions)
 
 
 @click.command()
-@click.option("--dry-run", is_flag=True, help="Say what would be freed, and free nothing.")
+@click.option("--dry-run", is_flag=True, help="Only say what would be deleted.")
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
-    """Free what no record needs: artefacts of older code, and what killed processes left behind."""
+    """Delete data that no record needs, and remains of killed processes."""
     from benchmark.jobs.execution.claims import Claims
     from benchmark.storage.store import Store, remove, unneeded
 
@@ -157,11 +155,11 @@ def prune(dry_run: bool, results: Path) -> None:
 @click.command()
 @click.argument("target", metavar="METHOD|KEY", shell_complete=completion.methods)
 @selection_options
-@click.option("--all", "everything", is_flag=True, help="All that is known of each job, however many there are.")
+@click.option("--all", "everything", is_flag=True, help="Explain each job in full.")
 def why(target: str, everything: bool, **options: Any) -> None:
-    """Explain a job: its state and the reason, what it was made from, what it cost, and how it failed.
+    """Explain a job: state, reason, versions, cost, failure.
 
-    Several jobs have a line each, unless --all is given.
+    Several jobs get one line each, unless --all is given.
     """
     from benchmark.storage.keys import bare_key
     from benchmark.storage.store import Store

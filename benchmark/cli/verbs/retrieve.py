@@ -29,14 +29,14 @@ from benchmark.system.text import clean, say
 )  # fmt: skip
 @click.option(
     "-d", "--dataset", "gallery", required=True, type=NameOrFolder(), metavar="DATASET|FOLDER",
-    shell_complete=completion.datasets, help="Set or folder that was run.",
+    shell_complete=completion.datasets, help="Data set or folder that was run.",
 )  # fmt: skip
 @click.argument("query", type=PathOption(), metavar="QUERY")
-@click.option("-k", type=click.IntRange(min=1), default=5, show_default=True, help="Shapes that are shown.")
-@click.option("--picture", type=PathOption(), metavar="OUT.png", help="Picture of the forms that were found.")
-@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Of a depth image.")
-@click.option("--mask", type=PathOption(), metavar="FILE", help="Of the object in a depth image; else found.")
-@click.option("--depth-scale", type=float, metavar="N", help="Units per metre of a depth image.")
+@click.option("-k", type=click.IntRange(min=1), default=5, show_default=True, help="Number of shapes to show.")
+@click.option("--picture", type=PathOption(), metavar="OUT.png", help="Draw the forms that were found.")
+@click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image.")
+@click.option("--mask", type=PathOption(), metavar="FILE", help="Object in a depth image. [found automatically]")
+@click.option("--depth-scale", type=float, metavar="N", help="Depth units per metre.")
 @scorer_option
 @plugin_option
 @results_option

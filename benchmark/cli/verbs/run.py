@@ -19,7 +19,7 @@ _PLACE = ("gallery", "input", "method")
 @click.command()
 @run_options
 def run(**given: Any) -> None:
-    """Run what is missing of a selection, then print its tables."""
+    """Run the missing jobs of a selection, then print its tables."""
     from benchmark.storage.store import Store
 
     options = RunOptions.of(given)
@@ -65,7 +65,7 @@ def run(**given: Any) -> None:
 @click.command()
 @plan_options
 def plan(**given: Any) -> None:
-    """Show what a run would do, why, and what it would take."""
+    """Show what would run, why, and how long it would take."""
     from benchmark.jobs.estimates import estimate
     from benchmark.storage.store import Store
     from benchmark.threads import available_cores

@@ -33,12 +33,12 @@ from benchmark.system.text import say
 @results_option
 @data_root_option
 @click.option("--seed", type=int, default=0, show_default=True, help="Base seed of the runs.")
-@click.option("--quick", is_flag=True, help="Runs with --quick.")
-@click.option("--author", default="", metavar="NAME", help="Whom the row is by.")
-@click.option("--licence", default="", metavar="NAME", help="Of source and forms, as MIT. [the source's SPDX line]")
-@click.option("--forms", "with_forms", is_flag=True, help="Forms of your own data, too: you may pass them on.")
+@click.option("--quick", is_flag=True, help="Take the results of --quick.")
+@click.option("--author", default="", metavar="NAME", help="Author of the row.")
+@click.option("--licence", default="", metavar="NAME", help="Licence, such as MIT. [the source's SPDX line]")
+@click.option("--forms", "with_forms", is_flag=True, help="Include the forms of your own data.")
 def submit(method: str, path: Path, author: str, licence: str, with_forms: bool, **given: Any) -> None:
-    """Write the finished jobs of a method into a bundle, which anybody can verify."""
+    """Write the finished jobs of a method into a bundle that anyone can verify."""
     from benchmark.bundles.writing import Offer, write_bundle
     from benchmark.methods.registry import methods, variant
     from benchmark.report.artefact_reader import ArtefactReader

@@ -33,7 +33,7 @@ FORMATS = ("latex", "markdown", "csv", "json")
 
 @click.command()
 @selection_options
-@click.option("--format", "formats", multiple=True, type=click.Choice(FORMATS), help="Default: markdown; all with -o.")
+@click.option("--format", "formats", multiple=True, type=click.Choice(FORMATS), help="[markdown; with -o, all]")
 @click.option(
     "-o",
     "--output",
@@ -47,12 +47,12 @@ FORMATS = ("latex", "markdown", "csv", "json")
     type=click.Choice(["table", "appendix", "none"]),
     default="table",
     show_default=True,
-    help="Of LaTeX: notes under each table, in files notes-TABLE.tex, or nowhere.",
+    help="LaTeX notes: below each table, in files notes-TABLE.tex, or none.",
 )
-@click.option("--all", "everything", is_flag=True, help="Whole tables, however many -m asks for.")
+@click.option("--all", "everything", is_flag=True, help="Print whole tables for many methods, too.")
 @force_option
 @published_option
-@click.option("--fresh", is_flag=True, help="Leave out rows that were made by other code or versions.")
+@click.option("--fresh", is_flag=True, help="Omit rows made by other code or versions.")
 def tables(
     formats: tuple[str, ...],
     output: Path | None,
@@ -63,7 +63,7 @@ def tables(
     fresh: bool,
     **options: Any,
 ) -> None:
-    """Make the tables anew from the records of finished jobs; nothing is computed, and no data is needed."""
+    """Print tables of finished jobs, or write them to files; needs no data."""
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
     from benchmark.report.formats import overview
@@ -124,7 +124,7 @@ def tables(
 @force_option
 @published_option
 @click.option(
-    "--figure", type=PathOption(), metavar="FILE", help="Draw a figure instead, as .pdf, .png or .svg: see --of."
+    "--figure", type=PathOption(), metavar="FILE", help="Draw a figure (.pdf, .png or .svg) instead; see --of."
 )
 @click.option(
     "--of",
@@ -132,11 +132,11 @@ def tables(
     type=click.Choice(FIGURES),
     default=FIGURES[0],
     show_default=True,
-    help="A subject through all methods; subjects before and after the first method; accuracy against cost.",
+    help="One subject by all methods; subjects before and after one method; accuracy against cost.",
 )
-@click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Of a figure: whom to show.")
-@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Of a figure: in which shapes.")
-@timeout_option("the forms of a method that a figure lacks")
+@click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Subject to show in a figure.")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Shape to show in a figure.")
+@timeout_option("missing forms of a method")
 def report(
     output: Path,
     force: bool,
@@ -147,10 +147,9 @@ def report(
     timeout: float,
     **options: Any,
 ) -> None:
-    """Write a static report: tables, charts, canonical forms to turn, and every query with its nearest shapes.
+    """Write HTML pages: tables, charts, canonical forms in 3D, and every query with its nearest shapes.
 
-    It opens from its folder without a network. What is not kept in RESULTS is not made: of records alone there are
-    tables and scores, and the report says which run brings the rest.
+    They work without a network. Nothing is computed; where data is missing, a page names the run that creates it.
     """
     from benchmark.cli.reporting import write_figure, write_pages
 

@@ -24,7 +24,7 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.command()
 @click.argument("method", metavar="METHOD", shell_complete=completion.methods)
 @click.option("-t", "--table", default="I", show_default=True, metavar="TABLE", help="Table that the model is for.")
-@click.option("--only", metavar="TRAINING", help="Train on this alone, e.g. humans-strict-0-1.")
+@click.option("--only", metavar="TRAINING", help="Train only on this, e.g. humans-strict-0-1.")
 @click.option("--config", "configuration", metavar="NAME", help="Configuration of the method.")
 @click.option("--seed", "training_seed", type=int, help="Seed of the training.")
 @click.option("--resolution", type=click.IntRange(min=1), metavar="N", help="Pixels per side.")
@@ -35,13 +35,13 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
 @click.option(
     "-o", "--option", "method_options", multiple=True, metavar="NAME=VALUE", help="Further options of the method."
 )
-@click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Bodies where they are sampled.")
+@click.option("--sampled", "n_sampled", type=click.IntRange(min=1), metavar="N", help="Number of generated bodies.")
 @click.option(
     "--validation",
     "n_validation",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Hold back N training subjects; curves and pictures show them in place of those that are tested.",
+    help="Hold back N training subjects for curves and pictures.",
 )
 @plugin_option
 @results_option
@@ -55,7 +55,7 @@ def train(
     n_validation: int | None,
     **given: Any,
 ) -> None:
-    """Train the models of a learner; an interrupted training goes on, a finished model is left alone."""
+    """Train the models of a learner; resume an interrupted training, and skip finished models."""
     from benchmark.api.learning import Learner
     from benchmark.parameters.values import assignments
     from benchmark.protocols.tables import trainings_of

@@ -34,13 +34,13 @@ def known_options(command: Any) -> Any:
     """Add the options that say what bundles are compared with, and whether their programs may run."""
     for option in reversed((
         click.option("-d", "--dataset", "folders", multiple=True, type=NameOrFolder(), metavar="FOLDER",
-                     help="Folder of meshes that it was run on, where it lies here."),
+                     help="Folder of the meshes that it was run on."),
         results_option,
         data_root_option,
         click.option("--run", is_flag=True,
-                     help="Run its plug-in, a stranger's program, with your rights, to make forms again."),
+                     help="Run the author's plugin with your rights, to make forms again."),
         click.option("--again", type=click.IntRange(min=3), default=3, show_default=True, metavar="N",
-                     help="Forms of each record that are made again."),
+                     help="Number of forms per record to make again."),
         timeout_option("each step"),
     )):  # fmt: skip
         command = option(command)
@@ -61,13 +61,13 @@ def known_here(folders: tuple[str, ...], results: Path, data_root: Path | None) 
 @click.command()
 @click.argument("bundle", type=PathOption(), metavar="BUNDLE.zip")
 @known_options
-@click.option("--json", "as_json", is_flag=True, help="All that was found, for a program.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def verify(
     bundle: Path, folders: tuple[str, ...], results: Path, data_root: Path | None, as_json: bool, **given: Any
 ) -> None:
-    """Compute the scores of a bundle again from what it holds; nothing of it is run without --run.
+    """Compute the scores of a bundle again; none of its code runs without --run.
 
-    Exit 0 if all is verified, 1 if something is claimed or false, 2 if it cannot be read.
+    Exit 0 if everything is verified, 1 if something is claimed or false, 2 if it cannot be read.
     """
     from benchmark.bundles.checking import Request, verify
 
