@@ -15,7 +15,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
-from benchmark.methods.conformance import checks, processes, shapes
+from benchmark.methods.conformance import checks, shapes
 from benchmark.methods.registry import MethodSpec
 from benchmark.system import workers
 from benchmark.system.text import DATA_VARIABLE
@@ -23,6 +23,7 @@ from benchmark.system.text import DATA_VARIABLE
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
 METHOD = """
+import itertools
 import os
 import multiprocessing
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, MethodInfo, UnsupportedShape
 
 CALLS = []
+COUNT = itertools.count()
 
 
 @dataclass({dataclass})
@@ -66,8 +68,8 @@ def call_here(function, *arguments, **_):
 
 @pytest.fixture
 def in_this_process(monkeypatch):
-    monkeypatch.setattr(processes, "call_apart", call_here)
-    monkeypatch.setattr(processes, "hide_data", lambda: None)  # it would be hidden from all further tests
+    monkeypatch.setattr(checks, "call_apart", call_here)
+    monkeypatch.setattr(checks, "hide_data", lambda: None)  # it would be hidden from all further tests
 
 
 @pytest.fixture
@@ -145,12 +147,17 @@ def test_a_right_method_passes_every_check(findings):
         (
             "repeatable",
             {"body": FORM + "CALLS.append(1)\n        return shape.form(x * len(CALLS))"},
-            "after another shape the answer is a different one; keep nothing",
+            "two runs on one shape differ by .*; draw from .*, keep nothing between shapes",
         ),
         (
             "repeatable",
             {"body": FORM + "return shape.form(x + np.random.rand(3))", "info": "deterministic=False"},
-            "keep nothing between shapes",
+            r"two runs on one shape differ by .*draw from shape.random\(\)",
+        ),
+        (
+            "repeatable",
+            {"body": FORM + "return shape.form(x * np.where(np.arange(3) == next(COUNT) % 3, -1, 1))"},
+            r"differ by signs; make the largest entry .* a fixed start \(v0=...\)",
         ),
         (
             "seed",
@@ -293,12 +300,12 @@ def test_a_solver_that_starts_at_random_is_warned_of(findings, monkeypatch):
 )
 def test_what_another_processor_changes_is_told(moved, outcome, message, findings, in_this_process, monkeypatch):
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
-    monkeypatch.setattr(processes.platform, "machine", lambda: "x86_64")
-    monkeypatch.delenv(processes.KERNEL, raising=False)
-    found = findings(body=FORM + f"return shape.form(x * (1 + {moved} * ('{processes.KERNEL}' in os.environ)))")
+    monkeypatch.setattr(checks.platform, "machine", lambda: "x86_64")
+    monkeypatch.delenv(checks.KERNEL, raising=False)
+    found = findings(body=FORM + f"return shape.form(x * (1 + {moved} * ('{checks.KERNEL}' in os.environ)))")
     assert found["other processor"].outcome == outcome
     assert re.search(message, found["other processor"].explanation)
-    assert processes.KERNEL not in os.environ
+    assert checks.KERNEL not in os.environ
 
 
 def test_a_warning_does_not_fail_the_report():
@@ -311,7 +318,7 @@ def test_a_warning_does_not_fail_the_report():
 def test_the_other_kernel_is_really_another(findings, monkeypatch):
     monkeypatch.setattr(workers, "multiprocessing", multiprocessing)  # libraries choose their kernels when they load
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
-    monkeypatch.delenv(processes.KERNEL, raising=False)
+    monkeypatch.delenv(checks.KERNEL, raising=False)
     body = (
         "from threadpoolctl import threadpool_info\n        "
         "kernels = {found.get('architecture', 'Nehalem') for found in threadpool_info()}\n        "

@@ -6,7 +6,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.methods import conformance
-from benchmark.methods.conformance import scorers
+from benchmark.methods.conformance import checks
 from tests.methods.test_conformance import call_here
 
 RETURN = 'return cdist(shares, shares, "cityblock")'
@@ -17,7 +17,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
 @pytest.fixture
 def findings(tmp_path, monkeypatch):
     """What is found in the example of a scorer, after an edit."""
-    monkeypatch.setattr(scorers, "call_apart", call_here)
+    monkeypatch.setattr(checks, "call_apart", call_here)
     source = EXAMPLE.read_text()
 
     def check(old="", new=""):
@@ -40,12 +40,22 @@ def test_a_right_scorer_passes(findings):
     ("old", "new", "check", "message"),
     [
         ("frozen=True, ", "", "class", "parameters can be changed after creation"),
-        ('return {"shares": counts / weights.sum()}', "return counts", "signature", "returns ndarray"),
+        (
+            'return {"shares": counts / weights.sum()}',
+            "return counts",
+            "signature",
+            "returned ndarray, not named arrays",
+        ),
         ('{"shares": counts / weights.sum()}', '{"shares": counts * np.nan}', "signature", "finite numbers"),
-        (RETURN, "return shares", "dissimilarities", "return (N, N) floats"),
+        (RETURN, "return shares", "dissimilarities", "returned an array of shape (6, 64)"),
         (RETURN, "return np.triu(cdist(shares, shares))", "dissimilarities", "symmetric"),
-        ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "tells no two forms"),
-        ("counts / weights.sum()}", "counts / weights.sum() + next(CALLS)}", "repeatable", "depends on what was seen"),
+        ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "tells no two of 6 signatures apart"),
+        (
+            "counts / weights.sum()}",
+            "counts / weights.sum() + next(CALLS)}",
+            "repeatable",
+            "differ by",
+        ),
         ("distances / mean", "distances", "motion", "depends on position or size"),
         ("counts / weights.sum()}", "counts / weights.sum() + abs(form.vertices[0, 0])}", "relabelling", "numbering"),
         ("if not mean > 0:", "if 1 / mean < 0:", "awkward forms", "a point"),

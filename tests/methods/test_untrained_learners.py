@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.methods import conformance
-from benchmark.methods.conformance import processes
+from benchmark.methods.conformance import checks
 from benchmark.methods.registry import methods, variant
 from tests.methods.test_conformance import call_here
 
@@ -13,7 +13,7 @@ from tests.methods.test_conformance import call_here
 @pytest.fixture
 def learner_findings(tmp_path, monkeypatch):
     """What is found in the example of a learner, after an edit."""
-    monkeypatch.setattr(processes, "call_apart", call_here)
+    monkeypatch.setattr(checks, "call_apart", call_here)
     source = (Path(__file__).parents[2] / "examples" / "nearest_view.py").read_text()
 
     def check(old, new, **target):

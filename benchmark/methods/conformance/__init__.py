@@ -11,19 +11,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmark.methods.conformance.case import ConformanceCase, Skipped, Warned, explain
+from benchmark.methods.conformance.cases import MethodCase, Skipped, Warned, case_of, explain
 from benchmark.methods.conformance.checks import (
+    OF_METHODS_ALONE,
+    OF_SCORERS,
     OF_THE_ANSWER,
     OF_THE_CLASS,
+    Check,
     check_answer,
-    check_class,
     check_learner,
-    check_parameters,
     check_requirements,
 )
 from benchmark.methods.conformance.datasets import OF_DATA_SETS, DatasetCase
 from benchmark.methods.conformance.learners import NAME, trained
-from benchmark.methods.conformance.scorers import OF_REQUIREMENTS, OF_SCORERS, OF_SIGNATURES, ScorerCase
 from benchmark.methods.conformance.shapes import figure
 from benchmark.methods.conformance.targets import Target
 from benchmark.methods.inspection import inspect
@@ -33,8 +33,13 @@ from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 
-#: Checks of the class that a scorer shares with a method.
-_OF_THEIR_CLASS = {"class": check_class, "parameters": check_parameters}
+#: Checks without which there are no further ones, and why these are skipped; "" where they are not even named.
+_GATES = {
+    "requirements": "",
+    "training": "there is no model",
+    "answer": "there is no answer to compare",
+    "repeatable": "two runs differ, so nothing can be compared",
+}
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
 
@@ -151,7 +156,7 @@ def _checked(target: Target, folder: Path) -> Iterator[tuple[str, Callable[[Begi
     for spec in target.specs():
         yield spec.name, partial(_findings, spec, folder, dict(target.options))
     for scorer in target.scorers():
-        yield f"{scorer.name} (scorer)", partial(_of_scorer, scorer)
+        yield f"{scorer.name} (scorer)", partial(_findings, scorer, folder, {})
     for name, source in target.data_sets().items():
         yield f"{name} (data set)", partial(_found, OF_DATA_SETS, DatasetCase(source))
 
@@ -160,57 +165,47 @@ def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None
     say(json.dumps([method, check_name]))
 
 
-def _of_scorer(spec: ScorerSpec, begins: Begins) -> Iterator[Finding]:
-    """Check a scorer; one whose packages are not installed, or that has no signatures, is not checked further."""
-    case = ScorerCase(spec)
-    for checks in (OF_REQUIREMENTS, _OF_THEIR_CLASS, OF_SIGNATURES):
-        for finding in _found(checks, case, begins):
-            yield finding
-            if finding.outcome != "ok" and checks is not _OF_THEIR_CLASS:
-                return
-    yield from _found(OF_SCORERS, case, begins)
+def check(spec: MethodSpec | ScorerSpec) -> list[Finding]:
+    """Check one method, descriptor or scorer with its parameters.
 
-
-def check(spec: MethodSpec) -> list[Finding]:
-    """Check one method or descriptor with its parameters.
-
-    A check that raises is a failed finding. Without an answer on the reference figure there is nothing to compare, and
-    the checks that would compare are skipped; a method whose packages are not installed is not run at all. A learner
-    without a model is trained on a few images of the figure.
+    A check that raises is a failed finding. Without an answer on the reference figure, or with one that differs from
+    run to run, there is nothing to compare, and the further checks are skipped; a method whose packages are not
+    installed is not run at all. A learner without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         return list(_findings(spec, Path(folder), {}, lambda _: None))
 
 
-def _findings(spec: MethodSpec, folder: Path, options: Mapping[str, str], begins: Begins) -> Iterator[Finding]:
-    """Check a method; ``begins`` is told the name of each check before it is made, models are put into ``folder``."""
+def _findings(
+    spec: MethodSpec | ScorerSpec, folder: Path, options: Mapping[str, str], begins: Begins
+) -> Iterator[Finding]:
+    """Check a method or a scorer; ``begins`` is told the name of each check, models are put into ``folder``."""
+    learns = isinstance(spec, MethodSpec) and not spec.missing_packages() and spec.learns
     models = Path(tempfile.mkdtemp(dir=folder))
-    case = ConformanceCase(
-        spec, models if options and spec.learns else None
-    )  # it is trained below, so none need be there yet
-    for finding in _found({"requirements": check_requirements}, case, begins):
-        yield finding
-        if finding.outcome != "ok":
-            return
-    yield from _found(OF_THE_CLASS | ({"learner": check_learner} if spec.learns else {}), case, begins)
-    if spec.learns and (options or not hasattr(spec.load(), "model_folder")):
+    case: Any = case_of(spec, models if options and learns else None)  # it is trained below, so none need be there yet
 
-        def train(case: ConformanceCase) -> str:
-            trained(spec, models, options)
-            case.model = models / NAME / getattr(spec.create(), "model_name")  # noqa: B009
-            return "makes a model of a few images, leaves a finished one alone, and loads it"
+    def train(case: MethodCase) -> str:
+        trained(case.spec, models, options)
+        case.model = models / NAME / getattr(case.spec.create(), "model_name")  # noqa: B009
+        return "makes a model of a few images, leaves a finished one alone, and loads it"
 
-        for finding in _found({"training": train}, case, begins):
-            yield finding
-            if finding.outcome != "ok":
-                yield from (Finding(name, "skipped", "there is no model") for name in ("answer", *OF_THE_ANSWER))
-                return
-    for finding in _found({"answer": check_answer}, case, begins):
+    checks: dict[str, Check] = {"requirements": check_requirements, **OF_THE_CLASS}
+    if learns:
+        checks["learner"] = check_learner
+        if options or not hasattr(spec.load(), "model_folder"):
+            checks["training"] = train
+    checks |= {"answer": check_answer, **OF_THE_ANSWER}
+    names = {name: name for name in checks}
+    if isinstance(spec, ScorerSpec):
+        names = {name: OF_SCORERS.get(name, name) for name in checks if name not in OF_METHODS_ALONE}
+    for number, (name, title) in enumerate(names.items(), 1):
+        begins(title)
+        finding = _find(title, checks[name], case)
         yield finding
-        if finding.outcome != "ok":
-            yield from (Finding(name, "skipped", "there is no answer to compare") for name in OF_THE_ANSWER)
+        if finding.outcome != "ok" and name in _GATES:
+            skipped = list(names.values())[number:] if _GATES[name] else ()
+            yield from (Finding(other, "skipped", _GATES[name]) for other in skipped)
             return
-    yield from _found(OF_THE_ANSWER, case, begins)
 
 
 def _found(checks: Mapping[str, Callable[[Any], str]], case: Any, begins: Begins) -> Iterator[Finding]:

@@ -1,38 +1,55 @@
-"""The checks, each a function that returns praise, or raises what is wrong."""
+"""The checks of methods and scorers, each a function that returns praise, or raises what is wrong."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import platform
 import re
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.contracts import FloatArray, Mesh, MethodInfo, Shape
 from benchmark.api.learning import CARD, Split
-from benchmark.errors import UnsupportedShape
-from benchmark.methods.conformance.case import (
-    ConformanceCase,
+from benchmark.methods.conformance.cases import (
+    REPEAT_TOLERANCE,
+    Case,
     Failed,
+    MethodCase,
+    ScorerCase,
     Skipped,
-    answer,
+    Warned,
+    case_of,
     close,
     explain,
     is_mirrored,
+    relative_difference,
     same,
 )
-from benchmark.methods.conformance.processes import check_fresh_process, check_other_processor
-from benchmark.methods.conformance.shapes import BENDS, awkward
+from benchmark.methods.conformance.shapes import BENDS
 from benchmark.methods.information import problems_of
-from benchmark.methods.output_checks import distances_of
+from benchmark.methods.specs import PluginSpec
 from benchmark.storage import keys
+from benchmark.system.calls import BrokenCall, Guard, call_apart
+from benchmark.system.text import DATA_VARIABLE
 
-Check = Callable[[ConformanceCase], str]
+Check = Callable[[Any], str]
+
+KERNEL = "OPENBLAS_CORETYPE"
+
+#: Kernel that every x86-64 processor of today can run, and none would choose.
+OLD_KERNEL = "Nehalem"
 
 _SCALE = 2.5
+
+_ROTATION = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
 
 
 def _listed(problems: list[str], praise: str) -> str:
@@ -44,7 +61,7 @@ def _listed(problems: list[str], praise: str) -> str:
 # The class ---------------------------------------------------------------------------------------------------------
 
 
-def check_requirements(case: ConformanceCase) -> str:
+def check_requirements(case: Case[Any]) -> str:
     """Return whether further packages are installed, and the model of a learner that says where it lies is there.
 
     A learner that does not say so is trained to be checked.
@@ -52,7 +69,7 @@ def check_requirements(case: ConformanceCase) -> str:
     missing = case.spec.missing_packages()
     if missing:
         raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
-    if case.spec.learns and case.model is None:
+    if isinstance(case, MethodCase) and case.learns and case.model is None:
         folder = getattr(case.spec.create(), "model_folder", None)
         if isinstance(folder, Path) and not (folder / CARD).is_file():
             hint = (
@@ -63,18 +80,19 @@ def check_requirements(case: ConformanceCase) -> str:
     return f"{', '.join(case.info.requires)} installed" if case.info.requires else "nothing beyond the core"
 
 
-def _check_info(case: ConformanceCase) -> str:
+def _check_info(case: Case[Any]) -> str:
     info = case.info
     problems = [f"{problem}; {hint}" for problem, hint in problems_of(info)]
     if info.name != case.spec.base_name:
         problems.append(
             f"info.name is '{info.name}' but the entry point is '{case.spec.base_name}'; give both one name"
         )
-    return _listed(problems, f"'{info.title}', {' and '.join(info.inputs)}, scale {info.scale}")
+    is_method = isinstance(info, MethodInfo)
+    praise = f"{' and '.join(info.inputs)}, scale {info.scale}" if is_method else f"draws: {info.draws}"
+    return _listed(problems, f"'{info.title}', {praise}")
 
 
-def check_class(case: ConformanceCase) -> str:
-    """Return whether the class is a frozen, keyword-only dataclass whose fields all have defaults."""
+def _check_class(case: Case[Any]) -> str:
     made: Any = case.spec.load()
     if not dataclasses.is_dataclass(made):
         raise Failed(f"{made.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
@@ -94,8 +112,7 @@ def check_class(case: ConformanceCase) -> str:
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
 
 
-def check_parameters(case: ConformanceCase) -> str:
-    """Return whether parameters fit into JSON, and make the same object again."""
+def _check_parameters(case: Case[Any]) -> str:
     parameters = case.spec.resolved_parameters()
     try:
         keys.plain(parameters)
@@ -106,11 +123,24 @@ def check_parameters(case: ConformanceCase) -> str:
     return ", ".join(f"{name}={value!r}" for name, value in parameters.items()) or "none"
 
 
-# One answer --------------------------------------------------------------------------------------------------------
+def check_learner(case: MethodCase) -> str:
+    """Return what a learner says of its models."""
+    learner: Any = case.spec.create()
+    problems = []
+    if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
+        problems.append(f"model_name is {learner.model_name!r}; return a text that can name a folder")
+    if learner.split not in get_args(Split):
+        problems.append(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
+    if not isinstance(getattr(learner, "shipped_models", None), Path):
+        problems.append("shipped_models is no path; name a folder, which need not be there")
+    return _listed(problems, f"model {learner.model_name}, split {learner.split}")
 
 
-def check_answer(case: ConformanceCase) -> str:
-    """Return what the method says of the reference figure."""
+# One answer, and the same again ------------------------------------------------------------------------------------
+
+
+def check_answer(case: Case[Any]) -> str:
+    """Return what is answered on the reference figure."""
     found = case.reference
     if found.ndim == 1:
         return f"{len(found)} numbers, all finite"
@@ -119,8 +149,36 @@ def check_answer(case: ConformanceCase) -> str:
     return f"{len(found)} vertices, all finite"
 
 
-def _check_input_untouched(case: ConformanceCase) -> str:
-    shape = case.shape()
+def check_repeatable(case: Case[Any]) -> str:
+    """Return whether the same is answered again, at once and after another shape."""
+    _require_same_again(case.reference, case.answer(case.subject()))
+    used = case.create()
+    other = case.answer_by(used, case.subject(BENDS[1]))
+    again = case.answer_by(used, case.subject())
+    same(case.reference, again, "after another shape the answer is a different one; keep nothing between shapes")
+    found = case.answer(case.subject(BENDS[1]))
+    same(other, found, "a second object answers differently; keep nothing in the class")
+    return "the same whatever was treated before"
+
+
+def _require_same_again(first: FloatArray, again: FloatArray) -> None:
+    """Raise :class:`Failed` with the cure if two runs on one shape differ."""
+    if first.shape == again.shape and relative_difference(first, again) <= REPEAT_TOLERANCE:
+        return
+    if first.shape == again.shape and relative_difference(np.abs(first), np.abs(again)) <= REPEAT_TOLERANCE:
+        raise Failed(
+            "two runs on one shape differ by signs; make the largest entry of each eigenvector positive, and give "
+            "eigsh a fixed start (v0=...)"
+        )
+    size = f"{relative_difference(first, again):.1e} of the largest number" if first.shape == again.shape else "length"
+    raise Failed(
+        f"two runs on one shape differ by {size}; draw from shape.random(), give iterative solvers such as eigsh a "
+        "fixed start (v0=...), fix the signs of eigenvectors, keep nothing between shapes"
+    )
+
+
+def _check_input_untouched(case: MethodCase) -> str:
+    shape = case.subject()
     laplacian = shape.laplacian()
     arrays = {
         "vertices": shape.mesh.vertices,
@@ -141,88 +199,155 @@ def _check_input_untouched(case: ConformanceCase) -> str:
     return "mesh, geodesics and Laplacian are as before"
 
 
-def _check_awkward_shapes(case: ConformanceCase) -> str:
-    refused, problems = [], []
-    for name, mesh in awkward().items():
-        shape = Shape(identifier=name, mesh=mesh, source_area=mesh.area)
-        try:
-            case.answer(shape)
-        except UnsupportedShape as reason:
-            refused.append(name)
-            if not str(reason):
-                problems.append(f"{name} is refused without a reason; say why")
-        except Exception as error:
-            problems.append(f"{name}: {explain(error)}")
-    return _listed(problems, f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated")
-
-
-# Two answers that must be the same ---------------------------------------------------------------------------------
-
-
-def _check_repeatable(case: ConformanceCase) -> str:
-    used, fresh = case.create(), case.create()
-    other = answer(used, case.shape(BENDS[1]))
-    again = answer(used, case.shape())
-    same(case.reference, again, "after another shape the answer is a different one; keep nothing between shapes")
-    same(other, answer(fresh, case.shape(BENDS[1])), "a second object answers differently; keep nothing in the class")
-    return "the same whatever was treated before"
-
-
-def _check_seed(case: ConformanceCase) -> str:
+def _check_seed(case: MethodCase) -> str:
     if case.info.deterministic:
-        found = case.answer(case.shape(name="another name", seed=1))
+        found = case.answer(case.subject(name="another name", seed=1))
         hint = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
         same(case.reference, found, hint)
         return "neither the seed nor the name of a shape matters"
-    found = case.answer(case.shape(seed=1))
+    found = case.answer(case.subject(seed=1))
     if found.shape == case.reference.shape and np.array_equal(found, case.reference):
         raise Failed("declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag")
     return "the same under one seed, different under another"
 
 
-def _check_relabelling(case: ConformanceCase) -> str:
-    _require_deterministic(case)
-    mesh = case.shape().mesh
-    generator = np.random.default_rng(0)
-    order = generator.permutation(mesh.n_vertices)
-    rank = np.argsort(order).astype(np.int32)
-    faces = rank[np.roll(mesh.faces, 1, axis=1)][generator.permutation(mesh.n_faces)]
-    found = case.answer(case.shape(mesh=Mesh(mesh.vertices[order], faces)))
-    if found.ndim == 2:
-        if len(case.reference) != mesh.n_vertices:
-            raise Skipped("the form has vertices of its own")
-        restored = np.empty_like(found)
-        restored[order] = found
-        found = restored
-    return close(case.reference, found, 1.0, "depends on the numbering of vertices or faces; break ties by geometry")
+# Other processes ---------------------------------------------------------------------------------------------------
 
 
-def _check_rigid_motion(case: ConformanceCase) -> str:
-    _require_deterministic(case)
-    _require_mesh(case)
-    mesh = case.shape().mesh
-    rotation = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
-    moved = mesh.with_vertices(mesh.vertices @ rotation.T + [0.7, -1.1, 0.4])
-    return close(
-        case.reference,
-        case.answer(case.shape(mesh=moved)),
-        1.0,
-        "depends on the position of the shape in space; use distances, or a frame that turns with the shape",
+def _check_fresh_process(case: Case[Any]) -> str:
+    found = _elsewhere(case)
+    same(case.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
+    if found.tobytes() == case.reference.tobytes():
+        return "made again elsewhere, it answers the same to the last bit"
+    # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
+    again = _elsewhere(case)
+    if found.tobytes() == again.tobytes():
+        return "every fresh process answers the same to the last bit"
+    raise Warned(
+        f"two processes differ by {relative_difference(found, again):.1e} of the largest number; choices that follow "
+        "may go another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
     )
 
 
-def _check_mirror(case: ConformanceCase) -> str:
+def _check_other_processor(case: Case[Any]) -> str:
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        raise Skipped("the kernel of another processor can be chosen on x86-64 only")
+    kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
+    found = _elsewhere(case, kernel=kernel)
+    called = f"the BLAS kernel {kernel}" if kernel else "the processor's own BLAS kernel"
+    if found.shape != case.reference.shape:
+        raise Warned(f"{called} makes {found.shape} of {case.reference.shape}; a choice hangs on the last bits")
+    if found.tobytes() == case.reference.tobytes():
+        return f"{called} changes no bit"
+    difference = relative_difference(case.reference, found)
+    if difference <= REPEAT_TOLERANCE:
+        return f"{called} changes {difference:.1e} of the largest number, too little to be seen by the scorer"
+    raise Warned(
+        f"{called} changes {difference:.1e} of the largest number, so scores will differ between machines; where a "
+        "choice hangs on the last bits, break ties by geometry and leave thresholds a margin"
+    )
+
+
+def _elsewhere(case: Case[Any], kernel: str | None = None) -> FloatArray:
+    """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
+    try:
+        with _environment(kernel):
+            found = call_apart(_answer, case.spec, case.model, guard=Guard("the method", "find the crash"))
+    except BrokenCall as error:
+        raise Failed(
+            "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
+        ) from error
+    if "fault" in found:
+        raise Failed(found["fault"])
+    return np.array(found["numbers"], dtype=np.float64)
+
+
+def _answer(spec: PluginSpec[Any, Any], model: Path | None) -> dict[str, Any]:
+    """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
+    hide_data()
+    try:
+        return {"numbers": case_of(spec, model).reference.tolist()}
+    except BaseException as error:  # also what ends a program
+        return {"fault": explain(error)}
+
+
+def hide_data() -> None:
+    """Let no file of the data folder be found in this process: what a method needs of a shape, the shape offers."""
+    folder = os.environ.pop(DATA_VARIABLE, "")
+    if not folder:
+        return
+    hidden = Path(folder).resolve()
+
+    def refuse(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in ("open", "os.listdir", "os.scandir") and isinstance(arguments[0], (str, bytes, os.PathLike)):
+            path = Path(os.fsdecode(arguments[0])).resolve()
+            if path.is_relative_to(hidden):
+                raise FileNotFoundError(f"{path}: the data folder is hidden, for a method gets all it may know")
+
+    sys.addaudithook(refuse)
+
+
+@contextmanager
+def _environment(kernel: str | None) -> Iterator[None]:
+    """Name a BLAS kernel to the processes that are started inside; libraries that are loaded here do not notice."""
+    before = os.environ.get(KERNEL)
+    if kernel is not None:
+        os.environ.pop(KERNEL, None)
+        if kernel:
+            os.environ[KERNEL] = kernel
+    try:
+        yield
+    finally:
+        os.environ.pop(KERNEL, None)
+        if before is not None:
+            os.environ[KERNEL] = before
+
+
+# Two answers that must be the same ---------------------------------------------------------------------------------
+
+
+def _check_relabelling(case: Case[Any]) -> str:
+    _require_deterministic(case)
+    subject = case.subject()
+    _, order = _relabelled(subject.mesh if isinstance(subject, Shape) else subject)
+    hint = "depends on the numbering of vertices or faces; break ties by geometry"
+    return case.unchanged_by(lambda mesh: _relabelled(mesh)[0], hint, order)
+
+
+def _relabelled(mesh: Mesh) -> tuple[Mesh, NDArray[np.int64]]:
+    """Return a mesh with its vertices and faces in another order, and that of the vertices."""
+    generator = np.random.default_rng(0)
+    order = generator.permutation(mesh.n_vertices)
+    faces = np.argsort(order).astype(np.int32)[np.roll(mesh.faces, 1, axis=1)]
+    return Mesh(mesh.vertices[order], faces[generator.permutation(mesh.n_faces)]), order
+
+
+def _check_motion(case: Case[Any]) -> str:
+    _require_deterministic(case)
+    _require_mesh(case)
+    factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that turns with it"
+    if isinstance(case, ScorerCase):
+        factor = _SCALE
+        hint = "depends on position or size of the form; measure in a frame of its own, or declare invariant=False"
+        if not case.info.invariant:
+            raise Skipped("declares that it undoes motions only where a pose is well defined")
+    return case.unchanged_by(
+        lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4]), hint
+    )
+
+
+def _check_mirror(case: MethodCase) -> str:
     _require_deterministic(case)
     _require_mesh(case)
     if case.reference.ndim == 1:
         return "a descriptor may tell a shape from its mirror image, or not"
-    if case.spec.learns:
+    if case.learns:
         raise Skipped("a learned form may lean to one side")
     mirrored = []
     for bend in BENDS:
-        mesh = case.shape(bend).mesh
+        mesh = case.subject(bend).mesh
         image = Mesh(mesh.vertices * [-1.0, 1.0, 1.0], mesh.faces[:, ::-1])
-        before, after = case.answer(case.shape(bend)), case.answer(case.shape(bend, mesh=image))
+        before, after = case.answer(case.subject(bend)), case.answer(case.subject(bend, mesh=image))
         told = close(
             before, after, 1.0, "makes another form of a mirrored shape than of the shape; break ties by geometry"
         )
@@ -235,88 +360,86 @@ def _check_mirror(case: ConformanceCase) -> str:
     return f"{'the mirrored form' if mirrored[0] else 'the same form'}, {told}"
 
 
-def _check_scale(case: ConformanceCase) -> str:
+def _check_scale(case: MethodCase) -> str:
     _require_deterministic(case)
     _require_mesh(case)
     equivariant = case.info.scale == "equivariant"
     other = "invariant" if equivariant else "equivariant"
     hint = f"does not keep info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
+    scaled = [
+        case.subject(bend, mesh=mesh.with_vertices(_SCALE * mesh.vertices), scale=_SCALE)
+        for bend, mesh in ((bend, case.subject(bend).mesh) for bend in BENDS)
+    ]
     if case.reference.ndim == 2 or not equivariant:
-        found = case.answer(_scaled(case, BENDS[0]))
-        return close(case.reference, found, _SCALE if equivariant else 1.0, hint)
-    before, after = _dissimilarities(case, case.shape), _dissimilarities(case, lambda bend: _scaled(case, bend))
+        return close(case.reference, case.answer(scaled[0]), _SCALE if equivariant else 1.0, hint)
+    before, after = case.dissimilarities(case.pairs), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
         raise Failed("tells no two poses of the figure apart, so scale cannot be checked; declare scale='invariant'")
     return close(before.ravel() / before.max(), after.ravel() / after.max(), 1.0, hint)
 
 
-def _check_dissimilarities(case: ConformanceCase) -> str:
-    if isinstance(case.spec.create(), Method):
-        raise Skipped("forms are compared by the scorer")
-    found = _dissimilarities(case, case.shape)
-    if found.min() < 0:
-        raise Failed(f"'distances' of {len(BENDS)} descriptors came as {found.tolist()}; return numbers >= 0")
-    if not np.allclose(found, found.T, atol=1e-12 * found.max()) or np.abs(np.diag(found)).max() > 1e-6 * found.max():
-        raise Failed("'distances' is not symmetric with a zero diagonal; make it so")
-    # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
-    turned = np.roll(_dissimilarities(case, case.shape, (*BENDS[1:], BENDS[0])), 1, axis=(0, 1))
-    same(found, turned, "'distances' depends on the order of the descriptors; treat all pairs alike")
+def _check_dissimilarities(case: Case[Any]) -> str:
+    pairs, draws = case.pairs, getattr(case.info, "draws", 1)
+    for draw in range(draws):
+        found = case.dissimilarities(pairs, draw)
+        if found.min() < 0:
+            raise Failed(f"dissimilarities of {len(pairs)} {case.compared} are negative; return numbers >= 0")
+        if not found.max() > 0:
+            raise Failed(f"tells no two of {len(pairs)} {case.compared} apart; compare what differs")
+        if np.abs(found - found.T).max() > 1e-9 * found.max() or np.abs(np.diag(found)).max() > 1e-6 * found.max():
+            raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
+    again = case.dissimilarities(pairs, draws - 1)
+    same(found, again, "dissimilarities differ when they are asked for again; draw from a generator seeded by 'draw'")
+    if draws == 1:
+        # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
+        turned = np.roll(case.dissimilarities([*pairs[1:], pairs[0]]), 1, axis=(0, 1))
+        same(found, turned, f"depends on the order of the {case.compared}; treat all pairs alike")
     return f"symmetric, zero diagonal, largest {found.max():.3g}"
 
 
-def _dissimilarities(
-    case: ConformanceCase, shape: Callable[[float], Shape], bends: tuple[float, ...] = BENDS
-) -> FloatArray:
-    method = case.create()
-    if not isinstance(method, Descriptor):
-        raise Skipped("forms are compared by the scorer")
-    return distances_of(method, [answer(method, shape(bend)) for bend in bends])
+def _check_awkward(case: Case[Any]) -> str:
+    refused, problems = [], []
+    for name, subject in case.awkward().items():
+        try:
+            case.answer(subject)
+        except case.refusal as reason:
+            refused.append(name)
+            if not str(reason):
+                problems.append(f"{name} is refused without a reason; say why")
+        except Exception as error:
+            problems.append(f"{name}: {explain(error)}")
+    return _listed(problems, f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated")
 
 
-def _scaled(case: ConformanceCase, bend: float) -> Shape:
-    mesh = case.shape(bend).mesh
-    return case.shape(bend, mesh=mesh.with_vertices(_SCALE * mesh.vertices), scale=_SCALE)
-
-
-def _require_deterministic(case: ConformanceCase) -> None:
-    if not case.info.deterministic:
+def _require_deterministic(case: Case[Any]) -> None:
+    if not getattr(case.info, "deterministic", True):
         raise Skipped("the answer is drawn at random")
 
 
-def _require_mesh(case: ConformanceCase) -> None:
-    if case.reads_images:
+def _require_mesh(case: Case[Any]) -> None:
+    if isinstance(case, MethodCase) and case.reads_images:
         raise Skipped("the depth image has one camera")
 
 
-def check_learner(case: ConformanceCase) -> str:
-    """Return what a learner says of its models."""
-    learner: Any = case.spec.create()
-    problems = []
-    if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
-        problems.append(f"model_name is {learner.model_name!r}; return a text that can name a folder")
-    if learner.split not in get_args(Split):
-        problems.append(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
-    if not isinstance(getattr(learner, "shipped_models", None), Path):
-        problems.append("shipped_models is no path; name a folder, which need not be there")
-    return _listed(problems, f"model {learner.model_name}, split {learner.split}")
+OF_THE_CLASS: dict[str, Check] = {"info": _check_info, "class": _check_class, "parameters": _check_parameters}
 
-
-OF_THE_CLASS: dict[str, Check] = {
-    "info": _check_info,
-    "class": check_class,
-    "parameters": check_parameters,
-}
-
+#: Checks of what is answered, each of which compares two answers: there is nothing to compare where runs differ.
 OF_THE_ANSWER: dict[str, Check] = {
+    "repeatable": check_repeatable,
     "input untouched": _check_input_untouched,
-    "repeatable": _check_repeatable,
     "seed": _check_seed,
-    "fresh process": check_fresh_process,
-    "other processor": check_other_processor,
+    "fresh process": _check_fresh_process,
+    "other processor": _check_other_processor,
     "relabelling": _check_relabelling,
-    "rigid motion": _check_rigid_motion,
+    "rigid motion": _check_motion,
     "mirror": _check_mirror,
     "scale": _check_scale,
     "dissimilarities": _check_dissimilarities,
-    "awkward shapes": _check_awkward_shapes,
+    "awkward shapes": _check_awkward,
 }
+
+#: Checks that are none of a scorer, which gets no shape but a form.
+OF_METHODS_ALONE = frozenset({"input untouched", "seed", "mirror", "scale"})
+
+#: Names of checks where they are of a scorer.
+OF_SCORERS = {"answer": "signature", "rigid motion": "motion", "awkward shapes": "awkward forms"}

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmark.api.contracts import Method
 from benchmark.api.learning import CARD, Learner, TrainingData, TrainingPair, checked_weights, read_card
-from benchmark.methods.conformance.case import Failed
+from benchmark.methods.conformance.cases import Failed
 from benchmark.methods.conformance.shapes import BENDS, view
 from benchmark.methods.registry import MethodSpec
 
