@@ -184,7 +184,8 @@ class _Display:
         if record["status"] == "ok":
             scores = " ".join(f"{name} {number(record['scores'][name])}" for name in PRINTED)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
-            said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
+            differ = "; two runs on one shape differ, see check" if "runs_differ" in record.get("notes", {}) else ""
+            said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape{differ})"
         else:
             said = f"{record['status']:<11}  {job.name}  {brief(record['reason'])}"
         if self._bar.disable:

@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from benchmark.api.contracts import Descriptor, Mesh, Method
 from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
@@ -26,6 +28,12 @@ from benchmark.system.opened_files import with_files
 __all__ = ["MethodRun", "ShapeResult"]
 
 T = TypeVar("T")
+
+#: Note of a form of a plugin that came out otherwise when it was made again.
+RUNS_DIFFER = "note:runs_differ"
+
+#: Largest difference of two runs, relative to the largest number, that single precision explains.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -175,11 +183,17 @@ class MethodRun:
     def answer(self, entry: Entry) -> Artefact:
         """Make, or find, the form or the descriptor of a shape, or why there is none; see :func:`require_arrays`."""
 
-        def compute() -> Arrays:
+        def once() -> Arrays:
             shape = self.preparation.shape(entry, self.seed)
             if isinstance(method, Method):
                 return form.canonicalise(method, shape)
             return form.describe(method, shape)
+
+        def compute() -> Arrays:
+            arrays = once()
+            if self.spec.is_foreign and entry == self.preparation.dataset.entries[0]:
+                return {**arrays, **difference_of_runs(arrays, once())}
+            return arrays
 
         method, work = self._method_for(entry), f"canonicalise {self.preparation.input} {self.spec.base_name}"
         compute_kept = lambda: with_files(attempted(compute), files_of(method))  # noqa: E731
@@ -194,6 +208,16 @@ class MethodRun:
         if model.folder not in self._loaded:
             self._loaded[model.folder] = method.load(model.folder)
         return self._loaded[model.folder]
+
+
+def difference_of_runs(first: Arrays, again: Arrays) -> Arrays:
+    """Return a note of how far two runs on one shape differ, relative to the largest number; none if they do not."""
+    (name,) = {"vertices", "descriptor"} & first.keys()
+    one, other = first[name], again[name]
+    if one.shape != other.shape:
+        return {RUNS_DIFFER: np.array(1.0)}
+    difference = float(np.abs(one - other).max() / (np.abs(one).max() or 1.0))
+    return {RUNS_DIFFER: np.array(difference)} if difference > _ROUNDING else {}
 
 
 def _is_small(name: str) -> bool:

@@ -178,6 +178,11 @@ def _of_jobs(row: Row) -> Iterable[str]:
     for input_, cell in row.cells.items():
         if seen := cell.record.get("seen"):
             yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
+        if differ := (cell.record.get("notes") or {}).get("runs_differ"):
+            yield (
+                f"{row.title}, {input_}: not repeatable, two runs on one shape differ by {differ['max']:.1e} of the "
+                "largest number; `check` says more"
+            )
         if 0 < cell.n_averaged < cell.n_wanted:
             yield (
                 f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "

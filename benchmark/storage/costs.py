@@ -5,18 +5,18 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
-import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import msgspec
 
 _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _MIB = 2**20
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Cost of the arrays of one stage.
 
     Parameters
@@ -38,23 +38,16 @@ class Cost:
     peak_mib: float | None = None
     first_use: bool = False
     resident_mib: float = 0.0
-    shared: dict[str, Cost] = field(default_factory=dict)
+    shared: dict[str, Cost] = {}
 
     def to_json(self) -> str:
         """As text that travels with the arrays."""
-        return json.dumps(asdict(self), sort_keys=True)
+        return msgspec.json.encode(self).decode()
 
     @classmethod
     def from_json(cls, text: str) -> Cost:
-        """Read :meth:`to_json`; raises ``ValueError`` or ``TypeError`` for anything else."""
-        return cls._of(json.loads(text))
-
-    @classmethod
-    def _of(cls, content: object) -> Cost:
-        shared = content.pop("shared", {}) if isinstance(content, dict) else None
-        if not isinstance(content, dict) or not isinstance(shared, dict):
-            raise TypeError("a cost is a mapping, and so are those that it shares")
-        return cls(**content, shared={name: cls._of(part) for name, part in shared.items()})
+        """Read :meth:`to_json`; raises ``ValueError`` for anything else."""
+        return msgspec.json.decode(text, type=cls)
 
 
 @dataclass

@@ -46,7 +46,7 @@ class Artefact:
     was_cached
         Whether they were read.
     digest
-        Digest of all arrays of the stage, also where some were read alone; "" for a file that does not tell.
+        Digest of all arrays of the stage, also where some were read alone.
     files
         Digests of the files that a plugin read to make them, by path.
     """
@@ -267,12 +267,12 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     try:
         arrays = load_arrays(path, bare_key(key), is_read)
         cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
-        digest = str(arrays.pop(_DIGEST, ""))
+        digest = str(arrays.pop(_DIGEST))
         arrays.pop(RECIPE, None)
         files = files_among(arrays)
     except Exception:
         return None
-    if changed_files(files):
+    if changed_files(files) or (wanted is None and digest != digest_of(arrays)):
         return None
     return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest, files=files)
 

@@ -112,7 +112,7 @@ def test_a_cost_survives_as_text():
     cost = Cost(1.5, 200.25, True, 3.0, {"geodesics": Cost(0.5, None, False, 30.5)})
     assert Cost.from_json(cost.to_json()) == cost
     for wrong in ("", "[]", "3", '{"seconds": 1, "colour": 2}', '{"shared": 3}', '{"shared": {"a": 3}}'):
-        with pytest.raises((ValueError, TypeError)):
+        with pytest.raises(ValueError, match=r"."):
             Cost.from_json(wrong)
 
 

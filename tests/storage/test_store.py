@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.storage.store import StorageError, Store
+from benchmark.system.arrays import save_arrays
 from tests.records import record
 
 
@@ -40,6 +41,16 @@ def test_a_damaged_artefact_is_made_again(store, damage):
     again = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(1000)})
     assert not again.was_cached
     assert store.find({"a": 1}) is not None
+
+
+def test_an_artefact_with_other_arrays_than_it_was_written_with_is_made_again(store):
+    made = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
+    (path,) = (store.root / "artefacts").rglob("*.npz")
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files if name != "__contents__"}
+    with path.open("wb") as file:
+        save_arrays(file, made.key, arrays | {"x": np.arange(1, 4)}, compressed=True)
+    assert store.find({"a": 1}) is None
 
 
 def test_objects_are_not_unpickled(store):
