@@ -36,6 +36,17 @@ def in_spatial_order(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices[order], faces[np.lexsort(faces.T[::-1])])
 
 
+def measurements(mesh: Mesh) -> str:
+    """Numbers of vertices and triangles, and moments of the distances from the centre over their root mean square.
+
+    Moments are rounded to six decimals; no rigid motion, mirroring, scaling or renumbering changes them.
+    """
+    distances = np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1)
+    relative = distances / (np.sqrt(np.mean(distances**2)) or 1.0)
+    moments = [f"{np.mean(relative**power):.6f}" for power in (1, 3, 4, 5)]
+    return " ".join([str(mesh.n_vertices), str(mesh.n_faces), *moments])
+
+
 def _places_on_curve(vertices: Points) -> NDArray[np.uint64]:
     """Return the place of the cell of each vertex on the curve, shape (n,): the bits of its coordinates interleaved."""
     cells = np.floor(vertices / CELL + _OFFSET)

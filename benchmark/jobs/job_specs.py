@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
-from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec, kept_apart
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
@@ -196,9 +196,10 @@ def shape_batches(jobs: list[JobSpec]) -> list[ShapeBatch]:
             found.append(ShapeBatch(again, ()))
             group = [job for job in group if not job.ranks_again]
         identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
-        if any(job.is_foreign for job in group):
-            identifiers = shuffled(identifiers)  # galleries are sorted by class, which no method is to know
         sizes = {identifier: size for job in group for identifier, size in job.file_sizes.items()}
+        if any(job.is_foreign for job in group):  # galleries are sorted by class; neither order nor size is to tell it
+            sizes = {}
+            secrets.SystemRandom().shuffle(identifiers)
         for identifier in [each for each in identifiers if sizes.get(each, 0) > LARGE_FILE]:
             shape = (*place[:3], identifier)
             if shape not in large:  # what others of the same shape find prepared takes them no longer than any other

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmark.api.contracts import Shape
 from benchmark.geometry.cleaning import make_manifold
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.ordering import in_spatial_order
+from benchmark.geometry.ordering import in_spatial_order, measurements
 from benchmark.geometry.preparation import prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
 
@@ -70,3 +71,20 @@ def test_prepared_meshes_do_not_depend_on_the_numbering():
     prepared, again = prepare(mesh).mesh, prepare(renumbered(mesh, 1)).mesh
     np.testing.assert_array_equal(again.faces, prepared.faces)
     np.testing.assert_allclose(again.vertices, prepared.vertices, atol=1e-12)
+
+
+def test_draws_follow_from_seed_purpose_and_measurements_alone():
+    mesh = limbed_body(3)
+
+    def drawn(mesh, name="one", seed=0, purpose=""):
+        return Shape(identifier=name, mesh=mesh, seed=seed).random(purpose).random()
+
+    moved = mesh.with_vertices(2 * renumbered(mesh, 0).vertices[:, [1, 2, 0]] + 5.0)
+    assert drawn(moved) == drawn(mesh) == drawn(mesh, name="other")
+    others = [drawn(sphere(3)), drawn(mesh, seed=1), drawn(mesh, purpose="x"), drawn(limbed_body(2))]
+    stretched = mesh.with_vertices(mesh.vertices * [1, 1, 1.001])
+    assert len({drawn(mesh), drawn(stretched), *others}) == 6
+
+
+def test_measurements_of_a_point_are_finite():
+    assert "nan" not in measurements(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
