@@ -19,9 +19,9 @@ from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.geometry.mesh import Mesh
+from benchmark.jobs.foreign.remote import close_to_plugins
 from benchmark.jobs.foreign.serving import unfolded
 from benchmark.jobs.foreign.shuffling import in_shuffled_order
-from benchmark.jobs.foreign.specs import ForeignMethodSpec
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import Preparation, require_arrays
 from benchmark.jobs.recipes import method_components
@@ -36,7 +36,6 @@ from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.arrays import Arrays, load_arrays
 from benchmark.system.calls import Guard, call_apart
-from benchmark.system.plugins import close_process
 from benchmark.system.services import ForeignError
 
 #: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
@@ -145,8 +144,8 @@ def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict
     record, entry = remaking.record, remaking.entry
     base = str(record["recipe"]["method"])
     if target:
-        close_process()
-        spec: MethodSpec = ForeignMethodSpec(base, target, spelling=record["method"])
+        close_to_plugins()
+        spec = MethodSpec(base, target, record["parameters"])
         if spec.learns:
             raise ConfigurationError("what it has learned is not in the bundle", "train it, and submit by yourself")
     else:
@@ -177,7 +176,7 @@ def _method_run(remaking: Remaking, spec: MethodSpec, folder: Path) -> MethodRun
     shapes = set(record["shapes"])
     entries = tuple(entry for entry in dataset.entries if entry.identifier in shapes)
     gallery = Gallery(own_table(dataset.name), remaking.source, dataset, entries, data_root=remaking.data_root)
-    models = {} if isinstance(spec, ForeignMethodSpec) else find_models(spec, gallery, remaking.results / "models")
+    models = {} if spec.is_foreign else find_models(spec, gallery, remaking.results / "models")
     if _digests(models) != record["recipe"].get("models", {}):
         raise ConfigurationError("its trained model is not here", "name the results folder that has it by --results")
     scorer = scorer_of(scorer_name(record) or ScorerSpec().name, scorers())

@@ -19,7 +19,7 @@ from benchmark.system.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
     from benchmark.jobs.cluster.sharding import Shard
-    from benchmark.jobs.plan import Job
+    from benchmark.jobs.job_specs import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
     from benchmark.storage.records import Record
@@ -327,14 +327,15 @@ class RunOptions:
 
     def _of_paper(self, planned: list[Job]) -> list[Job]:
         """Return the jobs that rows of the paper are made of; raises ``ConfigurationError`` if there are none."""
+        from benchmark.protocols.tables import TABLES
         from benchmark.reference import paper
         from benchmark.report.content import row_of
 
-        tables = [job.gallery.table for job in planned]
+        tables = {table.identifier: table for table in TABLES}
         found = [
             job
-            for job, table in zip(planned, tables, strict=True)
-            if row_of(table, job.facts) in paper.rows(table.identifier)
+            for job in planned
+            if job.table in tables and row_of(tables[job.table], job.facts) in paper.rows(job.table)
         ]
         if not found:
             raise ConfigurationError(

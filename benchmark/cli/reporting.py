@@ -56,7 +56,7 @@ def write_figure(
         store = Store.open(selection.results)
         planned = selection.jobs(store)
         first = planned[0]
-        jobs = [job for job in planned if (job.gallery.name, job.input) == (first.gallery.name, first.input)]
+        jobs = [job for job in planned if (job.gallery, job.input) == (first.gallery, first.input)]
         if not selection.methods:  # those of the paper; the others would not fit
             jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
             jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.job_specs import JobSpec
-from benchmark.jobs.plan import Job, unavailable_record
+from benchmark.jobs.job_specs import Job
+from benchmark.jobs.plan import unavailable_record
 from benchmark.storage.environment import environment_text
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store, sweep_leftovers
@@ -137,7 +137,7 @@ def _check_executor(options: RunOptions) -> None:
 class _Display:
     """A progress bar over shapes; plain lines when there is no terminal."""
 
-    def __init__(self, jobs: Sequence[JobSpec]) -> None:
+    def __init__(self, jobs: Sequence[Job]) -> None:
         from rich.console import Console
         from rich.progress import (
             BarColumn,
@@ -178,7 +178,7 @@ class _Display:
             at = f", {names[0]}" if names and (waits or not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._begun:.0f} s{'' if waits else left}{at}")
 
-    def ended(self, job: JobSpec, record: Record) -> None:
+    def ended(self, job: Job, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
             scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)

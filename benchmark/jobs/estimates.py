@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmark.jobs.plan import Job
+from benchmark.jobs.job_specs import Job
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
 
@@ -80,15 +80,14 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     shared: dict[tuple[str, str, str], dict[str, float]] = {}
     for job in to_run:
         found = _phases(job, costs)
-        shapes = [entry.identifier for entry in job.gallery.entries]
-        n_forms += len(shapes)
+        n_forms += len(job.identifiers)
         if found is None:
             unknown += 1
             found = {}
         own = sum(value for phase, value in found.items() if phase not in SHARED)
-        seconds += own * len(shapes)
-        for identifier in shapes:
-            place = shared.setdefault((job.gallery.dataset.name, job.input, identifier), {})
+        seconds += own * len(job.identifiers)
+        for identifier in job.identifiers:
+            place = shared.setdefault((job.facts["data"]["name"], job.input, identifier), {})
             for phase in SHARED:
                 place[phase] = max(place.get(phase, 0.0), found.get(phase, 0.0))
     seconds += sum(sum(phases.values()) for phases in shared.values())
@@ -100,7 +99,7 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
 def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float] | None:
     """Seconds a shape by phase: of the gallery itself, else the median over others; None if there are none."""
     alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
-    here = [record for record in alike if record["gallery"] == job.gallery.name]
+    here = [record for record in alike if record["gallery"] == job.gallery]
     found = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
     if not found:
         return None

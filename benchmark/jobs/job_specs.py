@@ -1,45 +1,54 @@
-"""Descriptions of jobs and tasks, which travel to other processes and machines as JSON."""
+"""Jobs, as they are planned, wait in the queue and travel to workers, and the tasks that they are cut into."""
 
 from __future__ import annotations
 
 import json
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeVar
+
+import msgspec
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
-from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec, kept_apart
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.parameters.values import format_value
 from benchmark.protocols.models import Model
 
+State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
 
-@dataclass(frozen=True)
-class JobSpec:
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
     """One job: a method on a gallery under one input.
 
     Parameters
     ----------
     key
-        Name of its record.
+        Name of its record; "" where none can be made.
     facts
         What the record tells of gallery and method besides scores.
+    table
+        Identifier of the table that it belongs to.
     dataset, data_root
         Where the shapes come from.
     identifiers
         The shapes of the gallery, in matrix order.
     input, method, seed
         What is made of them.
-    models
-        Trained models by the names of their trainings; empty for a method that does not learn.
     results
         Folder of the store.
     recipe
         Everything that determines the scores.
+    models
+        Trained models by the names of their trainings; empty for a method that does not learn.
+    trainings
+        The training whose model treats a shape, by identifier.
     all_unseen
         Whether it is an error that a model was trained on one of the shapes.
     split_size
@@ -48,32 +57,48 @@ class JobSpec:
         What compares the forms.
     ranks_again
         Whether nothing but its measures is to be made: its distances are kept from an older record.
-    trainings
-        The training whose model treats a shape, by identifier.
+    large_files
+        Bytes of those files of its shapes that are larger than :data:`LARGE_FILE`, by identifier.
+    state
+        ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``published``: a record
+        came with the suite, none was made here. ``stale``: there is a record of another recipe. ``missing``: there is
+        none. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
+        input.
+    reason
+        Why it is in this state.
     """
 
     key: str
     facts: Mapping[str, Any]
+    table: str
     dataset: str
     data_root: Path | None
     identifiers: tuple[str, ...]
     input: Input
     method: MethodSpec
     seed: int
-    models: Mapping[str, Model]
     results: Path
     recipe: Mapping[str, Any]
-    all_unseen: bool
+    models: Mapping[str, Model] = field(default_factory=dict)
+    trainings: Mapping[str, str] = field(default_factory=dict)
+    all_unseen: bool = False
     split_size: int = 0
     scorer: ScorerSpec = field(default_factory=ScorerSpec)
     ranks_again: bool = False
-    trainings: Mapping[str, str] = field(default_factory=dict)
+    large_files: Mapping[str, int] = field(default_factory=dict)
+    state: State = "missing"
+    reason: str = "never run"
+
+    @property
+    def gallery(self) -> str:
+        """Name of the gallery."""
+        return str(self.facts["gallery"])
 
     @property
     def name(self) -> str:
         """Gallery, input and method, as people name a job, and the scorer where it is not the default one."""
         by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
-        return f"{self.facts['gallery']} {self.input} {self.method.name}{by}"
+        return f"{self.gallery} {self.input} {self.method.name}{by}"
 
     @property
     def model_of(self) -> dict[str, Model]:
@@ -86,9 +111,9 @@ class JobSpec:
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
-    def file_sizes(self) -> Mapping[str, int]:
-        """Bytes of the files of its shapes, by identifier, where they are known: to whoever plans, not to a worker."""
-        return {}
+    def to_run(self) -> bool:
+        """Return whether a run would compute it."""
+        return self.state in ("missing", "stale", "published")
 
     @property
     def package(self) -> str:
@@ -101,8 +126,7 @@ def _package(module: str) -> str:
     return module if module.endswith(".py") else module.partition(".")[0]
 
 
-@dataclass(frozen=True)
-class ShapeBatch:
+class ShapeBatch(msgspec.Struct, frozen=True, tag=True):
     """Some shapes of a data set under one input, each to be treated by several methods before the next one.
 
     Parameters
@@ -113,19 +137,17 @@ class ShapeBatch:
         The shapes.
     """
 
-    jobs: tuple[JobSpec, ...]
+    jobs: tuple[Job, ...]
     identifiers: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class ScoringTask:
+class ScoringTask(msgspec.Struct, frozen=True, tag=True):
     """The second half of jobs: all their shapes are treated, and are to be ranked."""
 
-    jobs: tuple[JobSpec, ...]
+    jobs: tuple[Job, ...]
 
 
-@dataclass(frozen=True)
-class ComparisonTask:
+class ComparisonTask(msgspec.Struct, frozen=True, tag=True):
     """Comparing the shapes of one job, all of them treated, under one draw of its scorer: a part of its ranking.
 
     Parameters
@@ -136,56 +158,44 @@ class ComparisonTask:
         The draw.
     """
 
-    jobs: tuple[JobSpec, ...]
+    jobs: tuple[Job, ...]
     draw: int | None
 
 
 Task = ShapeBatch | ScoringTask | ComparisonTask
 
-#: What travels, by name: in JSON that name stands beside the arguments that make the same again.
-_CLASSES: dict[str, Any] = {
-    each.__name__: each
-    for each in (
-        ShapeBatch, ScoringTask, ComparisonTask, JobSpec, Model, MethodSpec, ForeignMethodSpec, ScorerSpec,
-        ForeignScorerSpec, Path,
-    )
-}  # fmt: skip
+
+def to_json(described: Task | Job) -> str:
+    """Write a task or a job."""
+    return json.dumps(msgspec.to_builtins(described, enc_hook=_as_text))
 
 
-def to_json(described: Task | JobSpec) -> str:
-    """Write a task or a job; methods and scorers of plugins so that whoever reads it imports none of them."""
-    return json.dumps(described, default=_with_class)
+def task_of(text: str) -> Task:
+    """Return the task that was written; raises ``ConfigurationError`` if there is no such method or scorer here."""
+    return _read(text, Task)  # type: ignore[arg-type]
 
 
-def from_json(text: str) -> Any:
-    """Return what was written; raises ``ConfigurationError`` if there is no such method or scorer here."""
-    return json.loads(text, object_hook=_of_class)
+def job_of(text: str) -> Job:
+    """Return the job that was written; see :func:`task_of`."""
+    return _read(text, Job)
 
 
-def _with_class(value: Any) -> Any:
-    if isinstance(value, Path):
-        return {"class": Path.__name__, "arguments": [str(value)]}
-    if isinstance(value, MethodSpec | ScorerSpec):
-        value = kept_apart(value)
-    name = JobSpec.__name__ if isinstance(value, JobSpec) else type(value).__name__
-    if name not in _CLASSES:
-        return format_value(value)  # a parameter of a method, which reads it again
-    return {"class": name, "arguments": [getattr(value, each.name) for each in fields(_CLASSES[name])]}
+def _read(text: str, kind: type[T]) -> T:
+    return msgspec.convert(json.loads(text), kind, dec_hook=lambda custom, value: custom(value))
 
 
-def _of_class(content: dict[str, Any]) -> Any:
-    if content.keys() != {"class", "arguments"}:
-        return content
-    return _CLASSES[content["class"]](*(tuple(e) if isinstance(e, list) else e for e in content["arguments"]))
+def _as_text(value: Any) -> str:
+    """A path, or a parameter of a method, which reads it again."""
+    return format_value(value)
 
 
-def shape_batches(jobs: list[JobSpec]) -> list[ShapeBatch]:
+def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
     """Cut the first half of jobs into batches.
 
     Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
     all methods. Large files come first, each in a batch of its own: at the end, all would wait for the last of them.
     """
-    groups: dict[tuple[Any, ...], list[JobSpec]] = {}
+    groups: dict[tuple[Any, ...], list[Job]] = {}
     for job in jobs:
         place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
         groups.setdefault(place, []).append(job)
@@ -196,11 +206,11 @@ def shape_batches(jobs: list[JobSpec]) -> list[ShapeBatch]:
             found.append(ShapeBatch(again, ()))
             group = [job for job in group if not job.ranks_again]
         identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
-        sizes = {identifier: size for job in group for identifier, size in job.file_sizes.items()}
+        sizes = {identifier: size for job in group for identifier, size in job.large_files.items()}
         if any(job.is_foreign for job in group):  # galleries are sorted by class; neither order nor size is to tell it
             sizes = {}
             secrets.SystemRandom().shuffle(identifiers)
-        for identifier in [each for each in identifiers if sizes.get(each, 0) > LARGE_FILE]:
+        for identifier in [name for name in identifiers if name in sizes]:
             shape = (*place[:3], identifier)
             if shape not in large:  # what others of the same shape find prepared takes them no longer than any other
                 large[shape] = sizes[identifier], _batch(group, (identifier,))
@@ -210,7 +220,7 @@ def shape_batches(jobs: list[JobSpec]) -> list[ShapeBatch]:
     return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + found
 
 
-def _batch(group: list[JobSpec], chosen: tuple[str, ...]) -> ShapeBatch:
+def _batch(group: list[Job], chosen: tuple[str, ...]) -> ShapeBatch:
     wanted = set(chosen)
     return ShapeBatch(tuple(job for job in group if wanted & set(job.identifiers)), chosen)
 

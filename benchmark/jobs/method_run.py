@@ -12,7 +12,7 @@ from benchmark.api.contracts import Descriptor, Mesh, Method
 from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.jobs.foreign.specs import Foreign
+from benchmark.jobs.foreign.remote import Foreign
 from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import features, form

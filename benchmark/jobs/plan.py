@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
-from benchmark.jobs.job_specs import JobSpec
+from benchmark.jobs.job_specs import LARGE_FILE, Job, State
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
@@ -26,8 +26,6 @@ from benchmark.storage.store import Store
 from benchmark.system.opened_files import changed_files
 from retrieval.chance import chance_levels
 
-State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
-
 #: Recipe parts in the order in which a change is worth telling.
 PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "versions", "plugin")
 
@@ -38,36 +36,9 @@ CHANGED = "changed"
 UNSAVED = "unsaved"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Job(JobSpec):
-    """A job as it is planned: its description, and what does not travel to the workers.
-
-    Parameters
-    ----------
-    gallery
-        The shapes.
-    state
-        ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``published``: a record
-        came with the suite, none was made here. ``stale``: there is a record of another recipe. ``missing``: there is
-        none. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
-        input.
-    reason
-        Why it is in this state.
-    """
-
-    gallery: Gallery = field(compare=False, repr=False)
-    state: State = "missing"
-    reason: str = "never run"
-
-    @property
-    def file_sizes(self) -> Mapping[str, int]:
-        """See :class:`benchmark.jobs.job_specs.JobSpec`."""
-        return {entry.identifier: _size(entry.path) for entry in self.gallery.entries if entry.path is not None}
-
-    @property
-    def to_run(self) -> bool:
-        """Return whether a run would compute it."""
-        return self.state in ("missing", "stale", "published")
+def _large_files(gallery: Gallery) -> dict[str, int]:
+    sizes = {entry.identifier: _size(entry.path) for entry in gallery.entries if entry.path is not None}
+    return {identifier: size for identifier, size in sizes.items() if size > LARGE_FILE}
 
 
 @cache
@@ -76,36 +47,6 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except OSError:
         return 0
-
-
-def description(
-    gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec, models: Mapping[str, Model]
-) -> dict[str, Any]:
-    """Return what gallery, method and models determine of a :class:`Job`.
-
-    Parameters
-    ----------
-    gallery, input_, spec
-        The job.
-    scorer
-        What compares the forms; of no account for a descriptor, whose recipe names the default one.
-    models
-        Trained model of each shape by identifier; empty for a method that does not learn.
-    """
-    return {
-        "gallery": gallery,
-        "facts": _facts(gallery, input_, spec, scorer),
-        "dataset": _absolute(gallery.source),
-        "data_root": gallery.data_root and gallery.data_root.absolute(),
-        "identifiers": tuple(entry.identifier for entry in gallery.entries),
-        "input": input_,
-        "method": spec,
-        "models": {model.training: model for model in models.values()},
-        "trainings": {identifier: model.training for identifier, model in models.items()},
-        "all_unseen": gallery.table.all_unseen,
-        "split_size": gallery.table.split_size,
-        "scorer": scorer,
-    }
 
 
 def _absolute(source: str) -> str:
@@ -249,9 +190,15 @@ class _Planning:
 
         def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
             return Job(
-                **description(gallery, input_, spec, scorer, models), key=key_of(recipe) if recipe else "",
-                recipe=recipe or {}, seed=seed, results=store.root.parent.absolute(), state=state, reason=reason,
-                ranks_again=ranks_again,
+                key=key_of(recipe) if recipe else "", facts=_facts(gallery, input_, spec, scorer),
+                table=gallery.table.identifier, dataset=_absolute(gallery.source),
+                data_root=gallery.data_root and gallery.data_root.absolute(),
+                identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec, seed=seed,
+                results=store.root.parent.absolute(), recipe=recipe or {},
+                models={model.training: model for model in models.values()},
+                trainings={identifier: model.training for identifier, model in models.items()},
+                all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
+                ranks_again=ranks_again, large_files=_large_files(gallery), state=state, reason=reason,
             )  # fmt: skip
 
         if missing:
@@ -419,7 +366,7 @@ def changed_names(part: str, before: Mapping[str, Any], now: Mapping[str, Any]) 
 
 def unavailable_record(job: Job) -> Record:
     """Return what tables know of a job that cannot be done here: a package or a model is missing."""
-    recipe = {"unavailable": job.reason, "gallery": job.gallery.name, "input": job.input, "method": job.method.name}
+    recipe = {"unavailable": job.reason, "gallery": job.gallery, "input": job.input, "method": job.method.name}
     if job.scorer.name != DEFAULT:
         recipe["scorer"] = job.scorer.name
     return {**job.facts, "key": keys.digest(recipe), "recipe": recipe, "status": job.state, "reason": job.reason}

@@ -13,6 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast
 
+import msgspec
+
 from benchmark.api.contracts import Descriptor, Method, MethodInfo
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
@@ -20,11 +22,19 @@ from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.methods.information import problems_of
 from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
+from benchmark.storage.keys import plain
 from benchmark.storage.records import DEFAULT_SCORER
 from benchmark.system import process_reaper
 from benchmark.system.code import FIRST_PARTY
 from benchmark.system.forks import one_of_us
-from benchmark.system.plugins import classes_of, files_named, import_plugin, require_open_process, sources_of
+from benchmark.system.plugins import (
+    classes_of,
+    files_named,
+    import_plugin,
+    reached,
+    require_open_process,
+    sources_of,
+)
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)
 Made = TypeVar("Made")
@@ -33,6 +43,8 @@ Made = TypeVar("Made")
 @dataclass(frozen=True)
 class PluginSpec(Generic[Info, Made]):
     """A method or a scorer by name, with everything needed to make it again in another process.
+
+    A process that imports no plugins asks the process of the plugin for the facts, and lets it do the work.
 
     Parameters
     ----------
@@ -67,7 +79,7 @@ class PluginSpec(Generic[Info, Made]):
     named: bool = False
 
     def __post_init__(self) -> None:
-        if self.parameters:
+        if self.parameters and not self._remote:
             object.__setattr__(self, "parameters", non_default_values(self.load(), self.parameters, self.base_name))
 
     @property
@@ -103,7 +115,23 @@ class PluginSpec(Generic[Info, Made]):
     @property
     def info(self) -> Info:
         """Return what it says about itself."""
+        if self._remote:
+            return cast(Info, msgspec.convert(self._remote.facts["info"], self.info_type))
         return cast(Info, self.load().info)
+
+    @property
+    def _remote(self) -> Any:
+        """What stands for it where this process must not import it; None where it may."""
+        return reached(self) if self.is_foreign else None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What another process is told of it, as JSON carries it."""
+        return {
+            "info": dataclasses.asdict(self.info),
+            "parameters": plain(self.resolved_parameters()),
+            "sources": self.sources,
+        }
 
     def load(self) -> type[Any]:
         """Import and return the class; what its module prints goes to stderr.
@@ -145,6 +173,8 @@ class PluginSpec(Generic[Info, Made]):
         ConfigurationError
             If the class refuses them, or what it makes keeps no contract.
         """
+        if self._remote:
+            return cast(Made, self._remote.create())
         found = self.load()
         try:
             with one_of_us():
@@ -170,6 +200,8 @@ class PluginSpec(Generic[Info, Made]):
 
     @cached_property
     def _resolved(self) -> Mapping[str, Any]:
+        if self._remote:
+            return dict(self._remote.facts["parameters"])
         return parameter_values(self.create())
 
     @cached_property
@@ -177,6 +209,8 @@ class PluginSpec(Generic[Info, Made]):
         """What a plugin consists of, see :func:`benchmark.system.plugins.sources_of`; empty for a part of the suite."""
         if not self.is_foreign:
             return {}
+        if self._remote:
+            return dict(self._remote.facts["sources"])
         self.load()
         return sources_of(self.module) | files_named(self.module, self.info.files)
 
@@ -202,14 +236,23 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     @property
     def learns(self) -> bool:
         """Return whether the method is a learner; see :class:`benchmark.api.learning.Learner`."""
+        if self._remote:
+            return bool(self._remote.facts["learns"])
         found = self.load()
         return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
 
     @property
     def describes(self) -> bool:
         """Return whether the method is a descriptor, which compares shapes without a form and so without a scorer."""
+        if self._remote:
+            return bool(self._remote.facts["describes"])
         found = self.load()
         return not hasattr(found, "canonicalise") and hasattr(found, "describe")
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """See :class:`PluginSpec`."""
+        return super().facts | {"describes": self.describes, "learns": self.learns}
 
     def with_parameter(self, name: str, value: Any) -> MethodSpec:
         """Return the method with one more parameter."""

@@ -122,7 +122,7 @@ def parameter_values(made: Any) -> dict[str, Any]:
 
 def format_value(value: Any) -> str:
     """Text that is read as the value."""
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return f"({','.join(map(format_value, value))})"
     if value is None or isinstance(value, bool):
         return str(value).lower()

@@ -10,12 +10,12 @@ import importlib.metadata
 import importlib.util
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import redirect_stdout, suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.system import process_reaper
@@ -51,23 +51,34 @@ class _PluginFolders:
         importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
 
 
-_closed = False
+_reach: Callable[[Any], Any] | None = None
 
 
-def close_process() -> None:
-    """Let no foreign code into this process from now on: what it makes is trusted."""
-    global _closed
-    _closed = True
+def close_process(reach: Callable[[Any], Any]) -> None:
+    """Let no foreign code into this process from now on: what it makes is trusted.
+
+    Parameters
+    ----------
+    reach
+        Returns what stands for a method or a scorer of a plugin here, see :func:`reached`.
+    """
+    global _reach
+    _reach = reach
 
 
 def is_closed() -> bool:
     """Return whether no foreign code may be imported into this process."""
-    return _closed
+    return _reach is not None
+
+
+def reached(spec: Any) -> Any:
+    """Return what stands for a plugin in a closed process, with its ``facts`` and a ``create``; None in an open one."""
+    return None if _reach is None else _reach(spec)
 
 
 def require_open_process(module: str) -> None:
     """Raise ``AssertionError`` if no foreign code may be imported into this process."""
-    if _closed:
+    if is_closed():
         raise AssertionError(f"{module} must not be imported into a process that makes results")
 
 

@@ -13,11 +13,11 @@ def record(method, gallery="g", input_="mesh", **seconds):
 
 
 def job(method, shapes=10, gallery="g", input_="mesh", to_run=True):
-    dataset = SimpleNamespace(name=gallery)
-    entries = [SimpleNamespace(identifier=str(number)) for number in range(shapes)]
-    place = SimpleNamespace(name=gallery, dataset=dataset, entries=entries)
     spec = SimpleNamespace(name=method, base_name=method.partition("[")[0])
-    return SimpleNamespace(key=f"{method}{gallery}{input_}", gallery=place, input=input_, method=spec, to_run=to_run)
+    return SimpleNamespace(
+        key=f"{method}{gallery}{input_}", gallery=gallery, facts={"data": {"name": gallery}},
+        identifiers=tuple(map(str, range(shapes))), input=input_, method=spec, to_run=to_run,
+    )  # fmt: skip
 
 
 def store(*records, sizes=()):

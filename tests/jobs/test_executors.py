@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -18,7 +19,7 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import make_executor, run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.job_specs import LARGEST_BATCH, JobSpec, shape_batches
+from benchmark.jobs.job_specs import LARGEST_BATCH, Job, shape_batches
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import Store
 from tests.toy import write_rods
@@ -299,10 +300,10 @@ def test_an_edit_while_a_job_runs_is_noticed_and_the_job_done_anew(place):
 
 def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods",), identifiers=("a", "b", "c")):
     return [
-        JobSpec(
+        Job(
             key=f"{dataset} {spec.name}", facts={"gallery": dataset}, dataset=dataset, data_root=None,
             identifiers=tuple(identifiers), input="mesh", method=spec, seed=0, models={}, results=tmp_path, recipe={},
-            all_unseen=False,
+            table=dataset,
         )
         for dataset in datasets
         for spec in select(names, methods())
@@ -321,10 +322,9 @@ def test_every_shape_of_every_job_is_in_one_batch(tmp_path):
 
 
 def test_large_files_come_first_each_in_a_batch_of_its_own(tmp_path):
-    class Planned(JobSpec):
-        file_sizes = {"a": 2**20, "b": 2**24, "d": 2**26}  # noqa: RUF012
-
-    made = [Planned(**vars(job)) for job in orders(tmp_path, ("identity", "pca", "learned"), identifiers="abcd")]
+    sizes = {"b": 2**24, "d": 2**26}
+    jobs = orders(tmp_path, ("identity", "pca", "learned"), identifiers="abcd")
+    made = [replace(job, large_files=sizes) for job in jobs]
     found = [(batch.identifiers, len(batch.jobs)) for batch in shape_batches(made)]
     assert found == [(("d",), 1), (("b",), 1), (("a", "c"), 1), (("a", "b", "c", "d"), 2)]
 
@@ -336,18 +336,18 @@ def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path
     )
     (mine,) = (spec for name, spec in methods([tmp_path / "mine.py"]).items() if name == "mine")
     made = orders(tmp_path, ("identity", "pca", "learned"))
-    made.append(JobSpec(**{**vars(made[0]), "method": mine}))
+    made.append(Job(**{**vars(made[0]), "method": mine}))
     assert [job.package for job in made] == ["learned", "baselines", "baselines", str(tmp_path / "mine.py")]
     assert len(shape_batches(made)) == 3
 
 
 def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
-    class Foreign(JobSpec):
+    class Foreign(Job):
         is_foreign = True
-        file_sizes = {"shape7": 2**26}  # noqa: RUF012
 
     names = [f"shape{number}" for number in range(30)]
-    made = [Foreign(**vars(job)) for job in orders(tmp_path, ("identity",), identifiers=names)]
+    jobs = orders(tmp_path, ("identity",), identifiers=names)
+    made = [Foreign(**{**vars(job), "large_files": {"shape7": 2**26}}) for job in jobs]
     (one,), (other,) = shape_batches(made), shape_batches(made)
     assert sorted(one.identifiers) == sorted(other.identifiers) == sorted(names)
     assert one.identifiers != other.identifiers
@@ -355,7 +355,7 @@ def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
 
 def test_galleries_that_overlap_are_treated_together(tmp_path):
     one, two = orders(tmp_path, ("identity", "pca"))
-    two = JobSpec(**{**vars(two), "identifiers": ("b", "c", "d")})
+    two = Job(**{**vars(two), "identifiers": ("b", "c", "d")})
     (batch,) = shape_batches([one, two])
     assert batch.identifiers == ("a", "b", "c", "d")
 

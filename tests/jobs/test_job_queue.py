@@ -9,7 +9,7 @@ from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.job_queue import JobQueue
 from benchmark.jobs.execution.runner import failure, keep
 from benchmark.jobs.execution.worker_pool import LocalWorkerPool
-from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch, from_json, to_json
+from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch, task_of, to_json
 from benchmark.storage.records import outcome
 from benchmark.storage.store import Store
 from tests.jobs.test_executors import orders
@@ -52,7 +52,7 @@ def test_draws_are_compared_apart_once_fewer_jobs_wait_than_workers(queue):
     tasks = [queue.take(2, 2) for _ in range(3)]
     assert all(isinstance(task, ComparisonTask) and names(task) == ["identity"] for task in tasks)
     assert [task.draw for task in tasks] == [0, 1, 2]
-    assert from_json(to_json(tasks[2])) == tasks[2]
+    assert task_of(to_json(tasks[2])) == tasks[2]
     assert queue.take(2, 2) is None
     for task in tasks:
         assert queue.take(2, 2) is None, "it is not ranked before all draws are compared"

@@ -10,8 +10,7 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import make_executor
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.foreign.specs import ForeignMethodSpec, ForeignScorerSpec
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, from_json, to_json
+from benchmark.jobs.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
 from benchmark.jobs.plan import JobSettings, make_plan
 from benchmark.methods.registry import MethodSpec, methods, select
 from benchmark.methods.scorers import ScorerSpec
@@ -33,12 +32,11 @@ def jobs(tmp_path):
 def test_a_task_comes_out_of_its_json_as_it_went_in(jobs):
     assert any(job.models for job in jobs)
     for task in (ShapeBatch(tuple(jobs), ("cat0", "dog1")), ScoringTask(tuple(jobs))):
-        found = from_json(to_json(task))
+        found = task_of(to_json(task))
         assert type(found) is type(task)
         assert getattr(found, "identifiers", None) == getattr(task, "identifiers", None)
         for before, after in zip(task.jobs, found.jobs, strict=True):
-            assert type(after) is JobSpec  # what a plan knows besides stays at home
-            for field in fields(JobSpec):
+            for field in fields(Job):
                 then, now = getattr(before, field.name), getattr(after, field.name)
                 if field.name == "models":
                     assert {name: (m.training, m.folder.resolve(), m.digest) for name, m in then.items()} == {
@@ -56,9 +54,9 @@ def test_methods_and_scorers_of_plugins_are_written_so_that_a_worker_does_not_im
     plugin = tmp_path / "mine.py"
     plugin.write_text("raise AssertionError('imported')")
     mine = MethodSpec("mine", f"{plugin}:Mine")
-    after = from_json(to_json(replace(jobs[0], method=mine, scorer=ScorerSpec("own", f"{plugin}:Own"))))
-    assert after.method == ForeignMethodSpec("mine", f"{plugin}:Mine", spelling="mine")
-    assert after.scorer == ForeignScorerSpec("own", f"{plugin}:Own", spelling="own")
+    own = ScorerSpec("own", f"{plugin}:Own")
+    after = job_of(to_json(replace(jobs[0], method=mine, scorer=own)))
+    assert (after.method, after.scorer) == (mine, own)
 
 
 def test_paths_of_a_job_are_absolute(tmp_path, monkeypatch):

@@ -8,12 +8,12 @@ import psutil
 import pytest
 
 from benchmark.jobs.execution.worker_pool import LocalWorkerPool
-from benchmark.jobs.job_specs import JobSpec, ScoringTask
+from benchmark.jobs.job_specs import Job, ScoringTask
 from benchmark.storage.store import Store
 from tests.jobs.test_executors import orders
 
 
-class ForeignJob(JobSpec):
+class ForeignJob(Job):
     """A job that code of somebody else makes a part of."""
 
     is_foreign = True
@@ -30,7 +30,7 @@ def pool(tmp_path):
 def do(pool, tmp_path):
     """Let the pool rank a method, which leaves a record in any case; returns the number of the process."""
 
-    def done(name, kind=JobSpec):
+    def done(name, kind=Job):
         (job,) = orders(tmp_path, (name,))
         worker = pool.begin(ScoringTask((kind(**vars(job)),)))
         deadline = time.monotonic() + 60

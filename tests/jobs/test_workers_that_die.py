@@ -10,7 +10,7 @@ from benchmark.jobs.execution import executors, worker, worker_pool
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import ProcessExecutor
 from benchmark.jobs.execution.worker import UNWRITTEN, Status
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, from_json, to_json
+from benchmark.jobs.job_specs import Job, ScoringTask, task_of, to_json
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from tests.records import record
@@ -57,7 +57,7 @@ def run(tmp_path, monkeypatch):
         monkeypatch.setattr(
             worker_pool,
             "TaskWorker",
-            lambda task, *_: Scripted(from_json(task), tmp_path / "sentinel"),
+            lambda task, *_: Scripted(task_of(task), tmp_path / "sentinel"),
         )
         monkeypatch.setattr(executors, "_PATIENCE", 0.0)
         (tmp_path / "sentinel").write_text("")
@@ -66,10 +66,10 @@ def run(tmp_path, monkeypatch):
             made = record(method=spec.name)
             told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
             orders.append(
-                JobSpec(
+                Job(
                     key=made["key"], facts={name: made[name] for name in told}, dataset="rods", data_root=None,
                     identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path,
-                    recipe=made["recipe"], all_unseen=False,
+                    recipe=made["recipe"], table="",
                 )
             )  # fmt: skip
         Store.open(tmp_path)
@@ -164,7 +164,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
 
     monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
     monkeypatch.setattr(worker.os, "_exit", leave)
-    monkeypatch.setattr(worker.plugins, "close_process", lambda: None)  # this process has further tests to run
+    monkeypatch.setattr(worker, "close_to_plugins", lambda: None)  # this process has further tests to run
     monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
     monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
     with pytest.raises(SystemExit) as left:

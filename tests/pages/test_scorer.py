@@ -1,4 +1,4 @@
-"""What docs/appendix/scorer-measurements.md says of the two scorers is what the committed records say."""
+"""What docs/reference/scorers.md says of the two scorers is what the committed records say."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from retrieval.measures import PRINTED
 from tests.rows import is_form
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "appendix" / "scorer-measurements.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "scorers.md").read_text(encoding="utf-8")
 
 
 def told(*arguments: str) -> str:

@@ -19,16 +19,16 @@ from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off, write_rods
 
 ROOT = Path(__file__).parents[2]
-START = ROOT / "docs" / "start"
+DOCS = ROOT / "docs"
 #: Each page starts some ten programs; a machine that does much else takes minutes for that.
 pytestmark = pytest.mark.timeout(900)
 
-PAGES = ("own-meshes", "first-method", "figure", "depth-camera")
+PAGES = ("start/own-meshes", "start/first-method", "how-to/paper", "start/depth-camera")
 
 
 def blocks(page: str) -> list[str]:
     """Lines of the indented blocks of a page."""
-    return re.findall(r"^    (.*)$", (START / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+    return re.findall(r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
 
 
 def commands(page: str) -> list[str]:
@@ -80,7 +80,7 @@ def after_a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("meshes")
     write_rods(folder / "meshes")
     (folder / "data").mkdir()
-    walked(folder, "own-meshes")
+    walked(folder, "start/own-meshes")
     return folder
 
 
@@ -91,7 +91,7 @@ def test_your_method_on_your_meshes(after_a_run: Path) -> None:
 
 @pytest.mark.slow
 def test_a_figure_for_your_paper(after_a_run: Path) -> None:
-    walked(after_a_run, "figure")
+    walked(after_a_run, "how-to/paper")
     made = ["forms.pdf", "effect.png", "cost.svg", "paper/paper.tex", "paper/figures/forms.pdf"]
     made += ["paper/paper.pdf"] if shutil.which("pdflatex") else []
     assert [name for name in made if not (after_a_run / name).is_file()] == []
@@ -100,7 +100,7 @@ def test_a_figure_for_your_paper(after_a_run: Path) -> None:
 @pytest.mark.slow
 def test_your_method_in_the_papers_tables(folder: Path) -> None:
     write_off(folder / "cat1.off", rod(0.06, 1.2))
-    walked(folder, "first-method")
+    walked(folder, "start/first-method")
     assert (folder / "form.off").is_file()
     assert (folder / "report" / "index.html").is_file()
 
@@ -114,6 +114,6 @@ def test_from_a_depth_camera(folder: Path) -> None:
         Image.fromarray(in_millimetres(frame(seed)[0])).save(path)
     for name in ("recording", "known"):
         (folder / name / "intrinsics.txt").write_text("525 0 319.5\n0 525 239.5\n0 0 1\n")
-    walked(folder, "depth-camera")
+    walked(folder, "start/depth-camera")
     assert len(list((folder / "forms").iterdir())) == len(list((folder / "pictures").iterdir())) == 2
     assert (folder / "found.png").is_file()

@@ -1,1 +1,1 @@
-"""Faults made on purpose, and what the suite makes of them: ``python -m tools.faults``; docs/appendix/faults.md."""
+"""Faults made on purpose, and what the suite makes of them: ``python -m tools.faults``."""

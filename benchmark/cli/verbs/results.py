@@ -27,7 +27,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.system.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
-    from benchmark.jobs.plan import Job
+    from benchmark.jobs.job_specs import Job
     from benchmark.methods.scorers import ScorerSpec
     from benchmark.storage.records import Record
 

@@ -48,9 +48,9 @@ def run(**given: Any) -> None:
     shown = [
         replace(result, record={**result.record, **job.facts})
         for job in plan
-        if (result := found.get(job.key) or found.get((job.gallery.name, job.input, job.method.name)))
+        if (result := found.get(job.key) or found.get((job.gallery, job.input, job.method.name)))
     ]
-    chosen = {job.gallery.table.identifier for job in plan}
+    chosen = {job.table for job in plan}
     made = contents(shown, chosen, blanks=not options.is_narrow, named=options.is_by_name)
     if sys.stdout.isatty():
         draw(made)

@@ -27,7 +27,7 @@ from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.executors import Run, Watch
 from benchmark.jobs.execution.worker import Status, read_status, remove_status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker, package_of
-from benchmark.jobs.job_specs import JobSpec, Task, to_json
+from benchmark.jobs.job_specs import Job, Task, to_json
 from benchmark.jobs.plan import changed_names
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
@@ -69,7 +69,7 @@ class DaskExecutor:
     timeout: float | None = None
     most: int | None = None
 
-    def execute(self, jobs: Sequence[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
+    def execute(self, jobs: Sequence[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
         """Do the jobs, handing back each record as soon as its job ends.
 
         Raises
@@ -225,7 +225,7 @@ class DaskWorkerPool:
         If no scheduler answers.
     """
 
-    def __init__(self, url: str, jobs: Sequence[JobSpec], most: int | None = None) -> None:
+    def __init__(self, url: str, jobs: Sequence[Job], most: int | None = None) -> None:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said here, in one line
         self.url = url
         self._most = most

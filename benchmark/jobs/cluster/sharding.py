@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.plan import Job
+from benchmark.jobs.job_specs import Job
 from benchmark.storage import keys
 
 
@@ -67,7 +67,7 @@ class Shard:
         jobs
             The whole plan; a job that it names twice, for two tables, is in one shard.
         """
-        distinct = {_identity(job): len(job.gallery.entries) for job in jobs}
+        distinct = {_identity(job): len(job.identifiers) for job in jobs}
         load, place = [0] * self.count, {}
         for identity, size in sorted(distinct.items(), key=lambda pair: -pair[1]):  # equal ones stay in plan order
             place[identity] = min(range(self.count), key=lambda number: load[number])

@@ -99,7 +99,8 @@ def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
     from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.jobs import recipes
-    from benchmark.jobs.job_specs import from_json
+    from benchmark.jobs.foreign.remote import close_to_plugins
+    from benchmark.jobs.job_specs import job_of
     from benchmark.jobs.plan import difference
 
     if not _is_shared(Path(message["marker"]), message["written"]):
@@ -107,10 +108,11 @@ def inspect(message: Mapping[str, Any]) -> dict[str, Any]:
             "problem": f"it does not see the results folder {message['results']}, or may not write there",
             "hint": "mount the folder there under the same path, or run parts with --shard and merge them",
         }
+    close_to_plugins()
     problems: dict[str, None] = {}
     for description in message["jobs"]:
         try:
-            job = from_json(description)
+            job = job_of(description)
             dataset = open_dataset(job.dataset, job.data_root)
             now = {"plugin": None, **recipes.job_plugins(dataset, job.method, job.scorer)}
             if now["plugin"] != job.recipe.get("plugin"):

@@ -15,7 +15,7 @@ from benchmark.jobs.execution.job_queue import JobQueue, record_of
 from benchmark.jobs.execution.runner import failure, keep, work
 from benchmark.jobs.execution.worker import Status
 from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, LocalWorkerPool, PoolWorker, WorkerPool
-from benchmark.jobs.job_specs import JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.jobs.job_specs import Job, ScoringTask, ShapeBatch, Task, shape_batches
 from benchmark.jobs.plan import UNSAVED
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
@@ -41,7 +41,7 @@ Watch = Callable[[Sequence[str], int], None]
 class Executor(Protocol):
     """Does jobs and hands back their records as they end."""
 
-    def execute(self, jobs: Sequence[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
+    def execute(self, jobs: Sequence[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
         """Do the jobs; ``watch`` is told about progress."""
         ...
 
@@ -60,7 +60,7 @@ class SerialExecutor:
 
     claims: Claims
 
-    def execute(self, jobs: Sequence[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
+    def execute(self, jobs: Sequence[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
         """Treat all shapes, then rank; the jobs of another run come last, if it has not done them by then."""
         left = [job for job in jobs if not job.is_foreign]
         yield from ProcessExecutor(1, self.claims).execute([o for o in jobs if o.is_foreign], watch)
@@ -72,7 +72,7 @@ class SerialExecutor:
                 watch([], 0)
                 time.sleep(INTERVAL)
 
-    def _done(self, jobs: list[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
+    def _done(self, jobs: list[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
         names = {job.key: job.name for job in jobs}
         done = 0
         to_do = [job for job in jobs if job.key not in Store.open(job.results).records]
@@ -113,7 +113,7 @@ class ProcessExecutor:
     claims: Claims
     timeout: float | None = None
 
-    def execute(self, jobs: Sequence[JobSpec], watch: Watch) -> Iterator[tuple[JobSpec, Record]]:
+    def execute(self, jobs: Sequence[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
         """Do the jobs, handing back each record as soon as its job ends."""
         if jobs:
             pool = LocalWorkerPool(self.workers, Store.open(jobs[0].results).progress)
@@ -212,7 +212,7 @@ class Run:
     """
 
     def __init__(
-        self, jobs: Sequence[JobSpec], pool: WorkerPool, claims: Claims, timeout: float | None, watch: Watch
+        self, jobs: Sequence[Job], pool: WorkerPool, claims: Claims, timeout: float | None, watch: Watch
     ) -> None:
         self.store = Store.open(jobs[0].results)
         self.queue = JobQueue(jobs, self.store, claims)
@@ -220,7 +220,7 @@ class Run:
         self.timeout = timeout
         self.watch = watch
 
-    def records(self) -> Iterator[tuple[JobSpec, Record]]:
+    def records(self) -> Iterator[tuple[Job, Record]]:
         """Work until every job has its record."""
         self._require_folder()
         workers = self.workers

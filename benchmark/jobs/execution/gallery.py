@@ -18,8 +18,8 @@ from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.jobs import recipes
+from benchmark.jobs.foreign.remote import Foreign
 from benchmark.jobs.foreign.shuffling import in_shuffled_order
-from benchmark.jobs.foreign.specs import Foreign
 from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of, files_of
 from benchmark.jobs.stages import distances
 from benchmark.storage import keys

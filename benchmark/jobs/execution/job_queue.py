@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
 from math import ceil
+
+from msgspec.structs import replace
 
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.runner import failure, keep
-from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.jobs.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, shape_batches
 from benchmark.jobs.recipes import draws_of
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store
@@ -34,16 +35,16 @@ class JobQueue:
         The jobs that other runs are at.
     """
 
-    def __init__(self, jobs: Iterable[JobSpec], store: Store, claims: Claims) -> None:
+    def __init__(self, jobs: Iterable[Job], store: Store, claims: Claims) -> None:
         self.pending = {job.key: job for job in jobs}
-        self.elsewhere: dict[str, JobSpec] = {}
+        self.elsewhere: dict[str, Job] = {}
         self.shapes_done = 0
         self._store = store
         self._claims = claims
         self._claimed: set[str] = set()
         self._batches: deque[ShapeBatch] = deque()
         self._open_batches: Counter[str] = Counter()
-        self._to_rank: list[JobSpec] = []
+        self._to_rank: list[Job] = []
         self._comparisons: deque[ComparisonTask] = deque()
         self._open_comparisons: Counter[str] = Counter()
         self._alone: deque[Task] = deque()
@@ -140,7 +141,7 @@ class JobQueue:
         self._claimed |= {job.key for job in to_do}
         self._cut(to_do)
 
-    def ended(self, busy: Collection[str]) -> Iterator[tuple[JobSpec, Record]]:
+    def ended(self, busy: Collection[str]) -> Iterator[tuple[Job, Record]]:
         """Hand on the records of the jobs that have ended, without those whose keys a worker is busy with."""
         waiting = {*busy, *self.elsewhere, *(job.key for job in self._to_rank)}
         waiting |= {job.key for task in (*self._alone, *self._comparisons) for job in task.jobs}
@@ -157,7 +158,7 @@ class JobQueue:
             yield job, record
             self._claims.release(key)
 
-    def _cut(self, jobs: Iterable[JobSpec]) -> None:
+    def _cut(self, jobs: Iterable[Job]) -> None:
         for batch in shape_batches(list(jobs)):
             self._batches.append(batch)
             self._open_batches.update(job.key for job in batch.jobs)
@@ -188,7 +189,7 @@ class JobQueue:
                 self._comparisons += [ComparisonTask((job,), draw) for draw in draws]
                 self._open_comparisons[job.key] = len(draws)
 
-    def _claim(self, job: JobSpec) -> None:
+    def _claim(self, job: Job) -> None:
         """Claim a job, or leave it out of all batches where another run is at it or has done it."""
         if not self._claims.take(job.key):
             self.elsewhere[job.key] = job
@@ -201,11 +202,11 @@ class JobQueue:
         self._batches = deque(replace(batch, jobs=left) for batch, left in batches_left if left)
 
 
-def _is_large(job: JobSpec) -> bool:
+def _is_large(job: Job) -> bool:
     return len(job.identifiers) >= LARGE and not job.ranks_again
 
 
-def record_of(job: JobSpec, store: Store) -> Record:
+def record_of(job: Job, store: Store) -> Record:
     """Return the record of a job that has ended; one that says so where it left none."""
     record = store.records.read(job.key)
     return record if record is not None else keep(job, store, failure("crashed", "the job left no record"))

@@ -20,7 +20,8 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
-from benchmark.jobs.job_specs import ComparisonTask, JobSpec, ScoringTask, ShapeBatch, Task, from_json
+from benchmark.jobs.foreign.remote import close_to_plugins
+from benchmark.jobs.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, job_of
 from benchmark.jobs.method_run import MethodRun, ShapeResult, files_of
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
@@ -63,7 +64,7 @@ def work(task: Task, tell: Tell) -> None:
         _treat(task, tell)
 
 
-def keep(job: JobSpec, store: Store, content: Mapping[str, Any]) -> Record:
+def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
     """Complete a record with what every record tells, and write it."""
     record = {
         **job.facts,
@@ -134,7 +135,7 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
                 raise
 
 
-def _method_run(job: JobSpec, preparation: Preparation, store: Store) -> MethodRun:
+def _method_run(job: Job, preparation: Preparation, store: Store) -> MethodRun:
     method_run = MethodRun(preparation, store, job.method, job.seed, job.model_of, job.scorer)
     if not isinstance(method_run.method, Method):
         return method_run
@@ -151,7 +152,7 @@ class _CodeChanged(BenchmarkError):
     """Somebody edited the code while a run was under way."""
 
 
-def _require_same_code(job: JobSpec, dataset: Dataset) -> None:
+def _require_same_code(job: Job, dataset: Dataset) -> None:
     """Raise unless this process reads the code that the plan was made for."""
     versions = recipes.job_versions(dataset, job.input, job.method, job.scorer)
     now = {"plugin": None, "versions": versions, **recipes.job_plugins(dataset, job.method, job.scorer)}
@@ -165,7 +166,7 @@ def _require_same_code(job: JobSpec, dataset: Dataset) -> None:
 
 
 @contextmanager
-def _guarded(job: JobSpec, store: Store, identifier: str = "") -> Iterator[None]:
+def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
     """Turn whatever the body raises into the record of the job."""
     where = f"{identifier}: " if identifier else ""
     try:
@@ -189,7 +190,9 @@ def _guarded(job: JobSpec, store: Store, identifier: str = "") -> Iterator[None]
 
 
 def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
-    """Make the forms of some shapes of a job and keep them; of a shape that cannot be treated, the reason is kept.
+    """Make the forms of some shapes of a job and keep them, in a process of its own.
+
+    Of a shape that cannot be treated, the reason is kept.
 
     Parameters
     ----------
@@ -200,7 +203,8 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
     say
         Told each shape when it is done.
     """
-    job: JobSpec = from_json(description)
+    close_to_plugins()
+    job = job_of(description)
     store = Store.open(job.results)
     dataset = open_dataset(job.dataset, job.data_root)
     method_run = _method_run(job, Preparation(dataset, job.input, store), store)
@@ -214,13 +218,13 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
 # Galleries -----------------------------------------------------------------------------------------------------------
 
 
-def _rank(job: JobSpec, tell: Callable[[str], object]) -> None:
+def _rank(job: Job, tell: Callable[[str], object]) -> None:
     store = Store.open(job.results)
     with _guarded(job, store):
         keep(job, store, ranked(job, store, tell))
 
 
-def _compare(job: JobSpec, draw: int | None, tell: Callable[[str], object]) -> None:
+def _compare(job: Job, draw: int | None, tell: Callable[[str], object]) -> None:
     """Keep what ranking will read of one draw; only what goes wrong becomes a record."""
     store = Store.open(job.results)
     with _guarded(job, store):
@@ -229,7 +233,7 @@ def _compare(job: JobSpec, draw: int | None, tell: Callable[[str], object]) -> N
             gallery.compared(draw)
 
 
-def _gallery(job: JobSpec, store: Store, tell: Callable[[str], object]) -> tuple[list[Entry], RankedGallery]:
+def _gallery(job: Job, store: Store, tell: Callable[[str], object]) -> tuple[list[Entry], RankedGallery]:
     """All shapes of a job, and those of them that can be ranked."""
     dataset = open_dataset(job.dataset, job.data_root)
     _require_same_code(job, dataset)
@@ -238,7 +242,7 @@ def _gallery(job: JobSpec, store: Store, tell: Callable[[str], object]) -> tuple
     return entries, RankedGallery.of(store, method_run, entries, tell)
 
 
-def ranked(job: JobSpec, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
+def ranked(job: Job, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
     """Return the content of the record of a job whose shapes are treated.
 
     Parameters
@@ -295,7 +299,7 @@ def _files(results: Sequence[ShapeResult], gallery: RankedGallery) -> dict[str, 
     return {"files": files} if files else {}
 
 
-def _learning(job: JobSpec, method_run: MethodRun, entries: Iterable[Entry]) -> dict[str, Any]:
+def _learning(job: Job, method_run: MethodRun, entries: Iterable[Entry]) -> dict[str, Any]:
     """Return the part of a learner's record: its models, and which shapes they had seen; empty for other methods."""
     if not job.models:
         return {}
@@ -349,6 +353,6 @@ def _by_identifier(dataset: Dataset) -> dict[str, Entry]:
     return {entry.identifier: entry for entry in dataset.entries}
 
 
-def _entries(job: JobSpec, dataset: Dataset) -> list[Entry]:
+def _entries(job: Job, dataset: Dataset) -> list[Entry]:
     by_identifier = _by_identifier(dataset)
     return [by_identifier[identifier] for identifier in job.identifiers]

@@ -11,10 +11,11 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark.jobs.job_specs import from_json
+from benchmark.jobs.foreign.remote import close_to_plugins
+from benchmark.jobs.job_specs import task_of
 from benchmark.storage import lock
 from benchmark.storage.store import StorageError
-from benchmark.system import plugins, services
+from benchmark.system import services
 from benchmark.system.files import write_text
 from benchmark.system.workers import UNWRITTEN, Worker
 
@@ -165,7 +166,7 @@ def _do_in_turn(task: str, status_file: Path) -> None:
 
 def _do(task: str, status_file: Path) -> None:
     """Do the task, in its process."""
-    plugins.close_process()
+    close_to_plugins()
     with suppress(OSError):  # somebody may have removed the folder; only the place of a crash stays unknown then
         trace_file = _beside(status_file, "trace")
         services.trace_to(trace_file)
@@ -186,7 +187,7 @@ def _do(task: str, status_file: Path) -> None:
             beside.replace(status_file)  # so that no reader finds half of it
 
     try:
-        work(from_json(task), tell)
+        work(task_of(task), tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     tell(latest.job, latest.steps, is_done=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -15,7 +14,6 @@ from benchmark.jobs.stages import distances, features, form
 from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
-from benchmark.storage.keys import plain
 from benchmark.system.arrays import Arrays
 
 Facts = Mapping[str, Any]
@@ -30,12 +28,7 @@ def serve(facts: Facts, arrays: Arrays) -> Answer:
 
 
 def _tell(facts: Facts, arrays: Arrays) -> Answer:
-    spec = _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"])
-    told = {"info": dataclasses.asdict(spec.info), "title": spec.title, "parameters": plain(spec.resolved_parameters())}
-    told["sources"] = spec.sources
-    if isinstance(spec, MethodSpec):
-        told |= {"describes": spec.describes, "learns": spec.learns}
-    return told, {}
+    return _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"]).facts, {}
 
 
 def _canonicalise(facts: Facts, arrays: Arrays) -> Answer:

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from benchmark.api.contracts import Method
-from benchmark.datasets.base import Entry
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.execution.runner import make_forms
-from benchmark.jobs.job_specs import to_json
+from benchmark.jobs.job_specs import Job, to_json
 from benchmark.jobs.method_run import MethodRun
-from benchmark.jobs.plan import Job
 from benchmark.jobs.preparation import Preparation
-from benchmark.protocols.galleries import Gallery
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.storage.store import Store
@@ -99,7 +98,9 @@ def forms_figure(
     ConfigurationError
         If there is no such subject or shape.
     """
-    return drawn(_of_methods(jobs, store, _chosen(jobs[0].gallery, subject, shapes), limit))
+    dataset, entries = _shapes_of(jobs[0])
+    chosen = _chosen(jobs[0].gallery, entries, subject, shapes)
+    return drawn(_of_methods(jobs, dataset, store, chosen, limit))
 
 
 def effect_figure(
@@ -122,13 +123,13 @@ def effect_figure(
     """
     from matplotlib.figure import Figure
 
-    gallery = jobs[0].gallery
-    shown = _chosen(gallery, "", shapes) if shapes else gallery.entries
+    gallery, (dataset, entries) = jobs[0].gallery, _shapes_of(jobs[0])
+    shown = _chosen(gallery, entries, "", shapes) if shapes else entries
     named = list(subjects) or list(dict.fromkeys(entry.subject for entry in shown))[: None if shapes else 2]
     rows = []
     for subject in named:
-        own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in gallery.entries)]
-        rows.append(_of_methods(jobs[:1], store, _chosen(gallery, subject, own), limit))
+        own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in entries)]
+        rows.append(_of_methods(jobs[:1], dataset, store, _chosen(gallery, entries, subject, own), limit))
     n_poses = max(len(row[0].meshes) for row in rows)
     side = 1.5
     figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=_PIXELS / 2)
@@ -226,17 +227,23 @@ def _fill(place: Any, mesh: Mesh | str, half: float) -> None:
     )
 
 
-def _chosen(gallery: Gallery, subject: str, shapes: Sequence[str]) -> list[Entry]:
+def _shapes_of(job: Job) -> tuple[Dataset, list[Entry]]:
+    dataset = open_dataset(job.dataset, job.data_root)
+    entries = {entry.identifier: entry for entry in dataset.entries}
+    return dataset, [entries[identifier] for identifier in job.identifiers]
+
+
+def _chosen(gallery: str, entries: Sequence[Entry], subject: str, shapes: Sequence[str]) -> list[Entry]:
     """The named shapes, else poses of one subject, spread over those that it has."""
     if shapes:
-        known = {entry.identifier: entry for entry in gallery.entries}
+        known = {entry.identifier: entry for entry in entries}
         unknown = next((name for name in shapes if name not in known), None)
         if unknown is not None:
-            raise did_you_mean(f"shape of {gallery.name}", unknown, known)
+            raise did_you_mean(f"shape of {gallery}", unknown, known)
         return [known[name] for name in shapes]
-    name = subject or gallery.entries[0].subject
-    if not (found := poses_of(gallery.entries, name)):
-        raise did_you_mean(f"subject of {gallery.name}", name, {entry.subject for entry in gallery.entries})
+    name = subject or entries[0].subject
+    if not (found := poses_of(entries, name)):
+        raise did_you_mean(f"subject of {gallery}", name, {entry.subject for entry in entries})
     return found
 
 
@@ -246,16 +253,18 @@ def poses_of(entries: Sequence[Entry], subject: str) -> list[Entry]:
     return [members[i] for i in np.unique(np.linspace(0, max(len(members) - 1, 0), POSES).astype(int)) if members]
 
 
-def _of_methods(jobs: Sequence[Job], store: Store, entries: Sequence[Entry], limit: float | None) -> list[Forms]:
+def _of_methods(
+    jobs: Sequence[Job], dataset: Dataset, store: Store, entries: Sequence[Entry], limit: float | None
+) -> list[Forms]:
     """The shapes themselves, then the forms of each method, all poses turned alike."""
-    gallery, input_ = jobs[0].gallery, jobs[0].input
-    preparation = Preparation(gallery.dataset, input_, store)
+    input_ = jobs[0].input
+    preparation = Preparation(dataset, input_, store)
     surfaces = [_surface(preparation, entry) for entry in entries]
     seen: list[Points | None] = []
     for entry, surface in zip(entries, surfaces, strict=True):
         vertices = None if isinstance(surface, str) else surface.vertices
         if vertices is not None and input_ == "mesh":
-            vertices = vertices @ gallery.dataset.camera(entry).rotation.T
+            vertices = vertices @ dataset.camera(entry).rotation.T
         seen.append(vertices)
     found = [untreated(surfaces, seen)]
     found += [

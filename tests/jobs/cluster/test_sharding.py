@@ -27,7 +27,7 @@ def call(*arguments, code=0):
 
 
 def job(key, size, name="", state="missing"):
-    return SimpleNamespace(key=key, name=name, state=state, gallery=SimpleNamespace(entries=range(size)))
+    return SimpleNamespace(key=key, name=name, state=state, identifiers=range(size))
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.sampled_from([5, 80, 400]))), st.integers(1, 7))
@@ -35,8 +35,8 @@ def test_every_job_is_in_exactly_one_shard_and_the_shards_are_even(described, co
     jobs = [job(f"{number:02}", size) for number, size in dict(described).items()]
     cut = [Shard(number + 1, count).of(jobs) for number in range(count)]
     assert sorted(j.key for part in cut for j in part) == sorted(j.key for j in jobs)
-    loads = [sum(len(j.gallery.entries) for j in part) for part in cut]
-    assert max(loads) - min(loads) <= max((len(j.gallery.entries) for j in jobs), default=0)
+    loads = [sum(len(j.identifiers) for j in part) for part in cut]
+    assert max(loads) - min(loads) <= max((len(j.identifiers) for j in jobs), default=0)
 
 
 def test_the_cut_looks_at_no_state_and_takes_a_job_of_two_tables_once():

@@ -1,112 +1,36 @@
-"""Methods and scorers of plugins as they are known to processes that do not import them."""
+"""Methods and scorers of plugins in processes that do not import them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn, Self, cast
+from typing import Any, Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Method, MethodInfo, Shape
-from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
+from benchmark.api.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.methods.specs import Info, Made, MethodSpec, PluginSpec, S, ScorerSpec
+from benchmark.methods.specs import PluginSpec, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
+from benchmark.system.plugins import close_process
 from benchmark.system.services import Service
 
 Facts = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class _FromItsProcess(PluginSpec[Info, Made]):
-    """A plugin of which all that is known was told by the process that imports it.
-
-    Parameters
-    ----------
-    spelling
-        Name with parameters, in its one spelling.
-    """
-
-    spelling: str = ""
-
-    @property
-    def name(self) -> str:
-        """Name on the command line."""
-        return self.spelling
-
-    @property
-    def title(self) -> str:
-        """Name in the tables."""
-        return str(self._facts["title"])
-
-    @property
-    def info(self) -> Info:
-        """Return what it says about itself."""
-        told = {name: tuple(value) if isinstance(value, list) else value for name, value in self._facts["info"].items()}
-        return cast(Info, self.info_type(**told))
-
-    def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters as JSON tells them."""
-        return dict(self._facts["parameters"])
-
-    @cached_property
-    def sources(self) -> dict[str, str]:
-        """What the plugin consists of."""
-        return dict(self._facts["sources"])
-
-    def load(self) -> NoReturn:
-        """Raise, for the class is in another process."""
-        raise AssertionError(f"{self.target} is not imported here")
-
-    @property
-    def _remote(self) -> _Remote:
-        return _Remote({"kind": self.kind, "target": self.target, "name": self.spelling, "base_name": self.base_name})
-
-    @property
-    def _facts(self) -> Facts:
-        return _told(self.kind, self.target, self.spelling, self.base_name)
+def close_to_plugins() -> None:
+    """Let no plugin into this process from now on: their methods and scorers work in processes of their own."""
+    close_process(_reach)
 
 
-@dataclass(frozen=True)
-class ForeignMethodSpec(_FromItsProcess[MethodInfo, Method | Descriptor], MethodSpec):
-    """A method of a plugin."""
-
-    @property
-    def describes(self) -> bool:
-        """Return whether it is a descriptor."""
-        return bool(self._facts["describes"])
-
-    @property
-    def learns(self) -> bool:
-        """Return whether it is a learner."""
-        return bool(self._facts["learns"])
-
-    def create(self) -> Method | Descriptor:
-        """Return the method, which works in its process."""
-        kind = _RemoteDescriptor if self.describes else _RemoteMethod
-        return cast(Method | Descriptor, kind(self._remote, self.info))
-
-
-@dataclass(frozen=True)
-class ForeignScorerSpec(_FromItsProcess[ScorerInfo, Scorer], ScorerSpec):
-    """A scorer of a plugin."""
-
-    def create(self) -> Scorer:
-        """Return the scorer, which works in its process."""
-        return cast(Scorer, _RemoteScorer(self._remote, self.info))
-
-
-def kept_apart(spec: S) -> S:
-    """Return a plugin as workers are told of it: one of somebody else, so that they do not import it."""
-    if not spec.is_foreign or isinstance(spec, _FromItsProcess):
-        return spec
-    kind: Any = ForeignScorerSpec if isinstance(spec, ScorerSpec) else ForeignMethodSpec
-    return cast(S, kind(spec.base_name, spec.target, named=spec.named, spelling=spec.name))
+def _reach(spec: PluginSpec[Any, Any]) -> _Remote:
+    return _Remote(spec.kind, spec.target, spec.name, spec.base_name)
 
 
 #: Processes of the methods, or of the scorers, of a plugin: one for all, and one for each that leaves threads or
@@ -115,21 +39,36 @@ _services: dict[tuple[str, ...], Service] = {}
 
 
 @cache
-def _told(kind: str, target: str, name: str, base_name: str) -> Facts:
-    return _Remote({"kind": kind, "target": target, "name": name, "base_name": base_name}).request("tell", {}, {})[0]
+def _told(remote: _Remote) -> Facts:
+    return remote.request("tell", {}, {})[0]
 
 
 @dataclass(frozen=True)
 class _Remote:
-    """A method or scorer in the process of its plugin, by the facts that name it there."""
+    """A method or scorer in the process of its plugin, by what names it there."""
 
-    facts: Mapping[str, str]
+    kind: str
+    target: str
+    name: str
+    base_name: str
+
+    @property
+    def facts(self) -> Facts:
+        """What its process tells of it, see :attr:`benchmark.methods.specs.PluginSpec.facts`."""
+        return _told(self)
+
+    def create(self) -> Foreign:
+        """Return a method or a scorer that works in its process."""
+        if self.kind == ScorerSpec.kind:
+            return _RemoteScorer(self, msgspec.convert(self.facts["info"], ScorerInfo))
+        kind = _RemoteDescriptor if self.facts["describes"] else _RemoteMethod
+        return kind(self, msgspec.convert(self.facts["info"], MethodInfo))
 
     @property
     def _places(self) -> tuple[tuple[str, ...], ...]:
         """Place of its process, that which it shares with others of its plugin, and that which is its own."""
-        shared = (self.facts["kind"], self.facts["target"].rpartition(":")[0])
-        own = (*shared, self.facts["base_name"])
+        shared = (self.kind, self.target.rpartition(":")[0])
+        own = (*shared, self.base_name)
         return (own if own in _services else shared), shared, own
 
     @property
@@ -147,7 +86,7 @@ class _Remote:
             _services[place] = Service(serve)
         service = _services[place]
         try:
-            return service.request({"work": work, **self.facts, **facts}, arrays)
+            return service.request({"work": work, **asdict(self), **facts}, arrays)
         finally:
             if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
                 _services[own] = _services.pop(shared)
