@@ -25,6 +25,7 @@ from benchmark.methods.registry import BUILT_IN, methods, variant
 from benchmark.methods.scorers import BUILT_IN as SCORERS
 from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
+from benchmark.report.rounding import number
 from benchmark.storage.keys import digest, plain
 from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.system.arrays import Arrays, digest_of
@@ -105,8 +106,8 @@ class RowCheck:
             for name, told in record.get(part, {}).items():
                 made = found.get(part, {}).get(name)
                 if made is None or not abs(made - told) <= SCORE_TOLERANCE:
-                    value = "none" if made is None else f"{made:.3f}"
-                    said = f"it says {name} {told:.3f}, and its {self.entry.holds} give {value}"
+                    value = "none" if made is None else number(made, 3)
+                    said = f"it says {name} {number(told, 3)}, and its {self.entry.holds} give {value}"
                     self.faults.append(lie("scores-differ", said))
                     return found
         return found

@@ -14,6 +14,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import Job
 from benchmark.jobs.plan import unavailable_record
+from benchmark.report.rounding import number
 from benchmark.storage.environment import environment_text
 from benchmark.storage.records import Record
 from benchmark.storage.store import Store, sweep_leftovers
@@ -181,7 +182,7 @@ class _Display:
     def ended(self, job: Job, record: Record) -> None:
         """Print the line of a job that has ended."""
         if record["status"] == "ok":
-            scores = " ".join(f"{name} {record['scores'][name]:.2f}" for name in PRINTED)
+            scores = " ".join(f"{name} {number(record['scores'][name])}" for name in PRINTED)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             said = f"{'ok':<11}  {job.name}  {scores}  ({seconds:.2f} s a shape)"
         else:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmark.report.results import Result
+from benchmark.report.statistics.queries import UNIT
 from benchmark.storage.keys import digest
 from benchmark.storage.records import chance_of, coverage_of
 
@@ -57,6 +58,21 @@ class Cell:
     def coverage(self) -> float:
         """Share of the shapes that could be had of which there is a result; 0 without scores."""
         return coverage_of(self.record)
+
+    @property
+    def n_queries(self) -> int:
+        """Queries behind the scores, those of all jobs."""
+        return sum(len(_first_ranks(record)) for record in self.records)
+
+    @property
+    def n_tied(self) -> int:
+        """Queries whose first rank relevant results share with others, so that their NN is a mean over orders."""
+        return sum(
+            abs(hits - round(hits)) > len(_draws(record)) * UNIT
+            for record in self.records
+            if record.get("tied_queries")
+            for hits in _first_ranks(record)
+        )
 
     @property
     def is_partial(self) -> bool:
@@ -149,6 +165,16 @@ def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
     columns = means if len(means) > 1 else [record["scores"] for record in records]
     deviation = {name: statistics.stdev(each[name] for each in columns) for name in names} if len(columns) > 1 else None
     return Cell("ok", merged, deviation, len(done), n_wanted, outdated, tuple(records))
+
+
+def _draws(record: Mapping[str, Any]) -> Sequence[int]:
+    """Draws of the scorer that the measures of a query are the mean over."""
+    return (record["recipe"].get("scorer") or {}).get("codebooks", (0,))  # type: ignore[no-any-return]
+
+
+def _first_ranks(record: Mapping[str, Any]) -> list[float]:
+    """Of each query under how many draws its first rank is relevant: a whole number where nothing ties there."""
+    return [value * len(_draws(record)) for value in record["per_query"]["NN"] if value is not None]
 
 
 def _means(records: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, float]:

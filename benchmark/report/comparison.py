@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.report.rounding import number
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals, permutation_test
 from benchmark.storage.merging import told
@@ -158,8 +159,8 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
             before, after = pair.first[name], pair.second[name]
             low, high = pair.intervals[name]
             said.append(
-                f"  {name:<3}  {before:.3f} -> {after:.3f}  {_signed(after - before)}  "
-                f"({_signed(low)} to {_signed(high)})  p {pair.probabilities[name]:.4f}"
+                f"  {name:<3}  {number(before, 3)} -> {number(after, 3)}  {_signed(after - before)}  "
+                f"({_signed(low)} to {_signed(high)})  p {number(pair.probabilities[name], 4)}"
             )
     said += _counted(comparison, different)
     said += _alone(comparison, first, second, everything=everything)
@@ -178,7 +179,7 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
     said = [f"{'':<{width}}  queries" + "".join(f"  {name:<14}" for name in PRINTED).rstrip()]
     for pair in shown:
         cells = [
-            f"{pair.first[name]:.2f} {_signed(pair.second[name] - pair.first[name])}"
+            f"{number(pair.first[name])} {_signed(pair.second[name] - pair.first[name])}"
             f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
             for name in PRINTED
         ]
@@ -212,5 +213,6 @@ def _alone(comparison: Comparison, first: str, second: str, *, everything: bool 
 
 
 def _signed(value: float) -> str:
-    """Three decimals with a sign; nothing is negative that reads as zero."""
-    return f"{round(value, 3) + 0.0:+.3f}"
+    """Three decimals with a sign."""
+    text = number(value, 3)
+    return text if text.startswith("-") else f"+{text}"

@@ -18,6 +18,7 @@ from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
+from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import SignificanceTable, table_significance
 from benchmark.storage.keys import digest
 from benchmark.storage.records import chance_of
@@ -33,6 +34,9 @@ _NETWORK = "Reconstruction network"
 
 #: Marks rows that this code would not make again without running.
 OUTDATED = "†"
+
+#: Marks rows with results at the same distance at the first rank of a query.
+TIED = "‡"
 
 
 @dataclass(frozen=True)
@@ -53,14 +57,17 @@ class Row:
 
     @property
     def label(self) -> str:
-        """Title as printed, with training data beyond the paper's, the number of models, the mark of old records."""
+        """Title as printed, with training data beyond the paper's, number of models, marks of ties and old records."""
         extra = "extra training data"
         told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
             told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
-        told += [f"{input_}: coverage {cell.coverage:.2f}" for input_, cell in self.cells.items() if cell.is_partial]
-        mark = f" {OUTDATED}" if any(cell.outdated for cell in self.cells.values()) else ""
-        return brief(self.title) + (f" ({', '.join(told)})" if told else "") + mark
+        told += [
+            f"{input_}: coverage {number(cell.coverage)}" for input_, cell in self.cells.items() if cell.is_partial
+        ]
+        marks = [TIED] if any(cell.n_tied for cell in self.cells.values()) else []
+        marks += [OUTDATED] if any(cell.outdated for cell in self.cells.values()) else []
+        return " ".join([brief(self.title), *([f"({', '.join(told)})"] if told else []), *marks])
 
 
 @dataclass(frozen=True)

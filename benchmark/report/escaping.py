@@ -26,7 +26,7 @@ _LONG_WORD = re.compile(r"(\S{31,})")
 
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "<": r"\textless{}",
-    ">": r"\textgreater{}", "|": r"\textbar{}", "†": r"\dag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}",
+    ">": r"\textgreater{}", "|": r"\textbar{}", "†": r"\dag{}", "‡": r"\ddag{}", "±": r"$\pm$", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
 }  # fmt: skip
 

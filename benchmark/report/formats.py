@@ -11,8 +11,9 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
-from benchmark.report.grid import Style, grid_of, number
+from benchmark.report.grid import Style, grid_of
 from benchmark.report.notes import notes
+from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import FigureSignificance
 from benchmark.storage.records import chance_of
 from retrieval.measures import PRINTED

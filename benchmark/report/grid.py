@@ -12,10 +12,9 @@ from typing import Literal
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
+from benchmark.report.rounding import BLANK, number
 from benchmark.report.statistics.table_significance import CONTROL
 from retrieval.measures import PRINTED
-
-BLANK = "--"
 
 Kind = Literal["paper", "ours", "difference", "interval"]
 
@@ -141,11 +140,6 @@ def _lines(table: TableContent, group: Group) -> list[tuple[Figure, ...]]:
     """Figures of a group, row by row."""
     columns = [_COLUMNS[group.kind](table, group.input, name) for name in group.names]
     return list(zip(*columns, strict=True))
-
-
-def number(value: float | None) -> str:
-    """Two decimals, as the paper prints them."""
-    return BLANK if value is None else f"{value:.2f}"
 
 
 def _paper(table: TableContent, input_: Input | None, measure: str) -> list[Figure]:

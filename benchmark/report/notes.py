@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
-from benchmark.report.content import OUTDATED, Row, TableContent
+from benchmark.report.content import OUTDATED, TIED, Row, TableContent
+from benchmark.report.rounding import number
 from benchmark.system.text import brief
 from retrieval.measures import PRINTED
 
@@ -41,6 +42,7 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         lines.append(_OF_MEANS)
     if any(judged.is_inseparable for judged in table.significance.values()):
         lines.append(_MARKS)
+    lines += _tied(table)
     lines += _preparations(table)
     lines += _left_out(table)
     if trained := _trainings(table):
@@ -71,6 +73,18 @@ def _not_here(table: TableContent) -> Iterable[str]:
         yield f"Not run: {', '.join(titles)}."
 
 
+def _tied(table: TableContent) -> Iterable[str]:
+    """Rows whose figures are means over the orders of results that tie at the first rank."""
+    tied = [
+        f"{row.title}, {input_} ({cell.n_tied} of {cell.n_queries} queries)"
+        for row in table.rows
+        for input_, cell in row.cells.items()
+        if cell.n_tied
+    ]
+    if tied:
+        yield f"{TIED} Results tie at the first rank; means over their orders, never italic: {'; '.join(tied)}."
+
+
 def _preparations(table: TableContent) -> Iterable[str]:
     """Return how far rows move from one preparation to the next, for those that were prepared several times."""
     for input_ in table.inputs:
@@ -78,10 +92,10 @@ def _preparations(table: TableContent) -> Iterable[str]:
         for row in table.rows:
             cell = row.cells.get(input_)
             if cell and (deviation := cell.preparation_sd):
-                figures = " ".join(f"{deviation[metric]:.3f}" for metric in PRINTED)
+                figures = " ".join(number(deviation[metric], 3) for metric in PRINTED)
                 told.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
-        for number, rows in told.items():
-            yield _OF_PREPARATIONS.format(number, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
+        for count, rows in told.items():
+            yield _OF_PREPARATIONS.format(count, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
 
 
 def _left_out(table: TableContent) -> Iterable[str]:
@@ -129,7 +143,7 @@ def _trainings(table: TableContent) -> list[str]:
 
 def _bridges(table: TableContent) -> str:
     if (found := _noted(table, "bridges", "view")) and found["max"] > 0:
-        return f"View input: {found['mean']:.1f} bridges per shape on average, {found['max']:.0f} at most."
+        return f"View input: {number(found['mean'], 1)} bridges per shape on average, {found['max']:.0f} at most."
     return ""
 
 

@@ -14,8 +14,8 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
 from benchmark.report.escaping import csv_text, latex_text, markdown_table, markdown_text
 from benchmark.report.floats import SEPARATION, Block, Line, head, points, table_floats
-from benchmark.report.grid import BLANK, number
 from benchmark.report.results import Result
+from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.storage.records import Record, chance_of, coverage_of
 
 _LEGEND = (
@@ -53,7 +53,7 @@ class Curve:
     @property
     def can_halve(self) -> bool:
         """Return whether half of the clean value is above chance, so that falling below it means something."""
-        return self.clean / 2 > self.chance
+        return millionths(self.clean / 2 - self.chance) > 0
 
     @property
     def half_at(self) -> float | None:
@@ -64,7 +64,7 @@ class Curve:
         for amount, value in zip(self.amounts, self.values, strict=True):
             if value is None or not self.can_halve:
                 return None
-            if value < self.clean / 2:
+            if millionths(value - self.clean / 2) < 0:
                 return amount
         return None
 

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -44,8 +44,11 @@ def environment(**more: str) -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"} | more
 
 
-def call(*words: object, more: Mapping[str, str] = MappingProxyType({})) -> Done:
-    """Run ``python -m benchmark`` in this process, in the current folder, with more environment variables."""
+def call(*words: object, more: Mapping[str, str] = MappingProxyType({}), is_shown: bool = False) -> Done:
+    """Run ``python -m benchmark`` in this process, in the current folder, with more environment variables.
+
+    Where it is shown, what it says of its progress goes to the terminal.
+    """
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     handler = signal.getsignal(signal.SIGTERM)
     code: Any = 0
@@ -58,7 +61,7 @@ def call(*words: object, more: Mapping[str, str] = MappingProxyType({})) -> Done
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
         redirect_stdout(out),
-        redirect_stderr(err),
+        nullcontext() if is_shown else redirect_stderr(err),
     ):
         try:
             runpy.run_module("benchmark", run_name="__main__")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 
 from benchmark.cli.main import cli
@@ -83,9 +85,19 @@ def test_every_make_target_and_verb_exists(page: Path) -> None:
     assert verbs <= set(cli.commands)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_option_of_a_command_exists(page: Path) -> None:
+    for line in re.findall(r"^    python -m benchmark (.*)$", TEXTS[page], re.MULTILINE):
+        first, *words = shlex.split(line, comments=True)
+        command: click.Command = cli.commands[first]
+        while isinstance(command, click.Group):
+            command = command.commands[words.pop(0).partition("|")[0]]
+        command.make_parser(click.Context(command)).parse_args(words)
+
+
 def test_the_command_line_lists_every_verb() -> None:
-    table = TEXTS[ROOT / "docs" / "reference" / "command-line.md"].partition("| option of")[0]
-    cells = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("|")]
+    page = TEXTS[ROOT / "docs" / "reference" / "command-line.md"]
+    cells = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("|")]
     listed = set(re.findall(r"`(\w+)[^`]*`", "\n".join(cells)))
     assert {verb for verb, command in cli.commands.items() if not command.hidden} <= listed
 

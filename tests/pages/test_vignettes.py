@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import click
 import pytest
 from PIL import Image
 
-from benchmark.cli.main import cli
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off, write_rods
 
@@ -22,8 +19,6 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 #: Each page starts some ten programs; a machine that does much else takes minutes for that.
 pytestmark = pytest.mark.timeout(900)
-
-PAGES = ("start/own-meshes", "start/first-method", "how-to/paper", "start/depth-camera")
 
 
 def blocks(page: str) -> list[str]:
@@ -38,17 +33,6 @@ def commands(page: str) -> list[str]:
 def shown(page: str) -> list[str]:
     """Lines of output, each with a run of blanks as one."""
     return [" ".join(line.split()) for line in blocks(page) if not line.startswith(("python ", "cd "))]
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_every_option_of_a_page_is_one_of_its_verb(page: str) -> None:
-    found = [shlex.split(line, comments=True) for line in commands(page)]
-    assert len(found) > 2
-    for _, _, _, verb, *words in (words for words in found if words[0] == "python"):
-        command: click.Command = cli.commands[verb]
-        while isinstance(command, click.Group):
-            command = command.commands[words.pop(0)]
-        command.make_parser(click.Context(command)).parse_args(words)
 
 
 def walked(folder: Path, page: str) -> None:

@@ -233,10 +233,11 @@ def _explain_record(record: Record, *, title: bool = True) -> None:
 
 
 def _scores(record: Record) -> str:
+    from benchmark.report.rounding import number
     from retrieval.measures import PRINTED
 
     scores = record.get("scores")
-    return " ".join(f"{name} {scores[name]:.3f}" for name in PRINTED) if scores else ""
+    return " ".join(f"{name} {number(scores[name], 3)}" for name in PRINTED) if scores else ""
 
 
 def _plain(values: dict[str, Any] | None) -> str:

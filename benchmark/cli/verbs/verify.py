@@ -85,10 +85,11 @@ def verify(
 def lines(outcome: Outcome) -> list[str]:
     """Return a line for each record of a bundle, and one for each fault."""
     from benchmark.bundles.outcome import worst
+    from benchmark.report.rounding import number
 
     found = [f"{fault.status:<10}  [{fault.name}] {clean(fault.problem)}; {fault.hint}" for fault in outcome.faults]
     for row in outcome.rows:
-        scores = " ".join(f"{name} {value:.2f}" for name, value in row.scores.items())
+        scores = " ".join(f"{name} {number(value)}" for name, value in row.scores.items())
         status = worst((row.status, *(fault.status for fault in outcome.faults)))
         found.append(f"{status:<10}  {row.gallery} {row.input} {outcome.method}  {scores}  ({_told(row, outcome)})")
         found += [f"{'':<10}  [{fault.name}] {clean(fault.problem)}; {fault.hint}" for fault in row.faults]

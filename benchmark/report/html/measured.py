@@ -13,6 +13,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
+from benchmark.report.rounding import millionths
 from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.rankings import (
     RECALLS,
@@ -119,7 +120,7 @@ def _fronts(table: TableContent) -> dict[str, dict[str, dict[str, list[str]]]]:
         rows = [row for row in table.rows if input_ in row.cells and row.cells[input_].scores]
         for measure in PRINTED:
             points = {
-                row.method: (seconds, (row.cells[input_].scores or {})[measure])
+                row.method: (seconds, millionths((row.cells[input_].scores or {})[measure]))
                 for row in rows
                 if (seconds := row.cells[input_].seconds) is not None
             }
@@ -203,7 +204,7 @@ def _by_class(cell: Cell, classes: Sequence[str]) -> dict[str, list[float | None
     means: dict[str, list[float | None]] = {}
     for name in PRINTED:
         sums = np.bincount(of, queries.values[name], minlength=len(classes)) * UNIT
-        means[name] = [round(float(s / n), 4) if n else None for s, n in zip(sums, counts, strict=True)]
+        means[name] = [millionths(s / n) if n else None for s, n in zip(sums, counts, strict=True)]
     return means
 
 
@@ -225,7 +226,7 @@ def _of_rankings(
         return told
     rows = np.concatenate([each.ranking.precision for each in known if each.ranking])
     rows = rows[~np.isnan(rows[:, 0])]
-    told["precision"] = [round(float(value), 4) for value in rows.mean(axis=0)] if len(rows) else None
+    told["precision"] = [millionths(value) for value in rows.mean(axis=0)] if len(rows) else None
     shares: list[tuple[int, Attraction, Attraction]] = []
     for each in known:
         if each.ranking is None:

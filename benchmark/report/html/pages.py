@@ -12,11 +12,12 @@ from markupsafe import Markup
 
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
-from benchmark.report.grid import BLANK, Style, grid_of, number
+from benchmark.report.grid import Style, grid_of
 from benchmark.report.html.folder import script_json
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import Measured
 from benchmark.report.notes import notes
+from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.storage.environment import in_words
 from benchmark.storage.keys import digest
@@ -79,7 +80,7 @@ class TablePages:
                 if row.family != CONTROL and (cell := row.cells.get(input_)) and (scores := cell.scores)
             ]
             if contest:
-                score, label = max(contest, key=lambda each: each[0])
+                score, label = max(contest, key=lambda each: millionths(each[0]))
                 found.append((input_, label, score))
         return found
 

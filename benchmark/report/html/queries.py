@@ -18,7 +18,7 @@ from retrieval.measures import PRINTED
 PART = 100
 
 #: Bytes that one query of one method takes, about, and that those of one table may take together.
-_EACH, MOST_BYTES = 90, 6_000_000
+_EACH, MOST_BYTES = 100, 6_000_000
 
 
 def write_queries(
@@ -113,10 +113,6 @@ def _part(ranked: Sequence[Ranked], names: Sequence[str], queries: Sequence[str]
             k, at = own.get(query), ranked_at.get(query)
             matches = None if each.ranking is None or at is None else each.ranking.nearest[at]
             nearest.append(None if matches is None else [to_gallery[match] for match in matches])
-            scores.append(None if k is None else [_short(record["per_query"][name][k]) for name in PRINTED])
+            scores.append(None if k is None else [record["per_query"][name][k] for name in PRINTED])
         found[each.method] = {"nearest": nearest if each.ranking is not None else None, "scores": scores}
     return found
-
-
-def _short(value: float | None) -> float | None:
-    return None if value is None else round(float(value), 3)

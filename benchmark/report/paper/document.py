@@ -22,7 +22,7 @@ from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose
 from benchmark.report.files import bibliography
 from benchmark.report.floats import Page
-from benchmark.report.grid import Group, number
+from benchmark.report.grid import Group
 from benchmark.report.latex import appendix, data_source, latex, scorer_cited
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
@@ -32,6 +32,7 @@ from benchmark.report.pictures.kept_forms import kept_forms_figure
 from benchmark.report.pictures.scores import scores_figure
 from benchmark.report.reproduction.claims import assess_claims
 from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
+from benchmark.report.rounding import number
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
 from benchmark.storage.keys import digest
 

@@ -24,7 +24,7 @@ class Lead:
     title, score, low, high
         The row, its figure and the ends of its interval.
     n_others
-        Rows that were tested against it.
+        Rows that were tested against it, but for those whose first ranks tie.
     inseparable
         Titles of those that cannot be told from it.
     """
@@ -47,7 +47,11 @@ def leads(table: TableContent, measure: str) -> list[Lead]:
         best = next((row for row in table.rows if (one := judged[row.method]) and one.is_best), None)
         if best is None or (one := judged[best.method]) is None:
             continue
-        others = [row for row in table.rows if (other := judged[row.method]) and other.probability is not None]
+        others = [
+            row
+            for row in table.rows
+            if (other := judged[row.method]) and other.probability is not None and not other.is_tied
+        ]
         same = tuple(row.title for row in others if (other := judged[row.method]) and other.is_inseparable)
         score = (best.cells[input_].scores or {})[measure]
         found.append(Lead(input_, measure, best.title, score, one.low, one.high, len(others), same))

@@ -9,6 +9,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
+from benchmark.report.rounding import millionths
 from benchmark.report.statistics.table_significance import CONTROL, pareto_front
 from benchmark.system.text import clean
 
@@ -59,7 +60,7 @@ def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple
     for row in table.rows:
         cell = row.cells.get(input_)
         if cell is not None and cell.scores and cell.seconds:
-            found[row.method] = (cell.seconds, cell.scores[measure])
+            found[row.method] = (cell.seconds, millionths(cell.scores[measure]))
     return found
 
 

@@ -10,7 +10,6 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import MEASURES, NUMERALS, is_learned
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_table, markdown_text
-from benchmark.report.grid import BLANK, number
 from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
 from benchmark.report.reproduction.figures import (
     AGREEING,
@@ -24,10 +23,12 @@ from benchmark.report.reproduction.figures import (
     paper_tables,
     reproduced_figures,
 )
+from benchmark.report.rounding import BLANK, number
 
 #: Stands beside our figure.
 MARKS: Mapping[Outcome, str] = {
     "reproduced": "=",
+    "at chance": "c",
     "same order": "~",
     "other data": "d",
     "other training": "t",
@@ -102,7 +103,7 @@ def inputs(figures: Sequence[ReproducedFigure]) -> str:
             whole, rest = mean_distance(chosen), mean_distance(chosen, without_nn=True)
             if whole is not None and rest is not None:
                 near = sum(each.ours is not None and is_near(each.paper, each.ours) for each in chosen)
-                rows.append([numeral, name, str(len(chosen)), f"{whole:.3f}", f"{rest:.3f}", str(near)])
+                rows.append([numeral, name, str(len(chosen)), number(whole, 3), number(rest, 3), str(near)])
     return "\n".join(markdown_table(head, rows, 2))
 
 
@@ -123,8 +124,10 @@ def _both(figure: ReproducedFigure) -> str:
 def _rules() -> str:
     return "\n".join(
         (
-            f"- Reproduced (`=`): at most {TOLERANCE:.2f} from the paper. Same order (`~`): further away, and at least "
-            f"{AGREEING:.0%} of the comparisons with the table's other rows ({FEWEST} at least) point the paper's way.",
+            f"- Reproduced (`=`): at most {TOLERANCE:.2f} from the paper. At chance, as in the paper (`c`): so is "
+            "ours, and so is a random order.",
+            f"- Same order (`~`): further away, and at least {AGREEING:.0%} of the comparisons with the table's other "
+            f"rows ({FEWEST} at least) point the paper's way.",
             "- All others differ, and beside the figure something else does: the data are a generated stand-in "
             "(other data, `d`), or a network was trained less than the paper's (other training, `t`). That it is the "
             "reason is not shown. Unexplained (`x`): nothing else that is known differs.",

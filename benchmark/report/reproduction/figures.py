@@ -1,22 +1,26 @@
-"""An outcome on each figure of the paper, by rules that were set before any figure of ours was looked at."""
+"""An outcome on each figure of the paper, by rules that were set before any figure of ours was looked at.
+
+The rule on chance came later; it only takes from what counts as reproduced.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import Row, TableContent
+from benchmark.report.rounding import millionths
 
-Outcome = Literal["reproduced", "same order", "other data", "other training", "unexplained", "not comparable"]
+Outcome = Literal[
+    "reproduced", "at chance", "same order", "other data", "other training", "unexplained", "not comparable"
+]  # fmt: skip
 
-#: From the best to the worst that can be said. The three between are figures that differ, by what else differs.
-OUTCOMES: tuple[Outcome, ...] = (
-    "reproduced", "same order", "other data", "other training", "unexplained", "not comparable",
-)  # fmt: skip
+#: From the best to the worst that can be said. The three before the last are figures that differ, by what else differs.
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
 #: Distance up to which a figure counts as reproduced: two of the paper's hundredths more than what another draw of the
 #: codebook moves NN by on a hundred shapes (median standard deviation .026).
@@ -109,7 +113,8 @@ def _of_table(numeral: str, content: TableContent | None, input_: Input) -> Iter
             ]
             outcome: Outcome = "not comparable"
             if found is not None and content is not None:
-                outcome = _outcome(told, found, others, content, ours[name])
+                is_at_chance = is_near(told, content.chance[measure])
+                outcome = _outcome(told, found, others, content, ours[name], is_at_chance=is_at_chance)
             chance = content.chance[measure] if content is not None else None
             yield ReproducedFigure(numeral, name, printed.title, input_, measure, told, found, chance, outcome)
 
@@ -120,10 +125,16 @@ def _score(row: Row | None, input_: Input, measure: str) -> float | None:
 
 
 def _outcome(
-    told: float, found: float, others: Sequence[tuple[float, float]], content: TableContent, row: Row
+    told: float,
+    found: float,
+    others: Sequence[tuple[float, float]],
+    content: TableContent,
+    row: Row,
+    *,
+    is_at_chance: bool,
 ) -> Outcome:
     if is_near(told, found):
-        return "reproduced"
+        return "at chance" if is_at_chance else "reproduced"
     if keeps_order(told, found, others):
         return "same order"
     if content.data["stand_in_for"]:
@@ -132,7 +143,7 @@ def _outcome(
 
 
 def is_near(told: float, found: float) -> bool:
-    """Return whether a figure counts as reproduced."""
+    """Return whether a figure is as near to the paper's as one that is reproduced."""
     return abs(told - found) <= TOLERANCE + _SLACK
 
 
@@ -147,7 +158,7 @@ def keeps_order(told: float, found: float, others: Sequence[tuple[float, float]]
         The same for each other row. Rows that the paper prints as equal are no comparison; a tie of ours is one that
         does not point the paper's way.
     """
-    signs = [(told - theirs, found - ours) for theirs, ours in others if theirs != told]
+    signs = [(told - theirs, millionths(found - ours)) for theirs, ours in others if theirs != told]
     agreeing = sum(printed * measured > 0 for printed, measured in signs)
     return len(signs) >= FEWEST and agreeing >= AGREEING * len(signs)
 

@@ -10,6 +10,7 @@ from benchmark.api.contracts import Input
 from benchmark.report.content import TableContent, contents
 from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.results import Result
+from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
 from retrieval.measures import PRINTED
@@ -75,7 +76,11 @@ def _tables(results: Iterable[Result]) -> dict[_Place, TableContent]:
 def _scores(table: TableContent, input_: Input) -> dict[str, Mapping[str, float]]:
     cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
     # A mean over fewer galleries than there are is no score of the table.
-    return {m: c.scores for m, c in cells.items() if c.scores is not None and c.n_averaged == c.n_wanted}
+    return {
+        m: {name: millionths(value) for name, value in c.scores.items()}
+        for m, c in cells.items()
+        if c.scores is not None and c.n_averaged == c.n_wanted
+    }
 
 
 def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
@@ -97,4 +102,4 @@ def markdown(rows: Sequence[TableAgreement], first: str, second: str) -> str:
 
 
 def _figure(found: Agreement | None) -> str:
-    return "--" if found is None or math.isnan(found.tau) else f"{found.tau:.2f} ({found.p_value:.4f})"
+    return BLANK if found is None or math.isnan(found.tau) else f"{number(found.tau)} ({number(found.p_value, 4)})"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmark.api.contracts import Input
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TIED, Row, TableContent
 from benchmark.report.escaping import markdown_table, markdown_text
+from benchmark.report.rounding import number
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
 from benchmark.report.statistics.table_significance import FigureSignificance
 from retrieval.measures import PRINTED
@@ -22,13 +23,13 @@ def intervals_markdown(table: TableContent) -> str:
     ]
     body = []
     for input_ in table.inputs:
-        for row in table.rows:
+        for row in table.of(input_).rows:
             judged = [table.significance.get((row.method, input_, name)) for name in PRINTED]
             scores = row.cells[input_].scores if input_ in row.cells else None
             if scores is None or None in judged:
                 continue
             figures = [
-                f"{scores[name]:.2f} ({one.low:.2f} to {one.high:.2f})"
+                f"{number(scores[name])} ({number(one.low)} to {number(one.high)})"
                 for name, one in zip(PRINTED, judged, strict=True)
                 if one
             ]
@@ -45,19 +46,21 @@ def intervals_markdown(table: TableContent) -> str:
         f"({RESAMPLES + 1} exchanges of the two methods, query by query; Holm's correction over the rows). Best: the "
         "best row itself. Controls take no part.",
     ]
+    if any(judged.is_tied for judged in table.significance.values()):
+        lines.append(f"- {TIED}: results tie at the first rank.")
     return "\n".join(lines) + "\n"
 
 
 def _probability(judged: FigureSignificance) -> str:
     if judged.is_best:
         return "best"
-    return "--" if judged.probability is None else f"{judged.probability:.4f}"
+    return number(judged.probability, 4)
 
 
 def _codebooks(row: Row, input_: Input) -> str:
     records = row.cells[input_].records
     found = [each["codebook_deviation"]["NN"] for each in records if each.get("codebook_deviation") is not None]
-    return f"{sum(found) / len(found):.3f}" if found else "--"
+    return number(sum(found) / len(found) if found else None, 3)
 
 
 def has_splits(table: TableContent) -> bool:
@@ -70,7 +73,7 @@ def splits_markdown(table: TableContent) -> str:
     found = [
         (row.label, input_, quantiles)
         for input_ in table.inputs
-        for row in table.rows
+        for row in table.of(input_).rows
         if (quantiles := _quantiles(row, input_))
     ]
     counts = next(cell.record["splits"] for row in table.rows for cell in row.cells.values() if "splits" in cell.record)
@@ -81,7 +84,7 @@ def splits_markdown(table: TableContent) -> str:
         "",
     ]
     rows = [
-        [markdown_text(label), input_, *("{1:.2f} ({0:.2f} to {2:.2f})".format(*quantiles[name]) for name in names)]
+        [markdown_text(label), input_, *("{1} ({0} to {2})".format(*map(number, quantiles[name])) for name in names)]
         for label, input_, quantiles in found
     ]
     lines += markdown_table(["Method", "input", *names], rows, 2)

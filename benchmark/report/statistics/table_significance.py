@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.report.cell import Cell
+from benchmark.report.rounding import millionths
 from benchmark.report.statistics.queries import Queries, queries_of
 from benchmark.report.statistics.significance import ALPHA, holm, intervals, permutation_test
 from retrieval.measures import PRINTED
@@ -53,12 +54,15 @@ class FigureSignificance:
     probability
         Of so large a difference from the best row if there were none, adjusted for the number of rows; None for the
         best row itself and for controls.
+    is_tied
+        Whether first ranks of the row tie, see :attr:`benchmark.report.cell.Cell.n_tied`.
     """
 
     low: float
     high: float
     is_best: bool = False
     probability: float | None = None
+    is_tied: bool = False
 
     @property
     def rounded_probability(self) -> float | None:
@@ -67,8 +71,8 @@ class FigureSignificance:
 
     @property
     def is_inseparable(self) -> bool:
-        """Return whether the row cannot be told from the best one."""
-        return self.probability is not None and self.probability >= ALPHA
+        """Return whether the row cannot be told from the best one, and ties are not the reason."""
+        return self.probability is not None and millionths(self.probability) >= ALPHA and not self.is_tied
 
 
 #: SignificanceTable by method, input and measure; figures without scores have none.
@@ -88,7 +92,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
         return {}
     cells = [row.cells[input_] for row in rows]
     columns, labels = _columns([queries_of(cell.records, PRINTED) for cell in cells])
-    scores = [[(cell.scores or {})[measure] for cell in cells] for measure in PRINTED]
+    scores = [[millionths((cell.scores or {})[measure]) for cell in cells] for measure in PRINTED]
     contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
     best = [max(contest, key=lambda k: (of_rows[k], -k)) for of_rows in scores] if contest else []
     low, high, found = _judged(columns, labels, contest, best)
@@ -99,6 +103,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> SignificanceTable:
             high[m][k],
             is_best=[k] == best[m : m + 1],
             probability=probabilities.get((m, k)),
+            is_tied=cells[k].n_tied > 0,
         )
         for m, measure in enumerate(PRINTED)
         for k, row in enumerate(rows)

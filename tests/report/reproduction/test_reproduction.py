@@ -63,6 +63,17 @@ def test_figures_of_the_paper_itself_are_reproduced_up_to_the_tolerance_and_no_f
     }  # fmt: skip
 
 
+def test_what_a_random_order_scores_too_is_at_chance_and_not_reproduced() -> None:
+    chance = dict.fromkeys(MEASURES, 0.0) | {"NN": printed("gps")["NN"] - TOLERANCE, "FT": printed("gps")["FT"] - 0.06}
+    tables = [replace(table, chance=chance) for table in contents([scored("gps", printed("gps"))])]
+    assert of(reproduced_figures(tables), "gps") == {
+        "NN": "at chance", "FT": "reproduced", "ST": "reproduced", "DCG": "reproduced",
+    }  # fmt: skip
+    assert "0.71 0.71 c | 0.52 0.52 =" in reproduction_markdown(tables)
+    far = [replace(table, chance=chance) for table in contents([scored("gps", dict.fromkeys(MEASURES, 0.3))])]
+    assert set(of(reproduced_figures(far), "gps").values()) == {"unexplained"}
+
+
 def test_order_needs_three_comparisons_and_three_quarters_of_them() -> None:
     above, below, wrong = (0.2, 0.3), (0.9, 0.8), (0.2, 0.6)
     assert keeps_order(0.5, 0.5, [above, above, below, wrong])
@@ -76,6 +87,8 @@ def test_rows_that_the_paper_prints_as_equal_say_nothing_and_a_tie_of_ours_does_
     assert keeps_order(0.5, 0.5, [above, above, above, equal, equal])
     assert not keeps_order(0.5, 0.5, [above, above, equal])
     assert not keeps_order(0.5, 0.5, [above, above, tie, tie])
+    last_bit = (0.2, 0.5 - 1e-16)
+    assert not keeps_order(0.5, 0.5, [above, above, last_bit, last_bit])
 
 
 def test_all_rows_worse_by_the_same_keep_their_order() -> None:
@@ -175,10 +188,10 @@ def test_the_document_counts_every_figure_once() -> None:
     counts = {
         tuple(cells[:2]): [int(cell) for cell in cells[2:]]
         for line in text.split("**Its claims.**")[0].splitlines()
-        if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 9 and cells[2].isdigit()
+        if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 10 and cells[2].isdigit()
     }
-    assert counts["III", "mesh"] == [32, 4, 0, 0, 0, 4, 24]
-    assert counts["all", "view"] == [124, 0, 0, 0, 0, 0, 124]
+    assert counts["III", "mesh"] == [32, 4, 0, 0, 0, 0, 4, 24]
+    assert counts["all", "view"] == [124, 0, 0, 0, 0, 0, 0, 124]
     assert all(sum(numbers[1:]) == numbers[0] for numbers in counts.values())
     assert "| GPS | mesh | 0.71 0.71 = | 0.52 0.52 = | 0.72 0.72 = | 0.76 0.76 = |" in text
     assert "| Skeleton-based | mesh | 0.78 0.30 x |" in text

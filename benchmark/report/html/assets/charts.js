@@ -2,7 +2,7 @@
 /* The charts of a table; each is drawn when it comes into view. */
 
 (() => {
-  const { load, plotly, pageData, fill, plain, colour, make, onTheme } = canonicalForms;
+  const { load, plotly, pageData, fill, number, plain, colour, make, onTheme } = canonicalForms;
   const COLOURS = ["#2f6fb7", "#d9822b", "#2a9d8f", "#c0504d", "#8064a2", "#7a8b2a", "#d16ba5", "#5f7d95", "#a6761d", "#17a2c6"];
   const FAMILIES = { paper: "#2f6fb7", extended: "#2a9d8f", control: "#c98a3a" };
   const MARKS = ["circle", "square", "diamond", "triangle-up", "cross", "star", "hexagon", "x"];
@@ -99,7 +99,7 @@
         error_y: { type: "data", symmetric: false, thickness: 1, width: 0, color: shade + "99",
           array: own.map((row) => (row.intervals[measure] ? row.intervals[measure][1] - row.scores[measure] : 0)),
           arrayminus: own.map((row) => (row.intervals[measure] ? row.scores[measure] - row.intervals[measure][0] : 0)) },
-        hovertext: own.map((row) => `${plain(row.title)}: ${row.scores[measure].toFixed(3)}, ${row.seconds.toPrecision(3)} s, ${row.peak ?? "?"} MiB`),
+        hovertext: own.map((row) => `${plain(row.title)}: ${number(row.scores[measure], 3)}, ${row.seconds.toPrecision(3)} s, ${row.peak ?? "?"} MiB`),
         hoverinfo: "text",
       });
     });
@@ -160,7 +160,7 @@
       x: data.recalls, y: row.precision, name: plain(row.title), mode: "lines+markers",
       line: { color: COLOURS[k % COLOURS.length], width: 2, dash: row.family === "control" ? "dot" : "solid" },
       marker: { symbol: MARKS[Math.floor(k / COLOURS.length) % MARKS.length], size: 5 },
-      hovertemplate: "recall %{x}: %{y:.3f}",
+      text: row.precision.map((value) => number(value, 3)), hovertemplate: "recall %{x}: %{text}",
     }));
     return { traces, layout: { height: 480, xaxis: { title: { text: "recall" }, range: [0, 1.02] }, yaxis: { title: { text: "precision" }, range: [0, 1.03] }, narrow: { height: 620 } } };
   }
@@ -169,10 +169,11 @@
     const rows = rowsOf(data, input).filter((row) => row.classes[measure]).reverse();
     if (!rows.length || !data.classes.length) return null;
     const names = data.classes.map(plain);
+    const text = rows.map((row) => row.classes[measure].map((value) => (value === null ? "" : number(value))));
     return { traces: [{
       type: "heatmap", x: names, y: unique(rows.map((row) => plain(short(row.title)))), z: rows.map((row) => row.classes[measure]), zmin: 0, zmax: 1, colorscale: SCALE,
-      xgap: 1, ygap: 1, hovertemplate: "%{y}<br>%{x}: %{z:.2f}<extra></extra>", colorbar: { thickness: 10, outlinewidth: 0 },
-      ...(names.length <= 24 && innerWidth > 640 ? { texttemplate: "%{z:.2f}", textfont: { size: 10 } } : {}),
+      xgap: 1, ygap: 1, text, hovertemplate: "%{y}<br>%{x}: %{text}<extra></extra>", colorbar: { thickness: 10, outlinewidth: 0 },
+      ...(names.length <= 24 && innerWidth > 640 ? { texttemplate: "%{text}", textfont: { size: 10 } } : {}),
     }], layout: { height: 90 + 25 * rows.length, margin: { l: 30, r: 5, t: 10, b: 40 }, xaxis: { type: "category", showgrid: false, tickangle: -40 }, yaxis: { type: "category", showgrid: false } } };
   }
 

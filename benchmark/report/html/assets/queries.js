@@ -2,7 +2,7 @@
 /* The browser of queries: a shape, its form and its nearest shapes under each method; or where two methods differ. */
 
 (() => {
-  const { load, pageData, address, addressOf, make, fill } = canonicalForms;
+  const { load, pageData, address, addressOf, make, fill, number } = canonicalForms;
   const { queries: stem } = pageData();
   const NEAREST = 5, AT_ONCE = 20, MOST_NAMES = 400;
   const KNOWN = ["it makes no forms", "not kept here"];  // no fault of a shape
@@ -134,7 +134,7 @@
     byId("matches").replaceChildren(
       ...gallery.methods.map((method) => {
         const scores = data[method.name]?.scores[within];
-        const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : scores[n].toFixed(2)}`).join("   ") : "left out";
+        const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : number(scores[n])}`).join("   ") : "left out";
         return make("div", { class: "row" }, side(method, k, data[method.name]?.nearest?.[within], text));
       }),
       ...failed.map((each) => make("div", { class: "row" }, make("h3", {}, make("b", { text: each.title })), make("p", { class: "why", text: each.why }))),
@@ -178,10 +178,10 @@
   function differing({ k, x, y, nearest }, methods, measure) {
     const open = make("button", { type: "button", class: "name", text: gallery.names[k], title: "under all methods" });
     open.addEventListener("click", () => { go(k); focus(); });
-    const head = make("h3", {}, open, make("span", { text: `${told(k)}; ${measure} ${x.toFixed(2)} → ${y.toFixed(2)}` }));
+    const head = make("h3", {}, open, make("span", { text: `${told(k)}; ${measure} ${number(x)} → ${number(y)}` }));
     const input = make("figure", { class: "form" }, thumbnail(k, 0, `the shape ${gallery.names[k]}`), make("figcaption", { text: "input" }));
     return make("article", { class: "row" }, head, make("div", { class: "pair" }, input,
-      ...methods.map((method, n) => side(method, k, nearest[n], `${measure} ${[x, y][n].toFixed(2)}`))));
+      ...methods.map((method, n) => side(method, k, nearest[n], `${measure} ${number([x, y][n])}`))));
   }
 
   /* Parts of both ------------------------------------------------------------------------------------------------------ */

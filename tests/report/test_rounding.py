@@ -1,0 +1,123 @@
+"""Figures in print: last bits decide neither a figure nor bold nor italic, in no format."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmark.protocols.tables import Table
+from benchmark.report import html
+from benchmark.report.cell import Cell
+from benchmark.report.comparison import compare_folders, lines
+from benchmark.report.content import Row, TableContent
+from benchmark.report.files import render
+from benchmark.report.grid import grid_of
+from benchmark.report.notes import notes
+from benchmark.report.paper import facts
+from benchmark.report.robustness import Curve
+from benchmark.report.rounding import number
+from tests.records import MEASURES, record
+
+HALVES = [k / 1000 for k in range(5, 1000, 10)]
+
+
+def table(*cells: Cell) -> TableContent:
+    """A row of each cell, by mesh alone."""
+    rows = tuple(Row(f"m{k}", f"M{k}", "extended", None, {"mesh": cell}) for k, cell in enumerate(cells))
+    data = {"name": "rods", "title": "Rods", "stand_in_for": "", "quick": False, "n_shapes": 4, "n_classes": 2}
+    return TableContent(Table("rods", "Rods", "rods"), data, ("mesh",), rows, dict.fromkeys(MEASURES, 0.25), 1)
+
+
+def cell(nn: float = 0.5, **more: object) -> Cell:
+    made = record(nn=nn, **more)
+    return Cell("ok", made, n_averaged=1, records=(made,))
+
+
+@pytest.mark.parametrize("value", HALVES)
+def test_halves_go_up_on_either_side_of_the_last_bit(value):
+    up = f"{round(value * 100 + 0.5) / 100:.2f}"
+    assert {number(x) for x in (value, np.nextafter(value, 0), np.nextafter(value, 1))} == {up}
+
+
+def test_further_decimals_signs_and_gaps():
+    assert number(46 / 80) == number(np.mean([0.525, 0.625])) == "0.58"
+    assert (number(0.0125, 3), number(1.25, 1), number(-0.125), number(-0.004), number(None)) == (
+        "0.013", "1.3", "-0.13", "0.00", "--",
+    )  # fmt: skip
+    assert number(0.574999) == "0.57"  # six decimals are those of the records, and not rounded twice
+
+
+def test_both_sides_of_a_half_are_one_figure_and_both_are_best_in_every_format():
+    above, below = 0.575, float(np.nextafter(0.575, 0))
+    content = table(cell(above), cell(below))
+    files = render([content], ("latex", "markdown"))
+    assert files["table-rods.md"].count("**0.58**") == 2
+    assert files["table-rods.tex"].count(r"\textbf{0.58}") == 2
+    assert files["intervals-table-rods.md"].count("| 0.58 (") == 2
+    said = "\n".join(lines(compare_folders([record(nn=below)], [record(nn=above, code="2")]), "a", "b"))
+    assert "equal" in said
+
+
+def test_the_best_row_is_the_first_of_those_that_print_alike():
+    above, below = 0.575, float(np.nextafter(0.575, 0))
+    judged = table(cell(below), cell(above)).significance
+    assert [judged[name, "mesh", "NN"].is_best for name in ("m0", "m1")] == [True, False]
+
+
+def test_half_of_the_clean_value_is_not_below_half():
+    third, sixth = 1 / 3, float(np.nextafter(1 / 6, 0))
+    assert Curve(third, (sixth, 0.1), (0, 0), 0.1, (1.0, 2.0)).half_at == 2.0
+    assert not Curve(third, (sixth,), (0,), sixth - 1e-15, (1.0,)).can_halve
+
+
+NN = [1.0, 0.5, 1.0, 0.0]
+
+
+def tied(values: list[float], codebooks: int = 1, **more: object) -> Cell:
+    per_query = {name: values if name == "NN" else [0.5] * 4 for name in MEASURES}
+    made = record(nn=float(np.mean(values)), per_query=per_query, **more)
+    made["recipe"] |= {"scorer": {"codebooks": list(range(codebooks))}}
+    return Cell("ok", made, n_averaged=1, records=(made,))
+
+
+def test_first_ranks_tie_where_nn_is_no_share_of_the_draws():
+    assert tied(NN, tied_queries=1).n_tied == 1
+    assert tied(NN, codebooks=2, tied_queries=1).n_tied == 0
+    assert tied([0.666667, 0.333333, 1.0, 0.0], codebooks=3, tied_queries=4).n_tied == 0  # six decimals
+    assert tied([0.666667, 0.166667, 1.0, 0.0], codebooks=3, tied_queries=4).n_tied == 1
+    assert tied(NN).n_tied == 0  # of made-up or older records nobody knows
+
+
+def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
+    best = cell(0.75)
+    without, having = (table(best, tied(NN, tied_queries=count)) for count in (0, 1))
+    marks = [[line.groups[0][0].mark for line in grid_of(each).lines[:2]] for each in (without, having)]
+    assert marks == [["best", "inseparable"], ["best", ""]]
+    assert not any(judged.is_inseparable for judged in having.significance.values())
+    files = render([having], ("latex", "markdown"))
+    assert "| M1 ‡ " in files["table-rods.md"]
+    assert "| M0  " in files["table-rods.md"]
+    assert r"M1 \ddag{}" in files["table-rods.tex"]
+    note = "‡ Results tie at the first rank; means over their orders, never italic: M1, mesh (1 of 4 queries)."
+    assert note in notes(having)
+    assert not any("‡" in line for line in notes(without))
+    assert "| M1 ‡ | mesh |" in files["intervals-table-rods.md"]
+
+
+def test_a_paper_does_not_say_that_the_best_row_is_better_than_one_whose_first_ranks_tie():
+    (lead,) = facts.leads(table(cell(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
+    assert (lead.title, lead.n_others, lead.inseparable) == ("M0", 1, ("M2",))
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_pages_round_as_tables_do():
+    script = Path(html.__file__).with_name("assets") / "report.js"
+    (definition,) = re.findall(r"const number = .*", script.read_text(encoding="utf-8"))
+    values = [*HALVES, *(float(np.nextafter(value, 0)) for value in HALVES), 0.0, 1.0, 0.574999, 0.0125]
+    program = f"{definition} console.log(JSON.stringify({values}.map((x) => [number(x), number(x, 3)])));"
+    done = subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [[number(value), number(value, 3)] for value in values]
