@@ -1,6 +1,6 @@
 """Clock matching: compare two forms over the 24 ways to turn one view sphere against the other.
 
-Only views of the same orbit of the cube group ever meet: 1332 of the 4356 pairs of views. View by view, the sums of
+Only views of the same orbit of the cube group ever meet: of the 4356 pairs of 66 views 1332. View by view, the sums of
 minima with the views of a whole block of forms come from an inverted index, word by word, so that the work is
 proportional to the words that two forms share; each is then added to the turns in which it counts.
 """
@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from retrieval.views import N_VIEWS, ORBITS, VIEW_PERMUTATIONS
+from retrieval.views import view_sphere
 
 Counts = NDArray[np.int32]
 Forms = NDArray[np.int16]
@@ -28,18 +29,36 @@ Progress = Callable[[int, int], None]
 BLOCK = 96
 #: Rows that are compared with a block without a pause, so that an interrupt is obeyed in a fraction of a second.
 ROWS = 512
-N_ORBITS = int(ORBITS.max()) + 1
-ORBIT_SIZES = np.bincount(ORBITS).astype(np.int32)
-#: Place of a view inside its orbit.
-PLACES = np.array([(ORBITS[:v] == ORBITS[v]).sum() for v in range(N_VIEWS)], dtype=np.int32)
-#: Place of the view that meets each view after each of the 24 turns, shape (24, 66).
-PLACES_MET = PLACES[VIEW_PERMUTATIONS]
-#: First view of each orbit's row of sizes, when the views are sorted by orbit and place.
-ORBIT_STARTS = np.concatenate([[0], np.cumsum(ORBIT_SIZES)[:-1]]).astype(np.int32)
-BY_ORBIT = np.argsort(ORBITS, kind="stable").astype(np.int32)
-#: Adding and subtracting this rounds a number in [0, 1] to a multiple of 2^-45. Sums over 66 views are then exact,
-#: whatever their order: exchanging or renaming two forms cannot change the last bit of a distance and so break a tie.
-ROUNDING = 128.0
+
+
+class _Orbits(NamedTuple):
+    """Views by their orbit of the cube group."""
+
+    #: Orbit of each view, shape (V,), the place of the view inside it, and the views sorted by both.
+    of_view: Counts
+    places: Counts
+    by_orbit: Counts
+    #: Place of the view that meets each view after each of the 24 turns, shape (24, V).
+    places_met: Counts
+    #: Number of views of each orbit, and where it begins among the sorted views.
+    sizes: Counts
+    starts: Counts
+    #: Adding and subtracting this rounds a number in [0, 1] to a multiple of 2^-45 (66 views). Sums over all views are
+    #: then exact, whatever their order: exchanging or renaming two forms cannot change the last bit of a distance and
+    #: so break a tie.
+    rounding: float
+
+
+@cache
+def _orbits_of(n_views: int) -> _Orbits:
+    sphere = view_sphere((n_views - 2).bit_length() // 2 - 1)  # of 4^(subdivisions + 1) + 2 views
+    sizes = np.bincount(sphere.orbits).astype(np.int32)
+    starts = (np.cumsum(sizes) - sizes).astype(np.int32)
+    by_orbit = np.argsort(sphere.orbits, kind="stable").astype(np.int32)
+    places = np.empty(n_views, dtype=np.int32)
+    places[by_orbit] = np.arange(n_views) - np.repeat(starts, sizes)
+    rounding = 2.0 ** np.ceil(np.log2(n_views))
+    return _Orbits(sphere.orbits, places, by_orbit, places[sphere.permutations], sizes, starts, float(rounding))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +72,7 @@ class Signature:
     counts
         Shape (k,), int32: their numbers of occurrences, at least 1.
     view_offsets
-        Shape (67,), int32: view v owns the entries ``view_offsets[v]`` to ``view_offsets[v + 1]``.
+        Shape (number of views + 1,), int32: view v owns the entries ``view_offsets[v]`` to ``view_offsets[v + 1]``.
     mirrored
         Signature of the mirror image of the form, if the scorer asks for it.
     """
@@ -65,14 +84,14 @@ class Signature:
 
     @property
     def view_sizes(self) -> Counts:
-        """Number of keypoints in each view, shape (66,)."""
+        """Number of keypoints in each view, shape (number of views,)."""
         running = np.concatenate([[0], np.cumsum(self.counts)])
         return np.asarray(np.diff(running[self.view_offsets]), dtype=np.int32)
 
     @property
     def views(self) -> Counts:
         """View of each entry, shape (k,)."""
-        return np.repeat(np.arange(N_VIEWS, dtype=np.int32), np.diff(self.view_offsets))
+        return np.repeat(np.arange(len(self.view_offsets) - 1, dtype=np.int32), np.diff(self.view_offsets))
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Plain arrays for an ``.npz`` file."""
@@ -98,13 +117,14 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
     words
         Nearest word of each descriptor, shape (k,).
     view_offsets
-        Shape (67,): first descriptor of each view.
+        Shape (number of views + 1,): first descriptor of each view.
     n_words
         Size of the codebook.
     """
-    views = np.repeat(np.arange(N_VIEWS), np.diff(view_offsets))
+    n_views = len(view_offsets) - 1
+    views = np.repeat(np.arange(n_views), np.diff(view_offsets))
     keys, counts = np.unique(views * n_words + words, return_counts=True)
-    offsets = np.searchsorted(keys, np.arange(N_VIEWS + 1) * n_words)
+    offsets = np.searchsorted(keys, np.arange(n_views + 1) * n_words)
     return Signature((keys % n_words).astype(np.int32), counts.astype(np.int32), offsets.astype(np.int32))
 
 
@@ -114,12 +134,12 @@ def match_all(
     """Clock-matching dissimilarities of all pairs.
 
     Two views compare by 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2); two empty views are equal (0), an empty and a
-    filled one share nothing (1). Two forms compare by the smallest sum over the 66 views among the 24 rotations.
+    filled one share nothing (1). Two forms compare by the smallest sum over the views among the 24 rotations.
 
     Parameters
     ----------
     signatures
-        One per form, N in all.
+        One per form, N in all, all with the same views.
     threads
         Threads that share the work; the result does not depend on it.
     progress
@@ -128,7 +148,7 @@ def match_all(
     Returns
     -------
     numpy.ndarray
-        Shape (N, N), float64 in [0, 66], symmetric, zero diagonal.
+        Shape (N, N), float64 in [0, number of views], symmetric, zero diagonal.
 
     References
     ----------
@@ -161,19 +181,21 @@ def _match(
     distances = np.zeros((len(rows), len(columns)))
     if distances.size == 0:
         return distances
-    row_sizes = np.array([s.view_sizes for s in rows], dtype=np.int32).reshape(-1, N_VIEWS)
+    orbits = _orbits_of(len(rows[0].view_offsets) - 1)
+    row_sizes = np.array([s.view_sizes for s in rows], dtype=np.int32)
     n_words = 1 + max((int(s.words.max()) for s in (*rows, *columns) if len(s.words)), default=0)
     first_entries = np.concatenate([[0], np.cumsum([len(s.words) for s in rows])[:-1]])
     row_offsets = first_entries[:, None] + np.array([s.view_offsets for s in rows], dtype=np.int64)
     row_counts = np.concatenate([s.counts for s in rows])
-    row_groups = np.concatenate([s.words * np.int32(N_ORBITS) + ORBITS[s.views] for s in rows])
+    row_groups = np.concatenate([_groups(s, orbits) for s in rows])
     entries = (row_offsets, row_groups, row_counts, row_sizes)
+    met = (orbits.of_view, orbits.places_met, orbits.sizes, orbits.starts, orbits.rounding)
     pool = ThreadPoolExecutor(max(threads, 1))
     try:
         for start in range(0, len(columns), BLOCK):
             block = columns[start : start + BLOCK]
-            index = _invert(block, n_words)
-            sizes = np.array([s.view_sizes[BY_ORBIT] for s in block], dtype=np.int32).T.copy()
+            index = _invert(block, n_words, orbits)
+            sizes = np.array([s.view_sizes[orbits.by_orbit] for s in block], dtype=np.int32).T.copy()
             last_row = min(len(rows), start + len(block)) if symmetric else len(rows)
             n_tasks = max(threads, 1) * -(-last_row // (max(threads, 1) * ROWS))
             tasks = []
@@ -181,7 +203,7 @@ def _match(
                 own_rows = np.arange(task, last_row, n_tasks)
                 first_columns = np.maximum(own_rows + 1 - start, 0) if symmetric else np.zeros_like(own_rows)
                 target = distances[:, start : start + len(block)]
-                arguments: tuple[Any, ...] = (own_rows, first_columns, *entries, *index, sizes, target)
+                arguments: tuple[Any, ...] = (own_rows, first_columns, *entries, *index, sizes, *met, target)
                 tasks.append(pool.submit(_match_rows, *arguments))
             for submitted in tasks:
                 submitted.result()
@@ -193,7 +215,14 @@ def _match(
     return distances
 
 
-def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
+def _groups(signature: Signature, orbits: _Orbits) -> Counts:
+    """Number of the (word, orbit) of each entry."""
+    return signature.words * np.int32(len(orbits.sizes)) + orbits.of_view[signature.views]
+
+
+def _invert(
+    signatures: Sequence[Signature], n_words: int, orbits: _Orbits
+) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
     """Inverted index of a block: postings of each (word, orbit), sorted by form.
 
     Returns the offsets of the groups, and for each posting its form, place of the view in its orbit * number of forms
@@ -201,12 +230,12 @@ def _invert(signatures: Sequence[Signature], n_words: int) -> tuple[NDArray[np.i
     """
     forms = np.repeat(np.arange(len(signatures)), [len(s.words) for s in signatures])
     views = np.concatenate([s.views for s in signatures])
-    groups = np.concatenate([s.words for s in signatures]) * np.int32(N_ORBITS) + ORBITS[views]
+    groups = np.concatenate([_groups(s, orbits) for s in signatures])
     counts = np.concatenate([s.counts for s in signatures])
     # Narrow, so that the postings of a block stay in the second-level cache.
-    targets = (PLACES[views] * len(signatures) + forms).astype(np.uint16)
+    targets = (orbits.places[views] * len(signatures) + forms).astype(np.uint16)
     index: tuple[NDArray[np.int64], Forms, Targets, Counts] = _sorted_by_group(
-        groups, forms.astype(np.int16), targets, counts, n_words * N_ORBITS
+        groups, forms.astype(np.int16), targets, counts, n_words * len(orbits.sizes)
     )
     return index
 
@@ -242,23 +271,29 @@ def _match_rows(
     posting_targets: Targets,
     posting_counts: Counts,
     column_sizes: Counts,
+    orbits: Counts,
+    places_met: Counts,
+    orbit_sizes: Counts,
+    orbit_starts: Counts,
+    rounding: float,
     distances: NDArray[np.float64],
 ) -> None:
     """Fill the given rows, ascending, of one block of columns, from the first column that each row asks for."""
+    n_turns, n_views = places_met.shape
     n_columns = column_sizes.shape[1]
     # Per place in an orbit, of which the largest has 24, and form.
-    shared = np.empty(ORBIT_SIZES.max() * n_columns, dtype=np.int32)
-    similarity = np.empty((ORBIT_SIZES.max(), n_columns))
-    totals = np.empty((PLACES_MET.shape[0], n_columns))
+    shared = np.empty(orbit_sizes.max() * n_columns, dtype=np.int32)
+    similarity = np.empty((orbit_sizes.max(), n_columns))
+    totals = np.empty((n_turns, n_columns))
     begins = posting_offsets.copy()
     for r in range(len(rows)):
         row, first = rows[r], first_columns[r]
         if first >= n_columns:
             continue
         totals[:] = 0.0
-        for view in range(N_VIEWS):
-            orbit, size = ORBITS[view], row_sizes[row, view]
-            n_places = ORBIT_SIZES[orbit]
+        for view in range(n_views):
+            orbit, size = orbits[view], row_sizes[row, view]
+            n_places = orbit_sizes[orbit]
             shared[: n_places * n_columns] = 0
             for entry in range(row_offsets[row, view], row_offsets[row, view + 1]):
                 group, count = row_groups[entry], row_counts[entry]
@@ -270,17 +305,17 @@ def _match_rows(
                 for posting in range(len(targets)):
                     shared[targets[posting]] += min(count, counts[posting])
             for place in range(n_places):
-                others = column_sizes[ORBIT_STARTS[orbit] + place, first:]
+                others = column_sizes[orbit_starts[orbit] + place, first:]
                 own = shared[place * n_columns + first : (place + 1) * n_columns]
                 alike = similarity[place, first:]
                 for column in range(len(alike)):
                     # Two empty views: 1 / 1.
                     larger = max(size, others[column])
                     ratio = (own[column] + (larger == 0)) / max(larger, 1)
-                    alike[column] = (ratio + ROUNDING) - ROUNDING
-            for turn in range(PLACES_MET.shape[0]):
-                total, alike = totals[turn, first:], similarity[PLACES_MET[turn, view], first:]
+                    alike[column] = (ratio + rounding) - rounding
+            for turn in range(n_turns):
+                total, alike = totals[turn, first:], similarity[places_met[turn, view], first:]
                 for column in range(len(alike)):
                     total[column] += alike[column]
         for column in range(first, n_columns):
-            distances[row, column] = N_VIEWS - totals[:, column].max()
+            distances[row, column] = n_views - totals[:, column].max()

@@ -1,4 +1,4 @@
-"""CM-BOF: bag-of-features signatures of 66 depth images, compared by clock matching.
+"""CM-BOF: bag-of-features signatures of depth images from all sides, compared by clock matching.
 
 The stages are pure functions, so that a caller can keep the result of each: ``extract`` per form, ``train_codebook``
 per gallery, ``quantise`` per form and codebook, ``distances`` per gallery.
@@ -8,23 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
+from benchmark.parameters.constraints import Interval
 from retrieval.clock import Progress, Signature, count_words, match_across, match_all
 from retrieval.codebook import Descriptors, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views
 from retrieval.pose import normalise
-from retrieval.views import BACKGROUND, permutation_of, render
+from retrieval.views import BACKGROUND, render, view_sphere
 
 __all__ = ["CMBOF", "Features", "Signature"]
 
 #: Any reflection serves: the others differ from it by one of the 24 rotations.
-REFLECTION = permutation_of(np.diag([-1.0, 1.0, 1.0]))
+REFLECTION = np.diag([-1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +45,10 @@ class CMBOF:
     allow_mirror
         Whether a form may also match the mirror image of another.
     peak_threshold
-        Smallest absolute difference of Gaussians at a keypoint, for depths in [0, 1]. The original has 0, which on
-        noiseless depth admits keypoints made of rounding errors.
+        Smallest absolute difference of Gaussians at a keypoint, for depths in [0, 1]; that of the original
+        is 0.
+    subdivisions
+        How often the view sphere, an octahedron, is subdivided: 6, 18, 66 or 258 views.
 
     References
     ----------
@@ -68,6 +71,12 @@ class CMBOF:
     pose: tuple[str, ...] = ("pca", "rectilinearity")
     allow_mirror: bool = False
     peak_threshold: float = 1e-3
+    subdivisions: Annotated[int, Interval(0, 3)] = 2
+
+    @property
+    def n_views(self) -> int:
+        """Number of views of a form."""
+        return len(view_sphere(self.subdivisions).directions)
 
     def signature(self, form: Mesh) -> SignatureArrays:
         """Arrays of the :class:`Features` of a form; raises ``InvalidMesh`` if it has no extent."""
@@ -80,14 +89,15 @@ class CMBOF:
         return self.distances([self.quantise(feature, codebook) for feature in features])
 
     def extract(self, mesh: Mesh) -> Features:
-        """Normalise the pose of a form, draw its 66 views, and describe their keypoints.
+        """Normalise the pose of a form, draw its views, and describe their keypoints.
 
         Raises
         ------
         InvalidMesh
             If the form has no triangles or no extent.
         """
-        images = render(normalise(mesh, self.pose, self.image_size), self.image_size)
+        upright = normalise(mesh, self.pose, self.image_size)
+        images = render(upright, self.image_size, view_sphere(self.subdivisions))
         return detect_views(images, peak_threshold=self.peak_threshold, background=BACKGROUND)
 
     def train_codebook(self, features: Sequence[Features], seed: int | None = None) -> Descriptors:
@@ -115,14 +125,14 @@ class CMBOF:
         signature = count_words(nearest_words(features.descriptors, codebook), features.view_offsets, len(codebook))
         if not self.allow_mirror:
             return signature
-        mirror = features.mirrored(REFLECTION)
+        mirror = features.mirrored(view_sphere(self.subdivisions).permutation_of(REFLECTION))
         words = nearest_words(mirror.descriptors, codebook)
         return replace(signature, mirrored=count_words(words, mirror.view_offsets, len(codebook)))
 
     def distances(
         self, signatures: Sequence[Signature], threads: int = 1, progress: Progress | None = None
     ) -> NDArray[np.float64]:
-        """Dissimilarities of all pairs of forms, shape (N, N), float64 in [0, 66], symmetric, zero diagonal.
+        """Dissimilarities of all pairs of forms, shape (N, N), float64, symmetric, zero diagonal.
 
         Parameters
         ----------

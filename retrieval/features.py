@@ -128,6 +128,7 @@ def _detect_all(
         top, bottom, left, right = _foreground(whole, background)
         height, width = whole.shape
         base, base_row, base_column = whole, 0, 0
+        beyond = background
         octave = 0
         while top < bottom and (min(height, width) >= SMALLEST_SIDE or octave == 0):
             pixel = 2**octave
@@ -135,7 +136,7 @@ def _detect_all(
             column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width)
             shape = (row1 - row0, column1 - column0)
             area = shape[0] * shape[1]
-            crop = np.full(shape, background, dtype=np.float32)
+            crop = np.full(shape, beyond, dtype=np.float32)
             gaussians = memory[0][: N_GAUSSIANS * area].reshape((N_GAUSSIANS, *shape))
             differences = memory[1][: (N_GAUSSIANS - 1) * area].reshape((N_GAUSSIANS - 1, *shape))
             _paste(base, base_row, base_column, crop, row0, column0)
@@ -165,6 +166,7 @@ def _detect_all(
             start_row, start_column = row0 % 2, column0 % 2
             base = gaussians[LEVELS, start_row::2, start_column::2].copy()
             base_row, base_column = (row0 + 1) // 2, (column0 + 1) // 2
+            beyond = _blurred(beyond, octave == 0)
             height, width = height // 2, width // 2
             octave += 1
         offsets[index + 1] = count
@@ -182,6 +184,16 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
                 top, bottom = min(top, row), row + 1
                 left, right = min(left, column), max(right, column + 1)
     return (top, bottom, left, right) if bottom else (0, 0, 0, 0)
+
+
+@njit(cache=True, nogil=True)
+def _blurred(background: np.float32, is_first: bool) -> np.float32:
+    """The background in the next octave: blurring changes its last bits, and the search finds the edge between both."""
+    base = np.full((1, 1), background, dtype=np.float32)
+    gaussians = np.empty((N_GAUSSIANS, 1, 1), dtype=np.float32)
+    build_octave(base, gaussians, gaussians[1:].copy(), is_first)
+    blurred: np.float32 = gaussians[LEVELS, 0, 0]
+    return blurred
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from retrieval.views import BACKGROUND, render
+from retrieval.views import BACKGROUND, render, view_sphere
 
 Rotation = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
         turned = rounded(centred.with_vertices(centred.vertices @ ROTATIONS[name](centred).T))
         if len(candidates) == 1:
             return turned
-        pixels = int((render(turned, image_size, slice(0, 6, 2)) != BACKGROUND).sum())
+        pixels = int((render(turned, image_size, view_sphere(0), slice(0, 6, 2)) != BACKGROUND).sum())
         if pixels <= fewest * (1.0 + EQUALLY_LARGE):
             best, fewest = turned, pixels
     return best

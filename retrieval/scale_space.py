@@ -132,7 +132,10 @@ def _refine(
     """Fit a quadratic [Brown & Lowe 2002] and apply the two tests; returns (good, x, y, offset of the level)."""
     height, width = differences.shape[1:]
     hessian = np.empty((3, 3))
-    for _ in range(REFINEMENT_STEPS):
+    move_x = move_y = 0
+    for _ in range(REFINEMENT_STEPS):  # a move after the last one would leave its fit behind
+        column += move_x
+        row += move_y
         a, b, c = differences[level - 1], differences[level], differences[level + 1]
         centre = float(b[row, column])
         gx = 0.5 * (b[row, column + 1] - b[row, column - 1])
@@ -153,14 +156,12 @@ def _refine(
         move_y = int(dy > 0.6 and row < height - 2) - int(dy < -0.6 and row > 1)
         if move_x == 0 and move_y == 0:
             break
-        column += move_x
-        row += move_y
     value = centre + 0.5 * (gx * dx + gy * dy + gs * ds)
     determinant = hxx * hyy - hxy * hxy
     on_edge = determinant <= 0 or (hxx + hyy) ** 2 * edge_ratio >= (edge_ratio + 1.0) ** 2 * determinant
     near = max(abs(dx), abs(dy), abs(ds)) < 1.5
     x, y = column + dx, row + dy
-    inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0
+    inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0 and level + ds >= 0.0
     return near and inside and not on_edge and abs(value) > peak_threshold, x, y, ds
 
 

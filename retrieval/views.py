@@ -1,7 +1,9 @@
-"""The 66 views of a form: where the cameras stand, what they see, and how the 24 cube rotations permute them."""
+"""The views of a form: where the cameras stand, what they see, and how the 24 cube rotations permute them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache, cached_property
 from itertools import permutations, product
 
 import numpy as np
@@ -12,16 +14,73 @@ from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles
 
-N_VIEWS = 66
 BACKGROUND = 1.0
 
 
-def _directions() -> NDArray[np.float64]:
-    """Twice-subdivided octahedron, shape (66, 3): unit vectors in the order 6 corners, 12 and 48 edge midpoints."""
+@dataclass(frozen=True, eq=False)
+class ViewSphere:
+    """Directions from which a form is seen; they have the symmetry of the cube.
+
+    Parameters
+    ----------
+    directions
+        Shape (V, 3), float64: unit vectors to the eye.
+    """
+
+    directions: NDArray[np.float64]
+
+    def permutation_of(self, rotation: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Return where an orthogonal map of the cube sends each view.
+
+        Parameters
+        ----------
+        rotation
+            Signed permutation matrix, shape (3, 3).
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (V,): entry i is the view whose direction is the image of direction i. Exact, because the set of
+            directions has the symmetry of the cube.
+        """
+        return np.asarray((self.directions @ rotation.T @ self.directions.T).argmax(axis=1), dtype=np.int32)
+
+    @cached_property
+    def permutations(self) -> NDArray[np.int32]:
+        """Permutation of each of the 24 rotations of the cube, shape (24, V)."""
+        return np.array([self.permutation_of(rotation) for rotation in CUBE_ROTATIONS])
+
+    @cached_property
+    def opposite(self) -> NDArray[np.int32]:
+        """The view from the other side of each view, shape (V,); it has the same upwards direction."""
+        return self.permutation_of(-np.eye(3))
+
+    @cached_property
+    def orbits(self) -> NDArray[np.int32]:
+        """Return the orbit of the cube group that each view belongs to, counted from 0, shape (V,)."""
+        smallest = self.permutations.min(axis=0)
+        return np.asarray(np.unique(smallest, return_inverse=True)[1], dtype=np.int32)
+
+    @cached_property
+    def cameras(self) -> NDArray[np.float64]:
+        """Rotations whose rows are the image's right, the image's up and the direction to the eye, shape (V, 3, 3)."""
+        up = np.tile([0.0, 1.0, 0.0], (len(self.directions), 1))
+        up[np.abs(self.directions[:, 1]) > 1 - 1e-9] = [0.0, 0.0, 1.0]
+        right = np.cross(up, self.directions)
+        right /= np.linalg.norm(right, axis=1, keepdims=True)
+        return np.stack([right, np.cross(self.directions, right), self.directions], axis=1)
+
+
+@cache
+def view_sphere(subdivisions: int) -> ViewSphere:
+    """Views from the corners of an octahedron subdivided so often: 6, 18, 66, 258 ...; each begins with the one before.
+
+    The 66 of two subdivisions are 6 corners, 12 and 48 edge midpoints.
+    """
     corners = [np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)]
     points = np.array(corners)
     faces = np.array([[a, b, c] for a, b, c in product((0, 1), (2, 3), (4, 5))])
-    for _ in range(2):
+    for _ in range(subdivisions):
         ends = edges_of(faces).ends
         midpoint = {(int(a), int(b)): len(points) + row for row, (a, b) in enumerate(ends)}
         middles = points[ends].sum(axis=1)
@@ -31,7 +90,7 @@ def _directions() -> NDArray[np.float64]:
             split += [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
         points = np.concatenate([points, middles / np.linalg.norm(middles, axis=1, keepdims=True)])
         faces = np.array(split)
-    return points
+    return ViewSphere(points)
 
 
 def _cube_rotations() -> NDArray[np.float64]:
@@ -43,48 +102,10 @@ def _cube_rotations() -> NDArray[np.float64]:
     return np.asarray(matrices[np.linalg.det(matrices) > 0])
 
 
-def permutation_of(rotation: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Return where an orthogonal map of the cube sends each view.
-
-    Parameters
-    ----------
-    rotation
-        Signed permutation matrix, shape (3, 3).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (66,): entry i is the view whose direction is the image of direction i. Exact, because the set of
-        directions has the symmetry of the cube.
-    """
-    return np.asarray((DIRECTIONS @ rotation.T @ DIRECTIONS.T).argmax(axis=1), dtype=np.int32)
-
-
-def _orbits() -> NDArray[np.int32]:
-    """Return the orbit of the cube group that a view belongs to, 0 to 3, shape (66,), of 6, 12, 24 and 24 views."""
-    smallest = VIEW_PERMUTATIONS.min(axis=0)
-    return np.asarray(np.unique(smallest, return_inverse=True)[1], dtype=np.int32)
-
-
-def _cameras() -> NDArray[np.float64]:
-    """Rotations whose rows are the image's right, the image's up and the direction to the eye, shape (66, 3, 3)."""
-    up = np.tile([0.0, 1.0, 0.0], (N_VIEWS, 1))
-    up[np.abs(DIRECTIONS[:, 1]) > 1 - 1e-9] = [0.0, 0.0, 1.0]
-    right = np.cross(up, DIRECTIONS)
-    right /= np.linalg.norm(right, axis=1, keepdims=True)
-    return np.stack([right, np.cross(DIRECTIONS, right), DIRECTIONS], axis=1)
-
-
-DIRECTIONS = _directions()
 CUBE_ROTATIONS = _cube_rotations()
-VIEW_PERMUTATIONS = np.array([permutation_of(rotation) for rotation in CUBE_ROTATIONS])
-ORBITS = _orbits()
-CAMERAS = _cameras()
-#: The view from the other side of each view; it has the same upwards direction.
-OPPOSITE = np.asarray((DIRECTIONS @ DIRECTIONS.T).argmin(axis=1), dtype=np.int32)
 
 
-def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.float32]:
+def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)) -> NDArray[np.float32]:
     """Depth images of a form inside the unit sphere.
 
     Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at the origin with
@@ -96,8 +117,10 @@ def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.floa
         The form, inside the unit sphere around the origin.
     size
         Height and width of each image in pixels.
+    sphere
+        Where the cameras stand.
     views
-        Which of the 66 views to draw, in the order of :data:`DIRECTIONS`.
+        Which of its views to draw.
 
     Returns
     -------
@@ -110,13 +133,13 @@ def render(mesh: Mesh, size: int, views: slice = slice(None)) -> NDArray[np.floa
     Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching and
     Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
-    chosen = np.arange(N_VIEWS)[views].tolist()
+    chosen, opposite = np.arange(len(sphere.directions))[views].tolist(), sphere.opposite
     rows = {view: row for row, view in enumerate(chosen)}
-    fronts = [view for view in chosen if not OPPOSITE[view] < view or OPPOSITE[view] not in rows]
+    fronts = [view for view in chosen if not opposite[view] < view or opposite[view] not in rows]
     # Which image shows the front of each, and which one its back, if that is wanted.
-    sides = np.array([(rows[view], rows.get(OPPOSITE[view], -1)) for view in fronts], dtype=np.int64)
+    sides = np.array([(rows[view], rows.get(opposite[view], -1)) for view in fronts], dtype=np.int64)
     images = np.full((len(chosen), size, size), BACKGROUND, dtype=np.float32)
-    _draw_views(mesh.vertices, mesh.faces, CAMERAS[fronts], sides, images, NOT_BEHIND)
+    _draw_views(mesh.vertices, mesh.faces, sphere.cameras[fronts], sides, images, NOT_BEHIND)
     return images
 
 

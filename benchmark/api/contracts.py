@@ -240,11 +240,15 @@ class Shape:
         return self._laplacian
 
     def random(self, purpose: str = "") -> np.random.Generator:
-        """Random generator that depends on the seed, the shape and the purpose alone, never on the order of work."""
+        """Random generator that depends on the seed, the purpose and a few measurements of the mesh, on no name.
+
+        Shapes that differ by a rigid motion, a scale or the numbering of their vertices draw the same numbers.
+        """
         import hashlib
 
-        name = f"{self.seed}|{self.identifier}|{purpose}"
-        digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()  # file names hold any bytes
+        from benchmark.geometry.ordering import measurements
+
+        digest = hashlib.sha256(f"{self.seed}|{measurements(self.mesh)}|{purpose}".encode()).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
     def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:

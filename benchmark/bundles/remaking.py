@@ -164,7 +164,7 @@ def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict
         method: Any = spec.create()
         vectors = [arrays["descriptor"] for arrays in items.values()]
         compare = lambda items: distances.descriptor_distances(method, items)  # noqa: E731
-        made = in_shuffled_order(list(items), vectors, compare).tolist()
+        made = in_shuffled_order(vectors, compare).tolist()
     versions = versions_of(method_components(spec))
     is_same = bool(target) or versions.items() <= record["recipe"].get("versions", {}).items()
     return {"apart": min(apart, 1e9), "distances": made, "is_same_code": is_same}

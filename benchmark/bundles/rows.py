@@ -272,23 +272,23 @@ def _check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> No
     """Refuse what the compiled code of a scorer must not be given: it looks at no bound."""
     is_fine = all(a.dtype.kind in "biuf" and np.isfinite(a).all() for a in arrays.values())
     if is_fine and scorer and scorer.base_name == ScorerSpec().base_name:
-        is_fine = arrays.keys() == {"descriptors", "view_offsets"} and _are_views(**arrays)
+        is_fine = arrays.keys() == {"descriptors", "view_offsets"} and _are_views(scorer, **arrays)
     elif is_fine:
         is_fine = arrays.keys() == {"energies"} and arrays["energies"].dtype == np.float64
     if not is_fine:
         raise BundleError("no-arrays", f"the signature of '{name}' is none of its scorer", "ask its author")
 
 
-def _are_views(descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
+def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
     from retrieval.features import DESCRIPTOR_SIZE
-    from retrieval.views import N_VIEWS
 
+    made: Any = scorer.create()
     return (
         descriptors.dtype == np.uint8
         and descriptors.ndim == 2
         and descriptors.shape[1] == DESCRIPTOR_SIZE
         and view_offsets.dtype == np.int32
-        and view_offsets.shape == (N_VIEWS + 1,)
+        and view_offsets.shape == (made.n_views + 1,)
         and bool(view_offsets[0] == 0 and view_offsets[-1] == len(descriptors) and (np.diff(view_offsets) >= 0).all())
     )
 

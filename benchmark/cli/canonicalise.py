@@ -89,7 +89,7 @@ def canonicalise_file(
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     guard = request.guard(str(source), "try another shape, or correct the method")
     vertices, faces, notes = call_apart(plain_form, source, request, vertices, guard=guard)
-    form = CanonicalForm(np.array(vertices), np.array(faces, dtype=np.int32), notes)
+    form = CanonicalForm(np.array(vertices), np.array(faces), notes)
     write_form(target, form.mesh)
     return form
 

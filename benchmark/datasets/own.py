@@ -19,7 +19,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
 from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import classes_of, import_plugin, is_closed, sources_of
-from benchmark.system.services import Ask, Service
+from benchmark.system.services import Service
 from benchmark.system.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
@@ -188,7 +188,7 @@ def _service(source: str) -> Service:
 _served: list[OwnDataset] = []
 
 
-def _serve(asked: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:
+def _serve(asked: Mapping[str, Any], arrays: Arrays) -> tuple[Mapping[str, Any], Arrays]:
     """Answer what a :class:`_ForeignDataset` asks, in the process of the file."""
     if asked["work"] == "open":
         found = open_own(asked["source"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,6 @@ import msgspec
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
-from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import DEFAULT, ScorerSpec
 from benchmark.parameters.values import format_value
@@ -206,9 +206,10 @@ def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
             found.append(ShapeBatch(again, ()))
             group = [job for job in group if not job.ranks_again]
         identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
-        if any(job.is_foreign for job in group):
-            identifiers = shuffled(identifiers)  # galleries are sorted by class, which no method is to know
         sizes = {identifier: size for job in group for identifier, size in job.large_files.items()}
+        if any(job.is_foreign for job in group):  # galleries are sorted by class; neither order nor size is to tell it
+            sizes = {}
+            secrets.SystemRandom().shuffle(identifiers)
         for identifier in [name for name in identifiers if name in sizes]:
             shape = (*place[:3], identifier)
             if shape not in large:  # what others of the same shape find prepared takes them no longer than any other

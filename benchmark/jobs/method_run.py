@@ -15,7 +15,6 @@ from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.jobs.foreign.remote import Foreign
-from benchmark.jobs.foreign.shuffling import shuffled
 from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import features, form
@@ -93,11 +92,8 @@ class MethodRun:
         return self._told_of(self.scorer_spec.create())
 
     def _told_of(self, made: T) -> T:
-        """Give what works in a process of its own numbers for names, and let it say what its work costs."""
-        if not isinstance(made, Foreign):
-            return made
-        names = shuffled([entry.identifier for entry in self.preparation.dataset.entries])
-        return made.known_by({name: number for number, name in enumerate(names)}, self.store.meter.replace)
+        """Let what works in a process of its own say what its work costs."""
+        return replace(made, book=self.store.meter.replace) if isinstance(made, Foreign) else made
 
     @property
     def describes(self) -> bool:

@@ -21,14 +21,8 @@ from benchmark.system.process_state import ProcessState
 from benchmark.system.text import DATA_VARIABLE
 from benchmark.system.workers import GRACE, Worker, end_like
 
-#: Answers one request, facts and arrays; the last argument asks whoever sent it, while it waits.
-Serve = Callable[[Mapping[str, Any], Arrays, "Ask"], tuple[Mapping[str, Any], Arrays]]
-
-#: Sends facts the other way while a request is at work, and returns what comes back.
-Ask = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-
-#: Entry of the facts of a question to whoever sent the request.
-_QUESTION = "question"
+#: Answers one request, facts and arrays.
+Serve = Callable[[Mapping[str, Any], Arrays], tuple[Mapping[str, Any], Arrays]]
 
 #: Entries that stand in place of an answer: an error of ours, or line and traceback of any other.
 _ERROR, _RAISED = "error", "raised"
@@ -86,17 +80,13 @@ class Service:
             self._worker = Worker(_answer_all, serve, theirs, _trace_file)
         _running.append(self)
 
-    def request(
-        self, facts: Mapping[str, Any], arrays: Arrays, answer: Ask = lambda asked: {}
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def request(self, facts: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], dict[str, Any]]:
         """Send a request and return facts and arrays of the answer.
 
         Parameters
         ----------
         facts, arrays
             The request.
-        answer
-            Answers what the process asks meanwhile.
 
         Raises
         ------
@@ -109,11 +99,7 @@ class Service:
         """
         try:
             self._ours.send_bytes(packed(facts, arrays))
-            while True:
-                told, found = unpacked(self._received())
-                if _QUESTION not in told:
-                    break
-                self._ours.send_bytes(packed(answer(told[_QUESTION]), {}))
+            told, found = unpacked(self._received())
         except Exception:  # whatever is at the other end
             end_like(self._ended())
         self.is_occupied = bool(told.pop(_LEFT, False))
@@ -175,22 +161,18 @@ def _answer_all(serve: Serve, connection: Connection, trace_file: Path | None) -
             faulthandler.enable(trace, all_threads=False)
             faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
 
-    def ask(question: Mapping[str, Any]) -> Mapping[str, Any]:
-        connection.send_bytes(packed({_QUESTION: question}, {}))
-        return unpacked(connection.recv_bytes())[0]
-
     with suppress(EOFError):
         while True:
             facts, arrays = unpacked(connection.recv_bytes())
             before = ProcessState()
-            told, found = _tried(serve, facts, arrays, ask)
+            told, found = _tried(serve, facts, arrays)
             connection.send_bytes(packed({**told, _LEFT: before.restore(), _FILES: opened_files()}, found))
 
 
-def _tried(serve: Serve, facts: Mapping[str, Any], arrays: Arrays, ask: Ask) -> tuple[Mapping[str, Any], Arrays]:
+def _tried(serve: Serve, facts: Mapping[str, Any], arrays: Arrays) -> tuple[Mapping[str, Any], Arrays]:
     """Facts and arrays of the answer, or what was raised."""
     try:
-        return serve(facts, arrays, ask)
+        return serve(facts, arrays)
     except BenchmarkError as error:
         return {_ERROR: as_facts(error)}, {}
     except BaseException as error:  # also what ends a program

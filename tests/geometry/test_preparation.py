@@ -10,6 +10,7 @@ from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import LARGEST_LOSS, clean, connected_components, fans_per_vertex
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.ordering import in_spatial_order
 from benchmark.geometry.preparation import decimate, prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, sphere
 
@@ -60,9 +61,9 @@ def test_decimation_keeps_the_course_of_a_boundary():
 def test_small_meshes_are_never_refined():
     for mesh in (sphere(2), flat_grid(4)):
         prepared = prepare(mesh)
-        np.testing.assert_array_equal(prepared.mesh.faces, mesh.faces)
-        ratio = prepared.mesh.vertices[1:] - prepared.mesh.vertices[0]
-        np.testing.assert_allclose(ratio * np.sqrt(mesh.area), mesh.vertices[1:] - mesh.vertices[0], atol=1e-12)
+        expected = in_spatial_order(mesh.with_vertices((mesh.vertices - prepared.centre) / prepared.scale))
+        np.testing.assert_array_equal(prepared.mesh.faces, expected.faces)
+        np.testing.assert_allclose(prepared.mesh.vertices, expected.vertices, atol=1e-12)
     assert decimate(sphere(2), 162) is not None
 
 

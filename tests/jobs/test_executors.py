@@ -341,6 +341,18 @@ def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path
     assert len(shape_batches(made)) == 3
 
 
+def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
+    class Foreign(Job):
+        is_foreign = True
+
+    names = [f"shape{number}" for number in range(30)]
+    jobs = orders(tmp_path, ("identity",), identifiers=names)
+    made = [Foreign(**{**vars(job), "large_files": {"shape7": 2**26}}) for job in jobs]
+    (one,), (other,) = shape_batches(made), shape_batches(made)
+    assert sorted(one.identifiers) == sorted(other.identifiers) == sorted(names)
+    assert one.identifiers != other.identifiers
+
+
 def test_galleries_that_overlap_are_treated_together(tmp_path):
     one, two = orders(tmp_path, ("identity", "pca"))
     two = Job(**{**vars(two), "identifiers": ("b", "c", "d")})

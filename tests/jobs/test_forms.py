@@ -40,6 +40,10 @@ REFUSED = {
     "flat": (CanonicalForm(V[:, :2], F), r"vertices have shape \(290, 2\)"),
     "transposed": (CanonicalForm(V.T, F), r"vertices have shape \(3, 290\)"),
     "fewer vertices": (CanonicalForm(V[:-5], F), "a face names vertex 289"),
+    "indices that would wrap": (
+        CanonicalForm(V, F.astype(np.uint64) + np.uint64(2**32)),
+        "faces name vertices 4294967296",
+    ),
     "indices of floats": (CanonicalForm(V, F.astype(float)), "faces are of type float64, not integers"),
     "indices beyond 32 bits": (CanonicalForm(V, F.astype(np.int64) + 2**32), "name vertices 4294967296 to"),
     "negative indices": (CanonicalForm(V, F - 1), "name vertices -1 to"),

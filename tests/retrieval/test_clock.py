@@ -9,31 +9,36 @@ import pytest
 from numpy.typing import NDArray
 
 from retrieval.clock import BLOCK, Signature, count_words, match_across, match_all
-from retrieval.views import N_VIEWS, VIEW_PERMUTATIONS
+from retrieval.views import view_sphere
 
 pytestmark = pytest.mark.kernels
 
+VIEW_PERMUTATIONS = view_sphere(2).permutations
+N_VIEWS = 66
 
-def random_signature(rng: np.random.Generator, n_words: int, keypoints: float = 12, empty: float = 0.1) -> Signature:
-    sizes = rng.poisson(keypoints, N_VIEWS) * (rng.uniform(size=N_VIEWS) > empty)
+
+def random_signature(
+    rng: np.random.Generator, n_words: int, keypoints: float = 12, empty: float = 0.1, n_views: int = N_VIEWS
+) -> Signature:
+    sizes = rng.poisson(keypoints, n_views) * (rng.uniform(size=n_views) > empty)
     # Words as unequal as real ones.
     words = (n_words * rng.beta(0.4, 1.0, sizes.sum())).astype(np.int32)
     return count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words)
 
 
 def histograms(signature: Signature, n_words: int) -> NDArray[Any]:
-    dense = np.zeros((N_VIEWS, n_words), dtype=np.int64)
+    dense = np.zeros((len(signature.view_offsets) - 1, n_words), dtype=np.int64)
     dense[signature.views, signature.words] = signature.counts
     return dense
 
 
-def dense_distance(first: NDArray[Any], second: NDArray[Any]) -> float:
+def dense_distance(first: NDArray[Any], second: NDArray[Any], subdivisions: int = 2, bits: int = 45) -> float:
     """The definition, with the documented rounding of each ratio to multiples of 2^-45."""
     shared = np.minimum(first[:, None], second[None]).sum(axis=2)
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
     ratio = np.where(larger == 0, 1.0, shared / np.maximum(larger, 1))
-    dissimilarity = 1 - np.round(ratio * 2.0**45) / 2.0**45
-    return min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in VIEW_PERMUTATIONS)
+    dissimilarity = 1 - np.round(ratio * 2.0**bits) / 2.0**bits
+    return min(dissimilarity[np.arange(len(first)), turn].sum() for turn in view_sphere(subdivisions).permutations)
 
 
 def test_equals_the_dense_definition_exactly() -> None:
@@ -48,6 +53,15 @@ def test_equals_the_dense_definition_exactly() -> None:
     )
     unrounded[(dense[0].sum(axis=1) == 0) & (dense[1][VIEW_PERMUTATIONS].sum(axis=2) == 0)] = 0
     assert match_all(signatures)[0, 1] == pytest.approx(unrounded.sum(axis=1).min(), abs=1e-10)
+
+
+@pytest.mark.parametrize(("subdivisions", "n_views", "bits"), [(0, 6, 49), (1, 18, 47), (3, 258, 43)])
+def test_equals_the_dense_definition_with_fewer_and_more_views(subdivisions: int, n_views: int, bits: int) -> None:
+    rng = np.random.default_rng(1)
+    signatures = [random_signature(rng, 40, n_views=n_views) for _ in range(4)]
+    dense = [histograms(s, 40) for s in signatures]
+    expected = [[dense_distance(a, b, subdivisions, bits) for b in dense] for a in dense]
+    np.testing.assert_array_equal(match_all(signatures), expected)
 
 
 @pytest.mark.parametrize("count", [1, 2, BLOCK, BLOCK + 1, 2 * BLOCK + 7])

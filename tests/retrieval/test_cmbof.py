@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmark.errors import DatasetError, InvalidMesh
+from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
+from benchmark.methods.scorers import scorer_of, scorers
 from retrieval.cmbof import CMBOF, Features, Signature
 from retrieval.metrics import evaluate
 from retrieval.views import CUBE_ROTATIONS
@@ -47,6 +48,23 @@ def test_features_of_a_form(figures: list[Mesh]) -> None:
     assert features.descriptors.dtype == np.uint8
     assert features.view_offsets.shape == (67,)
     assert features.view_offsets[-1] == len(features.descriptors) > 66 * 5
+
+
+@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18), (2, 66), (3, 258)])
+def test_views_of_each_subdivision_are_described_and_compared(
+    figures: list[Mesh], subdivisions: int, n_views: int
+) -> None:
+    scorer = CMBOF(n_words=300, image_size=64, subdivisions=subdivisions, allow_mirror=True)
+    assert len(extract(scorer, figures[0]).view_offsets) == scorer.n_views + 1 == n_views + 1
+    matrix = distances(scorer, [figures[0], figures[1], turned(figures[0], MIRROR)])
+    assert matrix[0, 2] < 0.6 * matrix[0, 1] < 0.6 * n_views
+
+
+def test_a_subdivision_without_views_is_refused_and_the_default_has_no_name_of_its_own() -> None:
+    assert scorer_of("cm-bof[subdivisions=2]", scorers()).name == "cm-bof"
+    for wrong in ("-1", "4", "1.5"):
+        with pytest.raises(ConfigurationError, match="subdivisions"):
+            scorer_of(f"cm-bof[subdivisions={wrong}]", scorers())
 
 
 def test_a_form_equals_itself_and_differs_from_others(figures: list[Mesh]) -> None:

@@ -156,6 +156,7 @@ def test_agrees_with_scikit_learn() -> None:
         (np.zeros((3, 3)), [0, 0], "labels"),
         (np.full((2, 2), np.nan), [0, 0], "NaN"),
         (np.array([[0, 1], [2, 0]]), [0, 0], "symmetric"),
+        (np.array([[1e9, 1], [2, 0]]), [0, 0], "symmetric"),
         (np.zeros((2, 2)), [0, 1], "two members"),
         (np.zeros((0, 0)), [], "two members"),
     ],

@@ -6,10 +6,13 @@ import trimesh
 
 from benchmark.geometry.mesh import Mesh
 from retrieval.pose import to_unit_sphere
-from retrieval.views import CAMERAS, CUBE_ROTATIONS, DIRECTIONS, N_VIEWS, OPPOSITE, ORBITS, VIEW_PERMUTATIONS, render
+from retrieval.views import CUBE_ROTATIONS, render, view_sphere
 from tests.retrieval.figures import figure, turned
 
 pytestmark = pytest.mark.kernels
+
+SPHERE = view_sphere(2)
+DIRECTIONS, CAMERAS, ORBITS, VIEW_PERMUTATIONS = SPHERE.directions, SPHERE.cameras, SPHERE.orbits, SPHERE.permutations
 
 
 def test_directions_are_the_twice_subdivided_octahedron() -> None:
@@ -29,7 +32,7 @@ def test_permutations_form_the_rotation_group_of_the_cube() -> None:
     assert len(table) == 24
     np.testing.assert_allclose(np.linalg.det(CUBE_ROTATIONS), 1)
     for p in VIEW_PERMUTATIONS:
-        assert sorted(p) == list(range(N_VIEWS))
+        assert sorted(p) == list(range(66))
         assert {tuple(p[q]) for q in VIEW_PERMUTATIONS} == table
         assert (ORBITS[p] == ORBITS).all()
     assert len({(i, j) for p in VIEW_PERMUTATIONS for i, j in enumerate(p)}) == 1332
@@ -46,24 +49,35 @@ def test_cameras_look_at_the_origin_with_the_rule_for_up() -> None:
     assert (CAMERAS[~along_y, 1, 1] > 0).all()
 
 
+@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18), (3, 258)])
+def test_each_subdivision_keeps_the_views_before_and_the_symmetry_of_the_cube(subdivisions: int, n_views: int) -> None:
+    sphere = view_sphere(subdivisions)
+    assert len(sphere.directions) == n_views
+    shared = min(n_views, 66)
+    np.testing.assert_array_equal(sphere.directions[:shared], DIRECTIONS[:shared])
+    for rotation, p in zip(CUBE_ROTATIONS, sphere.permutations, strict=True):
+        np.testing.assert_allclose(sphere.directions @ rotation.T, sphere.directions[p], atol=1e-12)
+    assert np.bincount(sphere.orbits).max() <= 24
+
+
 @pytest.mark.parametrize("triangles", ["small", "large"])
 def test_a_view_that_is_drawn_with_its_opposite_is_the_same_as_drawn_alone(triangles: str) -> None:
     corners = np.random.default_rng(0).normal(size=(36, 3))
     mesh = to_unit_sphere(figure() if triangles == "small" else Mesh(corners, np.arange(36).reshape(12, 3)))
-    np.testing.assert_array_equal(DIRECTIONS[OPPOSITE], -DIRECTIONS)
-    together = render(mesh, 96)
-    for view in range(N_VIEWS):
-        np.testing.assert_array_equal(together[view], render(mesh, 96, slice(view, view + 1))[0])
+    np.testing.assert_array_equal(DIRECTIONS[SPHERE.opposite], -DIRECTIONS)
+    together = render(mesh, 96, SPHERE)
+    for view in range(66):
+        np.testing.assert_array_equal(together[view], render(mesh, 96, SPHERE, slice(view, view + 1))[0])
 
 
 def test_depth_of_a_small_sphere_off_centre() -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.25)
     mesh = Mesh(ball.vertices + np.array([0.5, 0, 0]), ball.faces)
-    front, back = render(mesh, 256)[[0, 1]]
+    front, back = render(mesh, 256, SPHERE)[[0, 1]]
     # Seen along +x the ball is nearest at x = 0.75, seen along -x at x = 0.25.
     assert front[128, 128] == pytest.approx((1 - 0.75) / 2, abs=1e-3)
     assert back[128, 128] == pytest.approx((1 + 0.25) / 2, abs=1e-3)
-    along_z = render(mesh, 256, slice(4, 5))[0]
+    along_z = render(mesh, 256, SPHERE, slice(4, 5))[0]
     rows, columns = np.nonzero(along_z < 1)
     # From +z with y upwards, +x lies to the right; pixel 192 is x = 0.5.
     assert columns.mean() + 0.5 == pytest.approx(192, abs=0.2)
@@ -72,7 +86,7 @@ def test_depth_of_a_small_sphere_off_centre() -> None:
 
 
 def test_opposite_views_share_the_silhouette() -> None:
-    images = render(to_unit_sphere(figure()), 128)
+    images = render(to_unit_sphere(figure()), 128, SPHERE)
     for view, direction in enumerate(DIRECTIONS):
         opposite = int((DIRECTIONS @ direction).argmin())
         if abs(direction[1]) < 0.999:
@@ -81,7 +95,7 @@ def test_opposite_views_share_the_silhouette() -> None:
 
 def test_a_turned_form_shows_the_permuted_views() -> None:
     mesh = to_unit_sphere(figure())
-    areas = (render(mesh, 128) < 1).sum(axis=(1, 2))
+    areas = (render(mesh, 128, SPHERE) < 1).sum(axis=(1, 2))
     for rotation, p in zip(CUBE_ROTATIONS, VIEW_PERMUTATIONS, strict=True):
-        after = (render(turned(mesh, rotation), 128) < 1).sum(axis=(1, 2))
+        after = (render(turned(mesh, rotation), 128, SPHERE) < 1).sum(axis=(1, 2))
         np.testing.assert_allclose(after[p], areas, rtol=0.03)

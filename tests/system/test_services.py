@@ -1,4 +1,4 @@
-"""Processes that answer requests: what they return and raise, what they ask, and what their end does."""
+"""Processes that answer requests: what they return and raise, and what their end does."""
 
 import faulthandler
 import os
@@ -24,12 +24,10 @@ class _TooThin(UnsupportedShape):
     """An error that only the other process knows."""
 
 
-def serve(facts, arrays, ask):
+def serve(facts, arrays):
     match facts["work"]:
         case "double":
             return {"said": "doubled"}, {"numbers": 2 * arrays["numbers"]}
-        case "ask":
-            return ask({"purpose": "x"}), {}
         case "environment":
             return {"data": os.environ.get(DATA_VARIABLE, "")}, {}
         case "refuse":
@@ -79,10 +77,6 @@ def test_arrays_come_back(service):
     assert found["numbers"].tolist() == [0, 2, 4]
 
 
-def test_it_asks_whoever_sent_the_request(service):
-    assert service.request({"work": "ask"}, {}, lambda asked: {"seen": asked["purpose"]})[0] == {"seen": "x"}
-
-
 def test_it_is_not_told_where_the_data_lies(service):
     assert service.request({"work": "environment"}, {})[0] == {"data": ""}
 
@@ -111,7 +105,7 @@ def test_it_says_what_has_left_threads_or_processes(work, service):
     assert not service.is_occupied
     service.request({"work": work}, {})
     assert service.is_occupied
-    service.request({"work": "ask"}, {})
+    service.request({"work": "wait"}, {})
     assert not service.is_occupied  # they are those of the work before
 
 

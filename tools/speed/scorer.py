@@ -16,12 +16,14 @@ from benchmark.geometry.mesh import Mesh
 from retrieval.clock import Signature, count_words, match_all
 from retrieval.cmbof import CMBOF
 from retrieval.pose import normalise
-from retrieval.views import BACKGROUND, CAMERAS, N_VIEWS, VIEW_PERMUTATIONS
+from retrieval.views import BACKGROUND, view_sphere
 from tests.retrieval.figures import figure
 from tools.speed.timing import Row, least
 
 N_WORDS, N_FORMS, KEYPOINTS_PER_VIEW, CORES = 1500, 200, 40, 2
 PEER_PAIRS, REPEATS = 4, 3
+SPHERE = view_sphere(2)
+N_VIEWS = len(SPHERE.directions)
 
 
 def measure() -> Iterator[Row]:
@@ -57,7 +59,7 @@ def _embree_and_opencv(mesh: Mesh, size: int) -> None:
     caster = RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
     offsets = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, -offsets))
-    for right, up, eye in CAMERAS:
+    for right, up, eye in SPHERE.cameras:
         origins = x * right + y * up + eye
         hits, rays, _ = caster.intersects_location(origins, np.broadcast_to(-eye, origins.shape), multiple_hits=False)
         depth = np.full(size * size, BACKGROUND, dtype=np.float32)
@@ -83,4 +85,4 @@ def _dense(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
     shared = np.array([np.minimum(view, second).sum(axis=1) for view in first])
     dissimilarity = 1 - shared / larger
-    return float(min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in VIEW_PERMUTATIONS))
+    return float(min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in SPHERE.permutations))

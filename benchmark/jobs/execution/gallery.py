@@ -171,9 +171,7 @@ class RankedGallery:
 
     def _in_order(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:
         """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
-        if not isinstance(by, Foreign):
-            return compare(items)
-        return in_shuffled_order([entry.identifier for entry in self.entries], items, compare)
+        return in_shuffled_order(items, compare) if isinstance(by, Foreign) else compare(items)
 
     @cached_property
     def signatures(self) -> Signatures:

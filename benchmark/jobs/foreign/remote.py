@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Self
@@ -77,16 +77,8 @@ class _Remote:
         service = _services.get(self._places[0])
         return service.files if service else {}
 
-    def request(
-        self, work: str, facts: Mapping[str, Any], arrays: Arrays, shape: Shape | None = None
-    ) -> tuple[Facts, Arrays]:
-        """Have some work done; a shape is asked what it draws."""
-
-        def answer(asked: Mapping[str, Any]) -> Mapping[str, Any]:
-            assert shape is not None  # noqa: S101
-            seed_sequence: Any = shape.random(str(asked["purpose"])).bit_generator.seed_seq
-            return {"entropy": seed_sequence.entropy}
-
+    def request(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> tuple[Facts, Arrays]:
+        """Have some work done."""
         place, shared, own = self._places
         if place not in _services:
             from benchmark.jobs.foreign.serving import serve
@@ -94,7 +86,7 @@ class _Remote:
             _services[place] = Service(serve)
         service = _services[place]
         try:
-            return service.request({"work": work, **asdict(self), **facts}, arrays, answer)
+            return service.request({"work": work, **asdict(self), **facts}, arrays)
         finally:
             if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
                 _services[own] = _services.pop(shared)
@@ -110,8 +102,6 @@ class Foreign:
         Has the work done.
     info
         What it says about itself.
-    numbers
-        What the process calls each shape, by name.
     book
         Told the cost of each work.
     model
@@ -120,7 +110,6 @@ class Foreign:
 
     remote: _Remote
     info: Any
-    numbers: Mapping[str, int] = field(default_factory=dict)
     book: Callable[[Cost], None] = lambda cost: None
     model: str = ""
 
@@ -129,21 +118,16 @@ class Foreign:
         """Files that its process has read so far, with their digests."""
         return self.remote.files
 
-    def known_by(self, numbers: Mapping[str, int], book: Callable[[Cost], None]) -> Self:
-        """Return the same with numbers for the shapes, and a place to book costs."""
-        return replace(self, numbers=numbers, book=book)
-
-    def _worked(self, work: str, facts: Mapping[str, Any], arrays: Arrays, shape: Shape | None = None) -> Arrays:
-        told, found = self.remote.request(work, {**facts, "model": self.model}, arrays, shape)
+    def _worked(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> Arrays:
+        told, found = self.remote.request(work, {**facts, "model": self.model}, arrays)
         if "cost" in told:
             self.book(Cost.from_json(told["cost"]))
         return found
 
     def _on_shape(self, work: str, shape: Shape) -> Arrays:
-        number = self.numbers.get(shape.identifier, 0)
-        facts = {"number": number, "seed": shape.seed, "source_area": shape.source_area}
+        facts = {"seed": shape.seed, "source_area": shape.source_area}
         depth = {} if shape.depth is None else {"depth": shape.depth}
-        return self._worked(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth}, shape)
+        return self._worked(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth})
 
 
 class _RemoteMethod(Foreign):

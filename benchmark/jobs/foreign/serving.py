@@ -7,8 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import SharedStages
@@ -17,7 +15,6 @@ from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
 from benchmark.system.arrays import Arrays
-from benchmark.system.services import Ask
 
 Facts = Mapping[str, Any]
 Answer = tuple[Facts, Arrays]
@@ -25,40 +22,40 @@ Answer = tuple[Facts, Arrays]
 _meter = Meter()
 
 
-def serve(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def serve(facts: Facts, arrays: Arrays) -> Answer:
     """Do the work that a request names, with the method or scorer that it names."""
-    return _WORK[facts["work"]](facts, arrays, ask)
+    return _WORK[facts["work"]](facts, arrays)
 
 
-def _tell(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _tell(facts: Facts, arrays: Arrays) -> Answer:
     return _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"]).facts, {}
 
 
-def _canonicalise(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _canonicalise(facts: Facts, arrays: Arrays) -> Answer:
     method = _plugin(facts)
-    return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays, ask)))
+    return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays)))
 
 
-def _describe(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _describe(facts: Facts, arrays: Arrays) -> Answer:
     method = _plugin(facts)
-    return _measured(facts, lambda: form.describe(method, _shape(facts, arrays, ask)))
+    return _measured(facts, lambda: form.describe(method, _shape(facts, arrays)))
 
 
-def _distances(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _distances(facts: Facts, arrays: Arrays) -> Answer:
     return {}, {
         "distances": distances.descriptor_distances(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])
     }
 
 
-def _signature(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _signature(facts: Facts, arrays: Arrays) -> Answer:
     return _measured(facts, lambda: features.extract(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
 
 
-def _compare(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _compare(facts: Facts, arrays: Arrays) -> Answer:
     return {}, {"distances": distances.form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
 
 
-_WORK: Mapping[str, Callable[[Facts, Arrays, Ask], Answer]] = {
+_WORK: Mapping[str, Callable[[Facts, Arrays], Answer]] = {
     "tell": _tell,
     "canonicalise": _canonicalise,
     "describe": _describe,
@@ -89,30 +86,19 @@ def _measured(facts: Facts, work: Callable[[], Arrays]) -> Answer:
     return {"cost": cost().to_json()}, found
 
 
-class _NumberedShape(Shape):
-    """A shape that bears a number; only whoever knows its name can say what it draws."""
-
-    ask: Ask
-
-    def random(self, purpose: str = "") -> np.random.Generator:
-        """See :meth:`benchmark.api.contracts.Shape.random`."""
-        return np.random.default_rng(self.ask({"purpose": purpose})["entropy"])
+_latest: dict[tuple[Any, ...], Shape] = {}
 
 
-_latest: dict[tuple[str, int], _NumberedShape] = {}
-
-
-def _shape(facts: Facts, arrays: Arrays, ask: Ask) -> Shape:
-    """The shape of a request; the methods of one file share its geodesics."""
-    key = (str(facts["number"]), int(facts["seed"]))
+def _shape(facts: Facts, arrays: Arrays) -> Shape:
+    """The shape of a request, which bears a number for a name; the methods of one file share its geodesics."""
+    seed, area = int(facts["seed"]), facts["source_area"]
+    key = (seed, area, *(arrays[name].tobytes() for name in sorted(arrays)))
     if key not in _latest:
         mesh, cache = Mesh(arrays["vertices"], arrays["faces"]), SharedStages(_meter)
-        depth, area = arrays.get("depth"), facts["source_area"]
+        shape = Shape(identifier="", mesh=mesh, depth=arrays.get("depth"), source_area=area, seed=seed, cache=cache)
+        shape.identifier = str(shape.random("identifier").integers(2**53))
         _latest.clear()
-        _latest[key] = _NumberedShape(
-            identifier=key[0], mesh=mesh, depth=depth, source_area=area, seed=key[1], cache=cache
-        )
-        _latest[key].ask = ask
+        _latest[key] = shape
     return _latest[key]
 
 
