@@ -62,9 +62,12 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
     halved = {name for name, array in whole.items() if compressed and _is_symmetric(array)}
     kinds = {name: [*_kind(array), *([_UPPER] if name in halved else [])] for name, array in whole.items()}
     kept = {name: _upper(array) if name in halved else array for name, array in whole.items()}
-    save = np.savez_compressed if compressed else np.savez
-    contents = json.dumps({"key": key, "arrays": kinds})
-    save(file, allow_pickle=False, **kept, **{_CONTENTS: np.array(contents)})
+    contents = np.array(json.dumps({"key": key, "arrays": kinds}))
+    # Not by numpy.savez, whose own arguments are names that no array can have.
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED) as archive:
+        for name, array in {**kept, _CONTENTS: contents}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, array, allow_pickle=False)
 
 
 def digest_of(arrays: Arrays) -> str:

@@ -182,6 +182,13 @@ def symmetric(count, dtype=float):
     return drawn + drawn.T
 
 
+@pytest.mark.parametrize("name", ["allow_pickle", "file", "args", "self"])
+def test_an_array_may_have_any_name(tmp_path, name):
+    with (tmp_path / "file").open("wb") as file:
+        save_arrays(file, KEY, {name: np.arange(3)}, compressed=True)
+    assert load_arrays(tmp_path / "file", KEY)[name].tolist() == [0, 1, 2]
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 255, 256, 257, 600])
 @pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "<f2"])
 def test_a_symmetric_matrix_comes_back_to_the_last_bit(tmp_path, count, dtype):
