@@ -254,10 +254,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
         """See :class:`PluginSpec`."""
         return super().facts | {"describes": self.describes, "learns": self.learns}
 
-    def with_parameter(self, name: str, value: Any) -> MethodSpec:
-        """Return the method with one more parameter."""
-        return self.with_parameters({name: value})
-
 
 @dataclass(frozen=True)
 class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
