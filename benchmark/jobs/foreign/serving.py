@@ -17,7 +17,7 @@ from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
 from benchmark.system.arrays import Arrays
-from benchmark.system.services import Ask
+from benchmark.system.processes import Requester
 
 Facts = Mapping[str, Any]
 Answer = tuple[Facts, Arrays]
@@ -25,40 +25,40 @@ Answer = tuple[Facts, Arrays]
 _meter = Meter()
 
 
-def serve(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def serve(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     """Do the work that a request names, with the method or scorer that it names."""
-    return _WORK[facts["work"]](facts, arrays, ask)
+    return _WORK[facts["work"]](facts, arrays, requester)
 
 
-def _tell(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _tell(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     return _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"]).facts, {}
 
 
-def _canonicalise(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _canonicalise(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     method = _plugin(facts)
-    return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays, ask)))
+    return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays, requester)))
 
 
-def _describe(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _describe(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     method = _plugin(facts)
-    return _measured(facts, lambda: form.describe(method, _shape(facts, arrays, ask)))
+    return _measured(facts, lambda: form.describe(method, _shape(facts, arrays, requester)))
 
 
-def _distances(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _distances(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     return {}, {
         "distances": distances.descriptor_distances(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])
     }
 
 
-def _signature(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _signature(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     return _measured(facts, lambda: features.extract(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
 
 
-def _compare(facts: Facts, arrays: Arrays, ask: Ask) -> Answer:
+def _compare(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     return {}, {"distances": distances.form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
 
 
-_WORK: Mapping[str, Callable[[Facts, Arrays, Ask], Answer]] = {
+_WORK: Mapping[str, Callable[[Facts, Arrays, Requester], Answer]] = {
     "tell": _tell,
     "canonicalise": _canonicalise,
     "describe": _describe,
@@ -92,17 +92,17 @@ def _measured(facts: Facts, work: Callable[[], Arrays]) -> Answer:
 class _NumberedShape(Shape):
     """A shape that bears a number; only whoever knows its name can say what it draws."""
 
-    ask: Ask
+    requester: Requester
 
     def random(self, purpose: str = "") -> np.random.Generator:
         """See :meth:`benchmark.api.contracts.Shape.random`."""
-        return np.random.default_rng(self.ask({"purpose": purpose})["entropy"])
+        return np.random.default_rng(self.requester.ask({"purpose": purpose})["entropy"])
 
 
 _latest: dict[tuple[str, int], _NumberedShape] = {}
 
 
-def _shape(facts: Facts, arrays: Arrays, ask: Ask) -> Shape:
+def _shape(facts: Facts, arrays: Arrays, requester: Requester) -> Shape:
     """The shape of a request; the methods of one file share its geodesics."""
     key = (str(facts["number"]), int(facts["seed"]))
     if key not in _latest:
@@ -112,7 +112,7 @@ def _shape(facts: Facts, arrays: Arrays, ask: Ask) -> Shape:
         _latest[key] = _NumberedShape(
             identifier=key[0], mesh=mesh, depth=depth, source_area=area, seed=key[1], cache=cache
         )
-        _latest[key].ask = ask
+        _latest[key].requester = requester
     return _latest[key]
 
 
