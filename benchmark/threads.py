@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 
+from benchmark.cgroup import cpu_limit
+
 #: Variables read by numerical libraries when they are loaded.
 VARIABLES = (
     "OMP_NUM_THREADS",
@@ -21,7 +23,6 @@ def pin_threads() -> None:
 
 
 def available_cores() -> int:
-    """Number of cores that this process may use, where the system tells; else those of the machine, at least one."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    """Number of cores that this process may use, by its affinity and the quota of its container; at least one."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, int(min(cores, cpu_limit())))

@@ -59,7 +59,7 @@ def _published_lines_are_checked_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def server_of_workers() -> Iterator[Any]:
-    """Stand-in for ``multiprocessing`` in :mod:`benchmark.system.workers` where workers are forked."""
+    """Stand-in for what starts processes, which forks them."""
     from tests.forked_workers import server
 
     with server() as found:
@@ -70,7 +70,7 @@ def server_of_workers() -> Iterator[Any]:
 def forked_workers(server_of_workers: Any) -> Iterator[None]:
     """Fork the workers of all runs of a module, whose tests are not about processes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.system.workers.multiprocessing", server_of_workers)
+        patch.setattr("benchmark.system.processes._start", server_of_workers)
         yield
 
 

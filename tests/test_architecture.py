@@ -10,7 +10,8 @@ ROOT = Path(__file__).parents[1]
 #: Layers, lowest first: a package may import from itself and from any layer below, never from its neighbours on
 #: the same layer. A module belongs to the longest name that fits.
 LAYERS = (
-    ("benchmark.errors", "benchmark.threads"),
+    ("benchmark.errors", "benchmark.cgroup"),
+    ("benchmark.threads",),
     ("benchmark.system", "benchmark.parameters"),
     ("benchmark.geometry",),
     ("benchmark.api", "benchmark.depth"),

@@ -36,7 +36,7 @@ from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.storage.store import Store
 from benchmark.system.arrays import Arrays, load_arrays
 from benchmark.system.calls import Guard, call_apart
-from benchmark.system.services import ForeignError
+from benchmark.system.processes import ForeignError
 
 #: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
 #: in distances of the scorer, relative to their mean. Other processors move forms by 2e-4 at most.

@@ -73,14 +73,14 @@ for verb in (
 
 def program() -> None:
     """Run the command line as a program of its own; threads and exit handlers of a plugin have no say in its end."""
-    from benchmark.system import process_reaper
+    from benchmark.system import reaper
 
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
     try:
         main()
     finally:
-        if process_reaper.MARK in os.environ:
+        if reaper.MARK in os.environ:
             code = _exit_code(sys.exception())
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError, ValueError):

@@ -222,7 +222,7 @@ class RunOptions:
     retry
         Kinds of failure to run again.
     executor, workers, scheduler
-        See :func:`benchmark.cli.run_plan.make_executor`.
+        See :func:`benchmark.cli.run_plan.make_pool`.
     timeout
         Seconds of work after which a job is stopped; None for no limit.
     """

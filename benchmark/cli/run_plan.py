@@ -25,7 +25,7 @@ from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
-    from benchmark.jobs.execution.executors import Executor
+    from benchmark.jobs.execution.pools import Pool
 
 #: Seconds between two lines about progress where there is no terminal.
 _SILENCE = 15.0
@@ -83,46 +83,43 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
         if claims.take(job.key):
             store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
             claims.release(job.key)
+    from benchmark.jobs.execution.scheduler import Scheduler
+
     fine = True
-    with _Display(jobs) as display:
-        for done, record in make_executor(options, claims).execute(jobs, display.watch):
+    with _Display(jobs) as display, make_pool(options, jobs) as pool:
+        for done, record in Scheduler(jobs, pool, claims, options.timeout, display.watch).records():
             display.ended(done, record)
             fine &= record["status"] == "ok"
     return fine
 
 
-def make_executor(options: RunOptions, claims: Claims) -> Executor:
-    """Make the executor that the options name: ``"serial"``, ``"processes"`` or ``"dask"``.
-
-    ``workers`` are tasks at a time, None for all cores of this machine or of the cluster; the serial executor stops
-    nothing after ``timeout``; ``scheduler`` is the address of the scheduler of a dask cluster, "" for none.
+def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
+    """Return what does the tasks of a run: this process, others beside it, or the workers of a dask cluster.
 
     Parameters
     ----------
     options
-        Options of the run.
-    claims
-        The jobs that other runs are at.
-
-    Raises
-    ------
-    ConfigurationError
-        If the name is unknown, dask is not installed, or a scheduler is missing or not asked for.
+        ``executor`` is ``"serial"``, ``"processes"`` or ``"dask"``; ``workers`` are tasks at a time, None for all cores
+        of this machine or of the cluster; ``scheduler`` is the address of the scheduler of a dask cluster.
+    jobs
+        The jobs.
     """
-    _check_executor(options)
     if options.executor == "dask":
-        from benchmark.jobs.cluster.dask_executor import DaskExecutor
+        from benchmark.jobs.cluster.dask_pool import DaskPool
 
-        return DaskExecutor(options.scheduler, claims, options.timeout, options.workers)
-    from benchmark.jobs.execution.executors import ProcessExecutor, SerialExecutor
+        return DaskPool(options.scheduler, jobs, options.workers)
+    from benchmark.jobs.execution.pools import LocalPool, PoolHere
 
     if options.executor == "serial":
-        return SerialExecutor(claims)
-    return ProcessExecutor(options.workers or available_cores(), claims, options.timeout)
+        return PoolHere()
+    pool = LocalPool(wanted := options.workers or available_cores())
+    if pool.size < wanted:
+        _say(f"{pool.size} processes at a time: there is no memory for {wanted}")
+    return pool
 
 
 def _check_executor(options: RunOptions) -> None:
-    """Raise ``ConfigurationError`` where :func:`make_executor` can make none, without importing what works."""
+    """Raise ``ConfigurationError`` where the executor is unknown, not installed, or lacks its scheduler."""
     if options.executor not in ("serial", "processes", "dask"):
         raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
     if options.executor != "dask" and options.scheduler:
@@ -168,6 +165,7 @@ class _Display:
 
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show which jobs are at work, and how many shapes are done; where that stays the same, what is waited for."""
+        done = min(done, self._total)
         self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
         if done != self._done:

@@ -19,7 +19,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
 from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import classes_of, import_plugin, is_closed, sources_of
-from benchmark.system.services import Service
+from benchmark.system.processes import Process, ProcessEnded, Requester, end_like
 from benchmark.system.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
@@ -139,7 +139,7 @@ class _ForeignDataset(OwnDataset):
     @classmethod
     def open(cls, source: str) -> _ForeignDataset:
         """Ask for all shapes; see :func:`open_own`."""
-        told, _ = _service(source).request({"work": "open", "source": source}, {})
+        told, _ = _request(source, {"work": "open", "source": source})
         entries = tuple(
             Entry(each["identifier"], each["subject"], each["pose"], Path(each["path"]) if each["path"] else None)
             for each in told["entries"]
@@ -155,7 +155,7 @@ class _ForeignDataset(OwnDataset):
     @property
     def files(self) -> dict[str, str]:
         """Files that the plugin has read so far, with their digests."""
-        return _service(self.made.source).files
+        return _process(self.made.source).files
 
     def load(self, entry: Entry) -> Mesh:
         """See :meth:`OwnDataset.load`."""
@@ -176,19 +176,26 @@ class _ForeignDataset(OwnDataset):
         return found
 
     def _ask(self, work: str, entry: Entry) -> tuple[Mapping[str, Any], Arrays]:
-        return _service(self.made.source).request({"work": work, "identifier": entry.identifier}, {})
+        return _request(self.made.source, {"work": work, "identifier": entry.identifier})
 
 
 @cache
-def _service(source: str) -> Service:
+def _process(source: str) -> Process:
     """The process of a data set."""
-    return Service(_serve)
+    return Process(_serve, is_plugin=True)
+
+
+def _request(source: str, facts: Mapping[str, Any]) -> tuple[Mapping[str, Any], Arrays]:
+    try:
+        return _process(source).request(facts)
+    except ProcessEnded as error:  # whoever watches over this process finds the fault where it looks for it
+        end_like(error.code)
 
 
 _served: list[OwnDataset] = []
 
 
-def _serve(asked: Mapping[str, Any], arrays: Arrays) -> tuple[Mapping[str, Any], Arrays]:
+def _serve(asked: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Mapping[str, Any], Arrays]:
     """Answer what a :class:`_ForeignDataset` asks, in the process of the file."""
     if asked["work"] == "open":
         found = open_own(asked["source"])

@@ -135,10 +135,13 @@ class ShapeBatch(msgspec.Struct, frozen=True, tag=True):
         Jobs of one data set, input, seed and package; each treats those of the shapes that are in its gallery.
     identifiers
         The shapes.
+    is_repeat
+        Whether the shapes are counted with another batch, which treats them, too.
     """
 
     jobs: tuple[Job, ...]
     identifiers: tuple[str, ...]
+    is_repeat: bool = False
 
 
 class ScoringTask(msgspec.Struct, frozen=True, tag=True):

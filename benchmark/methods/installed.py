@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +13,7 @@ from benchmark.methods.information import is_name
 from benchmark.methods.inspection import inspect_package
 from benchmark.methods.specs import S
 from benchmark.system.plugins import unknown
+from benchmark.system.processes import is_child
 
 __all__ = ["Installed", "KnownPlugins", "entry_points_of", "installed"]
 
@@ -99,7 +99,7 @@ def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
         try:
             points = list(distribution.entry_points.select(group=entry_points_of(kind)))
             found, refused = _targets(kind.kind, points, taken | targets.keys())
-            if multiprocessing.parent_process() is None:  # others were started to be apart
+            if not is_child():  # others were started to be apart
                 refused |= inspect_package(package, kind, found)
         except BenchmarkError as error:
             found, refused = {}, {point.name: error for point in points}

@@ -24,7 +24,6 @@ from benchmark.parameters.grid import quoted
 from benchmark.parameters.values import format_value, non_default_values, parameter_values
 from benchmark.storage.keys import plain
 from benchmark.storage.records import DEFAULT_SCORER
-from benchmark.system import process_reaper
 from benchmark.system.code import FIRST_PARTY
 from benchmark.system.forks import one_of_us
 from benchmark.system.plugins import (
@@ -35,6 +34,7 @@ from benchmark.system.plugins import (
     require_open_process,
     sources_of,
 )
+from benchmark.system.processes import adopt
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)
 Made = TypeVar("Made")
@@ -144,7 +144,7 @@ class PluginSpec(Generic[Info, Made]):
         place, attribute = self.module, self.target.rpartition(":")[2]
         if self.is_foreign:
             require_open_process(place)
-            process_reaper.adopt()
+            adopt()
         try:
             with one_of_us(), redirect_stdout(sys.stderr):
                 module = import_plugin(place) if place.endswith(".py") else importlib.import_module(place)
@@ -253,10 +253,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     def facts(self) -> dict[str, Any]:
         """See :class:`PluginSpec`."""
         return super().facts | {"describes": self.describes, "learns": self.learns}
-
-    def with_parameter(self, name: str, value: Any) -> MethodSpec:
-        """Return the method with one more parameter."""
-        return self.with_parameters({name: value})
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ class Gallery:
         parameters = spec.resolved_parameters()
         if name not in parameters or name in spec.parameters:
             return [spec]
-        further = (spec.with_parameter(name, value) for value in AVERAGED[name] if value != parameters[name])
+        further = (spec.with_parameters({name: value}) for value in AVERAGED[name] if value != parameters[name])
         return [spec, *(variant for variant in further if self._has_models(variant, trained_here))]
 
     def _has_models(self, spec: MethodSpec, trained_here: Path | None) -> bool:
@@ -190,7 +190,7 @@ class Gallery:
         further = known.get(spec.base_name, ()) if own else ()
         name = clean_name(self.dataset.name)
         of_set = () if self.table.robustness else FURTHER_TRAININGS.get(name, {}).get(spec.base_name, ())
-        trained = (spec.with_parameter("training", name) for name in of_set)
+        trained = (spec.with_parameters({"training": name}) for name in of_set)
         return [
             *own,
             *(spec.with_parameters(parameters) for parameters in further),

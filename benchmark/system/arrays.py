@@ -1,8 +1,4 @@
-"""Files of arrays that know what they hold: whatever is damaged or missing in them is noticed when they are read.
-
-Messages between processes of which one runs foreign code are such files, with facts as JSON among the arrays: never
-objects.
-"""
+"""Files of arrays that know what they hold: whatever is damaged or missing in them is noticed when they are read."""
 
 from __future__ import annotations
 
@@ -25,9 +21,6 @@ _CONTENTS = "__contents__"
 
 #: Begins the names of arrays that tell of others, and are no result themselves.
 ABOUT = "about:"
-
-#: Array that holds the facts of a message, and the key that every message has.
-_FACTS, _MESSAGE = "__facts__", "message"
 
 #: Bytes of all arrays together beyond which a file is not read, however small it is itself.
 LARGEST = 2**31
@@ -118,28 +111,6 @@ def load_arrays(
             raise ValueError("the arrays are too large once unfolded")
         chosen = {name: part for name, part in parts.items() if wanted is None or wanted(name)}
         return {name: _as_told(_read(archive, part), told["arrays"][name]) for name, part in chosen.items()}
-
-
-def packed(facts: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """Return facts, which JSON can tell, and arrays as bytes; raises ``ValueError`` for arrays of objects."""
-    file = io.BytesIO()
-    save_arrays(file, _MESSAGE, {**arrays, _FACTS: np.array(json.dumps(facts))}, compressed=False)
-    return file.getvalue()
-
-
-def unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the facts and the arrays of a message.
-
-    Raises
-    ------
-    Exception
-        Of many kinds, if it is no message: whoever sent it may send anything.
-    """
-    arrays = load_arrays(io.BytesIO(content), _MESSAGE)
-    facts = json.loads(str(arrays.pop(_FACTS)))
-    if not isinstance(facts, dict):
-        raise TypeError("the facts of a message have no names")
-    return facts, arrays
 
 
 def _kind(array: NDArray[Any]) -> list[Any]:

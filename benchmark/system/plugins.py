@@ -18,10 +18,10 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
-from benchmark.system import process_reaper
 from benchmark.system.code import digest_of_source
 from benchmark.system.forks import one_of_us
 from benchmark.system.opened_files import NOT_OF_PLUGINS, digest_of_file
+from benchmark.system.processes import adopt
 
 Info = TypeVar("Info")
 
@@ -103,7 +103,7 @@ def import_plugin(path: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
-    process_reaper.adopt()
+    adopt()
     _PluginFolders.add(Path(path).parent)
     _check_helpers(Path(path))
     module = importlib.util.module_from_spec(spec)

@@ -16,7 +16,7 @@ from benchmark.report.pictures.forms import save
 from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
 from tests.records import record
-from tests.system.test_workers import is_alive, wait_until
+from tests.system.test_processes import is_alive, wait_until
 from tests.toy import rod, write_off, write_rods
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
@@ -193,7 +193,7 @@ def test_nothing_that_a_plugin_leaves_behind_on_import_outlives_or_holds_the_pro
 def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp_path):
     """A property of a learner, say, that is right when it is looked at from outside."""
     plugin = write_plugin(tmp_path / "moody.py", name="moody-learner")
-    moody = "import multiprocessing\nHOME = multiprocessing.parent_process() is None\n"
+    moody = "from benchmark.system.processes import is_child\nHOME = not is_child()\n"
     moody += "Tried.model_name = property(lambda self: {}['mood'] if HOME else 'tried')\n"
     plugin.write_text(plugin.read_text() + LEARNER.format(act="pass") + moody)
     line = refused(call("plan", "-d", rods, "-m", "moody-learner", "--plugin", plugin))

@@ -1,6 +1,5 @@
 """A plugin file of methods that go wrong, and tell which processes they are; ``tools/faults`` has many more."""
 
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.api.contracts import UnsupportedShape, canonical_form
+from benchmark.system.processes import is_child
 
 #: Where methods say which processes they are and have started.
 NOTES = Path(os.environ["FAULTS_NOTES"])
@@ -24,7 +24,7 @@ def note(name, *processes):
 
 @canonical_form(name="hang", title="Hang")
 def hang(shape):
-    if multiprocessing.parent_process() is not None:  # where nobody watches over a method, nothing is to be left behind
+    if is_child():  # where nobody watches over a method, nothing is to be left behind
         child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"], start_new_session=True)
         note("children-of-hang", child.pid)
     note("hang", os.getpid())

@@ -16,9 +16,9 @@ import psutil
 import pytest
 
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import make_executor, run_plan
+from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.execution.claims import Claims
+from benchmark.jobs.execution import pools
 from benchmark.jobs.job_specs import LARGEST_BATCH, Job, shape_batches
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import Store
@@ -235,7 +235,7 @@ def test_an_interrupt_keeps_finished_jobs_and_exits_130(place, executor):
 def test_an_interrupt_while_workers_start_is_as_quiet(place):
     process = start(place, *selection(place, "surface-area", "identity"), "-j", 2)
     harness = psutil.Process(process.pid)
-    wait_until(lambda: len(harness.children()) >= 3)  # the first are the reaper and the helper of multiprocessing
+    wait_until(lambda: len(harness.children()) >= 2)  # the first is the reaper
     os.killpg(process.pid, signal.SIGINT)
     output, error = process.communicate(timeout=60)
     assert process.returncode == 130
@@ -360,15 +360,22 @@ def test_galleries_that_overlap_are_treated_together(tmp_path):
     assert batch.identifiers == ("a", "b", "c", "d")
 
 
-def test_an_unknown_executor_is_named(tmp_path):
-    with pytest.raises(ConfigurationError, match="unknown executor 'slurm'; choose serial, processes or dask"):
-        make_executor(RunOptions(executor="slurm"), Claims(tmp_path / "claims"))
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"executor": "slurm"}, "unknown executor 'slurm'; choose serial, processes or dask"),
+        ({"executor": "dask"}, "dask needs the address of its scheduler; pass --scheduler URL"),
+        ({"scheduler": "tcp://127.0.0.1:8786"}, "a scheduler is for dask alone; pass --executor dask"),
+    ],
+)
+def test_an_unknown_executor_and_one_without_its_scheduler_are_refused_where_nothing_is_to_run(
+    tmp_path, options, message
+):
+    with pytest.raises(ConfigurationError, match=message):
+        run_plan([], Store.open(tmp_path), RunOptions(**options))
 
 
-def test_dask_without_a_scheduler_and_a_scheduler_without_dask_are_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="dask needs the address of its scheduler; pass --scheduler URL"):
-        make_executor(RunOptions(executor="dask"), Claims(tmp_path / "claims"))
-    with pytest.raises(ConfigurationError, match="a scheduler is for dask alone; pass --executor dask"):
-        make_executor(RunOptions(scheduler="tcp://127.0.0.1:8786"), Claims(tmp_path / "claims"))
-    with pytest.raises(ConfigurationError, match="dask needs the address"):  # also where there is nothing to run
-        run_plan([], Store.open(tmp_path), RunOptions(executor="dask"))
+def test_there_are_no_more_processes_than_memory(monkeypatch):
+    monkeypatch.setattr(pools, "memory_per_process", lambda processes=1: 2**32 // processes)
+    assert pools.LocalPool(1000).size == 8
+    assert pools.LocalPool(2).size == 2

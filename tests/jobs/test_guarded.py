@@ -1,6 +1,5 @@
 """Whatever a method raises becomes the record of its job, and ends nothing else."""
 
-import multiprocessing
 from types import SimpleNamespace
 
 import pytest
@@ -40,5 +39,5 @@ def test_whatever_a_method_raises_is_the_record_of_its_job_and_names_the_shape(e
 def test_an_interrupt_of_a_method_is_told_from_one_of_the_user(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         recorded(KeyboardInterrupt())
-    monkeypatch.setattr(multiprocessing, "parent_process", object)  # a worker, which hears of no Ctrl-C
+    monkeypatch.setattr("benchmark.jobs.execution.runner.is_child", lambda: True)  # a worker, which hears of no Ctrl-C
     assert recorded(KeyboardInterrupt())["reason"] == "cat0: KeyboardInterrupt"

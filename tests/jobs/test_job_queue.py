@@ -4,11 +4,11 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs.execution import job_queue
+from benchmark.jobs.execution import queue as module
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.job_queue import JobQueue
+from benchmark.jobs.execution.pools import LocalPool
+from benchmark.jobs.execution.queue import JobQueue
 from benchmark.jobs.execution.runner import failure, keep
-from benchmark.jobs.execution.worker_pool import LocalWorkerPool
 from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch, task_of, to_json
 from benchmark.storage.records import outcome
 from benchmark.storage.store import Store
@@ -19,7 +19,7 @@ from tests.toy import write_rods
 @pytest.fixture
 def queue(tmp_path, monkeypatch):
     """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
-    monkeypatch.setattr(job_queue, "LARGE", 3)
+    monkeypatch.setattr(module, "LARGE", 3)
     with Claims(tmp_path / "claims") as claims:
         made = JobQueue(orders(tmp_path), Store.open(tmp_path), claims)
         while isinstance(task := made.take(1, 1), ShapeBatch):
@@ -93,9 +93,9 @@ def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
     words = ["run", "-d", str(rods), "-m", "identity", "--input", "mesh", "--results"]
     assert CliRunner().invoke(cli, [*words, str(tmp_path / "one"), "-j", "1"]).exit_code == 0
 
-    tasks, begin = [], LocalWorkerPool.begin
-    monkeypatch.setattr(LocalWorkerPool, "begin", lambda pool, task: tasks.append(type(task)) or begin(pool, task))
-    monkeypatch.setattr(job_queue, "LARGE", 2)
+    tasks, begin = [], LocalPool.begin
+    monkeypatch.setattr(LocalPool, "begin", lambda pool, task: tasks.append(type(task)) or begin(pool, task))
+    monkeypatch.setattr(module, "LARGE", 2)
     done = CliRunner().invoke(cli, [*words, str(tmp_path / "two"), "-j", "2"])
     assert done.exit_code == 0, done.output
     assert tasks == [ShapeBatch, *[ComparisonTask] * 3, ScoringTask]
@@ -103,3 +103,18 @@ def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
     assert outcome(two) == outcome(one)
     assert two["digests"] == one["digests"]
     assert two["artefacts"] == one["artefacts"]
+
+
+def test_shapes_that_are_treated_again_alone_are_counted_once(tmp_path):
+    first, _ = jobs = orders(tmp_path, ("identity", "pca"))
+    with Claims(tmp_path / "claims") as claims:
+        queue = JobQueue(jobs, Store.open(tmp_path), claims)
+        queue.set_apart(queue.take(1, 1), 1, first.key)
+        counts, tasks = [queue.shapes_done], []
+        while task := queue.take(1, 1):
+            tasks.append((type(task), names(task)))
+            queue.finish(task)
+            counts.append(queue.shapes_done)
+    treated = [(ShapeBatch, ["identity"]), (ScoringTask, ["identity"]), (ShapeBatch, ["pca"]), (ScoringTask, ["pca"])]
+    assert tasks == treated
+    assert counts == [1, 1, 1, 3, 3]

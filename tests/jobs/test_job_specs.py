@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import make_executor
+from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
 from benchmark.jobs.plan import JobSettings, make_plan
 from benchmark.methods.registry import MethodSpec, methods, select
@@ -71,4 +70,4 @@ def test_without_dask_the_hint_is_told(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "distributed" else find(name))
     with pytest.raises(ConfigurationError, match=r"needs the package distributed; run `pip install 'dask"):
-        make_executor(RunOptions(executor="dask", scheduler="tcp://127.0.0.1:8786"), Claims(tmp_path / "claims"))
+        run_plan([], Store.open(tmp_path), RunOptions(executor="dask", scheduler="tcp://127.0.0.1:8786"))

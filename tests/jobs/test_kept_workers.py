@@ -7,7 +7,7 @@ import time
 import psutil
 import pytest
 
-from benchmark.jobs.execution.worker_pool import LocalWorkerPool
+from benchmark.jobs.execution.pools import LocalPool
 from benchmark.jobs.job_specs import Job, ScoringTask
 from benchmark.storage.store import Store
 from tests.jobs.test_executors import orders
@@ -21,9 +21,9 @@ class ForeignJob(Job):
 
 @pytest.fixture
 def pool(tmp_path):
-    made = LocalWorkerPool(1, Store.open(tmp_path).progress)
-    yield made
-    made.close()
+    Store.open(tmp_path)
+    with LocalPool(1) as made:
+        yield made
 
 
 @pytest.fixture
@@ -32,15 +32,14 @@ def do(pool, tmp_path):
 
     def done(name, kind=Job):
         (job,) = orders(tmp_path, (name,))
-        worker = pool.begin(ScoringTask((kind(**vars(job)),)))
+        running = pool.begin(ScoringTask((kind(**vars(job)),)))
         deadline = time.monotonic() + 60
-        while worker.exit_code is None:
+        while running.exit_code is None:
             assert time.monotonic() < deadline, "waited in vain"
-            pool.wait([worker])
-        worker.end()
-        assert worker.status_at_end.is_done
+            pool.wait([running], lambda: None)
+        assert running.exit_code == 0
         assert (tmp_path / "runs" / "records" / f"{job.key}.json").is_file()
-        return worker._worker._process.pid
+        return running.process._process.pid
 
     return done
 

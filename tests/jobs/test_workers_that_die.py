@@ -6,11 +6,11 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.execution import executors, worker, worker_pool
+from benchmark.jobs.execution import pools, scheduler
 from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.executors import ProcessExecutor
-from benchmark.jobs.execution.worker import UNWRITTEN, Status
-from benchmark.jobs.job_specs import Job, ScoringTask, task_of, to_json
+from benchmark.jobs.execution.pools import UNWRITTEN, Running, Status
+from benchmark.jobs.execution.scheduler import Scheduler
+from benchmark.jobs.job_specs import Job, ScoringTask, to_json
 from benchmark.methods.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from tests.records import record
@@ -18,49 +18,55 @@ from tests.records import record
 #: Key of the job that comes first.
 FIRST = record(method="surface-area")["key"]
 
-#: Ways for a worker to go, each a status at its end and an exit code.
+#: Ways for a task to go, each its last status and its exit code.
 BORN_DEAD = (Status(), -signal.SIGKILL)
 KILLED = (Status(FIRST, 1, "b"), -signal.SIGKILL)
 CRASHED = (Status(FIRST, 1, "b"), -signal.SIGSEGV)
-DIED_AFTERWARDS = (Status(FIRST, 3, is_done=True), 1)
-DONE = (Status(FIRST, 3, is_done=True), 0)
+DONE = (Status(FIRST, 3), 0)
 
 
-class Scripted:
-    """Stands in for a worker: it ends at once in the way that is next in the script, its work done or not."""
+class Scripted(Running):
+    """A task that has gone in the way that is next in the script, its work done or not."""
 
-    script: list = []  # noqa: RUF012
-    waits, is_over = False, True
-
-    def __init__(self, task, sentinel):
-        fate = self.script.pop(0) if self.script else DONE
-        if isinstance(fate, OSError):
-            raise fate
+    def __init__(self, task, fate):
+        super().__init__(task)
         self.status, self.exit_code = fate
         self.trace = "in a method"
-        self.status_at_end = self.status
-        self.sentinel = sentinel.open()
-        if self.status.is_done and isinstance(task, ScoringTask):
+        if self.exit_code == 0 and isinstance(task, ScoringTask):
             for job in task.jobs:
                 Store.open(job.results).write_record(record(method=job.facts["method"]))
 
+    def stop(self):
+        raise AssertionError
+
     def end(self):
-        self.sentinel.close()
+        pass
+
+
+class ScriptedPool:
+    """Does one task at a time by the script."""
+
+    size, waits_for = 1, ""
+
+    def __init__(self, script):
+        self.script = list(script)
+
+    def begin(self, task):
+        fate = self.script.pop(0) if self.script else DONE
+        if isinstance(fate, OSError):
+            raise fate
+        return Scripted(task, fate)
+
+    def wait(self, running, look):
+        pass
 
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """Run two jobs with scripted workers; returns the status and the reason of each."""
+    """Run two jobs by a script; returns the status and the reason of each."""
 
-    def run_(*script):
-        monkeypatch.setattr(Scripted, "script", list(script))
-        monkeypatch.setattr(
-            worker_pool,
-            "TaskWorker",
-            lambda task, *_: Scripted(task_of(task), tmp_path / "sentinel"),
-        )
-        monkeypatch.setattr(executors, "_PATIENCE", 0.0)
-        (tmp_path / "sentinel").write_text("")
+    def run_(*script, timeout=None):
+        monkeypatch.setattr(scheduler, "_PATIENCE", 0.0)
         orders = []
         for spec in select(("surface-area", "identity"), methods()):
             made = record(method=spec.name)
@@ -74,7 +80,7 @@ def run(tmp_path, monkeypatch):
             )  # fmt: skip
         Store.open(tmp_path)
         with Claims(tmp_path / "claims") as claims:
-            done = ProcessExecutor(1, claims).execute(orders, lambda names, steps: None)
+            done = Scheduler(orders, ScriptedPool(script), claims, timeout, lambda names, steps: None).records()
             return {order.method.name: found for order, found in done}
 
     return run_
@@ -97,7 +103,6 @@ ALL_OK = {"surface-area": "ok", "identity": "ok"}
         (CRASHED,),
         (DONE, (Status(FIRST), -signal.SIGSEGV)),
         ((Status(FIRST, 1, "b"), -signal.SIGTERM),),
-        (DIED_AFTERWARDS,),
         (OSError(11, "Resource temporarily unavailable"),) * 5,
         (DONE, BORN_DEAD, BORN_DEAD),
     ],
@@ -163,13 +168,30 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
         raise SystemExit(code)
 
     monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
-    monkeypatch.setattr(worker.os, "_exit", leave)
-    monkeypatch.setattr(worker, "close_to_plugins", lambda: None)  # this process has further tests to run
-    monkeypatch.setattr(worker.services, "trace_to", lambda path: None)
-    monkeypatch.setattr(worker, "faulthandler", None)  # which would stay pointed at a file of this test
+    monkeypatch.setattr(pools.os, "_exit", leave)
+    monkeypatch.setattr(pools, "close_to_plugins", lambda: None)  # this process has further tests to run
     with pytest.raises(SystemExit) as left:
-        worker._do(to_json(ScoringTask(())), tmp_path / "absent" / "status")
+        pools.do_task({"task": to_json(ScoringTask(()))}, {}, None)
     assert left.value.code == UNWRITTEN
+
+
+class Silent(Scripted):
+    """A task that hangs before it says anything."""
+
+    def __init__(self, task):
+        super().__init__(task, (Status(), None))
+        self.begun -= 1000
+
+    def stop(self):
+        self.exit_code = -signal.SIGKILL
+
+
+def test_a_process_that_hangs_before_it_says_anything_has_a_timeout(run, monkeypatch):
+    begin, begun = ScriptedPool.begin, []
+    monkeypatch.setattr(
+        ScriptedPool, "begin", lambda pool, task: begin(pool, task) if begun else begun.append(task) or Silent(task)
+    )
+    assert sorted(statuses(run(timeout=10.0)).values()) == ["ok", "timeout"]
 
 
 def test_a_folder_in_which_no_worker_can_tell_how_far_it_is_is_named_before_one_is_started(run, tmp_path, monkeypatch):

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import multiprocessing
 import os
 import platform
 import re
@@ -17,15 +16,17 @@ from benchmark.geometry.laplacian import eigenpairs
 from benchmark.methods import conformance, registry
 from benchmark.methods.conformance import checks, shapes
 from benchmark.methods.registry import MethodSpec
-from benchmark.system import workers
+from benchmark.system import processes as system_processes
 from benchmark.system.text import DATA_VARIABLE
+
+#: Starts processes afresh.
+START = system_processes._start
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
 METHOD = """
 import itertools
 import os
-import multiprocessing
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -261,13 +262,13 @@ def test_a_method_that_reads_the_data_folder_is_found(findings, monkeypatch, tmp
     [
         ("return shape.form(x * os.getpid())", "another process answers differently"),
         (
-            "if multiprocessing.parent_process(): os._exit(1)\n        return shape.form(x)",
+            f"if os.getpid() != {os.getpid()}: os._exit(1)\n        return shape.form(x)",
             "the process ended before it answered",
         ),
     ],
 )
 def test_another_process_must_answer_the_same(body, message, findings, monkeypatch):
-    monkeypatch.setattr(workers, "multiprocessing", multiprocessing)
+    monkeypatch.setattr(system_processes, "_start", START)
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"fresh process": checks.OF_THE_ANSWER["fresh process"]})
     found = findings(body=FORM + body)
     assert failed(found) == ["fresh process"]
@@ -316,7 +317,7 @@ def test_a_warning_does_not_fail_the_report():
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="kernels are chosen on x86-64")
 def test_the_other_kernel_is_really_another(findings, monkeypatch):
-    monkeypatch.setattr(workers, "multiprocessing", multiprocessing)  # libraries choose their kernels when they load
+    monkeypatch.setattr(system_processes, "_start", START)  # libraries choose their kernels when they load
     monkeypatch.setattr(conformance, "OF_THE_ANSWER", {"other processor": checks.OF_THE_ANSWER["other processor"]})
     monkeypatch.delenv(checks.KERNEL, raising=False)
     body = (

@@ -12,7 +12,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +25,9 @@ if TYPE_CHECKING:
 
     from benchmark.api.contracts import Input
     from benchmark.methods.registry import MethodSpec
+    from benchmark.system.arrays import Arrays
+    from benchmark.system.channel import Facts
+    from benchmark.system.processes import Requester
 
 
 @click.command("compile")
@@ -50,38 +52,44 @@ def compile_parts(jobs: int) -> bool:
     bool
         Whether all went well; what went wrong has been said.
     """
+    from benchmark.system.channel import wait_for
     from benchmark.system.code import ROOT
     from benchmark.system.kernels import drop_stale_kernels
-    from benchmark.system.workers import Worker, ending
+    from benchmark.system.processes import INTERVAL, ForeignError, Process, ProcessEnded
 
     start = time.monotonic()
     drop_stale_kernels(ROOT)
-    waiting, running, ok = list(PARTS), dict[str, Worker](), True
+    waiting, running, ok = list(PARTS), dict[str, Process](), True
     say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
                 name = waiting.pop(0)
-                running[name] = Worker(_do, name)
-            wait([worker.sentinel for worker in running.values()])
-            for name, worker in list(running.items()):
-                if worker.exit_code is None:
-                    continue
-                worker.end()
+                running[name] = Process(_compile)
+                running[name].send({"part": name})
+            wait_for(running.values(), INTERVAL)
+            for name, process in list(running.items()):
+                try:
+                    if (message := process.receive(0.0)) is None:
+                        continue
+                    process.result(message)
+                    end = "done"
+                except (BenchmarkError, ForeignError, MemoryError, ProcessEnded) as error:
+                    ok, end = False, f"ended with {error}"
+                process.end()
                 del running[name]
-                ok &= worker.exit_code == 0
-                end = "done" if worker.exit_code == 0 else f"ended with {ending(worker.exit_code)}"
                 say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
     finally:
-        for worker in running.values():
-            worker.end()
+        for process in running.values():
+            process.end()
     return ok
 
 
-def _do(name: str) -> None:
-    """Do one part, in its process; what this machine lacks is for the run to say, if it needs it."""
+def _compile(facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+    """Compile one part, in its process; what this machine lacks is for the run to say, if it needs it."""
     with suppress(BenchmarkError):
-        PARTS[name]()
+        PARTS[facts["part"]]()
+    return {}, {}
 
 
 def compile_bodies() -> None:

@@ -52,6 +52,10 @@ class Claims:
         """Return whether no other run is under way; if so, none begins until this one is over."""
         return self._lock(_RUN)
 
+    def has(self, key: str) -> bool:
+        """Return whether this process has claimed a job."""
+        return key in self._keys
+
     def take(self, key: str) -> bool:
         """Claim a job; False if another process has done so."""
         if not self._lock(_place(key)):

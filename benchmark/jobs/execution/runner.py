@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import statistics
 import time
 import traceback
@@ -31,7 +30,7 @@ from benchmark.storage.costs import Cost
 from benchmark.storage.environment import commit
 from benchmark.storage.records import Record
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.services import ForeignError
+from benchmark.system.processes import ForeignError, is_child
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
@@ -182,7 +181,7 @@ def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
     except ForeignError as error:
         keep(job, store, failure("failed", f"{where}{error}", error.trace))
     except BaseException as error:  # also what ends a program: a method must not end the run
-        if isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None:
+        if isinstance(error, KeyboardInterrupt) and not is_child():
             raise  # somebody interrupts jobs that are done in this process
         said = message(error)
         reason = f"{where}{type(error).__name__}: {said}" if said else f"{where}{type(error).__name__}"

@@ -19,7 +19,7 @@ from benchmark.methods.specs import PluginSpec, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import close_process
-from benchmark.system.services import Service
+from benchmark.system.processes import Process, ProcessEnded, end_like
 
 Facts = dict[str, Any]
 
@@ -35,7 +35,7 @@ def _reach(spec: PluginSpec[Any, Any]) -> _Remote:
 
 #: Processes of the methods, or of the scorers, of a plugin: one for all, and one for each that leaves threads or
 #: processes behind.
-_services: dict[tuple[str, ...], Service] = {}
+_services: dict[tuple[str, ...], Process] = {}
 
 
 @cache
@@ -83,10 +83,12 @@ class _Remote:
         if place not in _services:
             from benchmark.jobs.foreign.serving import serve
 
-            _services[place] = Service(serve)
+            _services[place] = Process(serve, is_plugin=True)
         service = _services[place]
         try:
             return service.request({"work": work, **asdict(self), **facts}, arrays)
+        except ProcessEnded as error:  # whoever watches over this process finds the fault where it looks for it
+            end_like(error.code)
         finally:
             if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
                 _services[own] = _services.pop(shared)

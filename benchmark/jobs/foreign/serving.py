@@ -15,6 +15,7 @@ from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
 from benchmark.system.arrays import Arrays
+from benchmark.system.processes import Requester
 
 Facts = Mapping[str, Any]
 Answer = tuple[Facts, Arrays]
@@ -22,7 +23,7 @@ Answer = tuple[Facts, Arrays]
 _meter = Meter()
 
 
-def serve(facts: Facts, arrays: Arrays) -> Answer:
+def serve(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     """Do the work that a request names, with the method or scorer that it names."""
     return _WORK[facts["work"]](facts, arrays)
 

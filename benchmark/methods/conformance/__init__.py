@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from benchmark.methods.inspection import inspect
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.system.calls import BrokenCall, Guard, call_apart
+from benchmark.system.processes import is_child
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 
@@ -223,7 +223,7 @@ def _find(name: str, function: Callable[[Any], str], case: Any) -> Finding:
     except Warned as warning:
         outcome, explanation = "warning", str(warning)
     except KeyboardInterrupt as error:
-        if multiprocessing.parent_process() is None:
+        if not is_child():
             raise  # somebody interrupts the checks
         outcome, explanation = "failed", explain(error)
     except (Exception, SystemExit, GeneratorExit) as error:

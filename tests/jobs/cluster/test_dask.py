@@ -178,9 +178,9 @@ def at_the_trap(place, cluster, number):
     ],
 )
 def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number):
-    from benchmark.jobs.cluster import dask_executor
+    from benchmark.jobs.cluster import dask_pool
 
-    monkeypatch.setattr(dask_executor, "SILENCE", 6.0)
+    monkeypatch.setattr(dask_pool, "SILENCE", 6.0)
     assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
     shapes = described(place)
     cluster.worker()
@@ -206,7 +206,7 @@ def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluste
     done = run(*words, place / "cluster", *on(cluster))
     assert done.exit_code == 0, done.output
     assert outcomes(place / "cluster") == outcomes(place / "alone")
-    begun = [each for each in psutil.Process(worker.pid).children() if "--stay" in each.cmdline()]
+    begun = [each for each in psutil.Process(worker.pid).children() if "run(*sys.argv" in " ".join(each.cmdline())]
     assert len(begun) == 1, "one did three batches and the ranking"
     worker.kill()
     wait_until(lambda: not begun[0].is_running() or begun[0].status() == psutil.STATUS_ZOMBIE, 20)
@@ -254,8 +254,8 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     other = tmp_path / "other"
     for package in ("benchmark", "baselines", "retrieval", "learned"):
         shutil.copytree(ROOT / package, other / package, ignore=shutil.ignore_patterns("__pycache__", "models"))
-    supervisor = other / "benchmark" / "jobs" / "cluster" / "supervisor.py"
-    supervisor.write_text(supervisor.read_text().replace('message["status_file"]', 'message["progress_file"]'))
+    changed = other / "benchmark" / "jobs" / "cluster" / "dask_worker.py"
+    changed.write_text(changed.read_text().replace('asked["run"]', 'asked["name_of_run"]'))
     cluster.worker(other)
     said = "tcp.*: code changed: benchmark/jobs/cluster .*; install there the suite"
     with pytest.raises(ConfigurationError, match=said):
@@ -272,11 +272,11 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     ids=["a suite that does not tell", "another one", "the same"],
 )
 def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, told):
-    from benchmark.jobs.cluster import dask_executor
+    from benchmark.jobs.cluster import dask_pool
 
-    pool = object.__new__(dask_executor.DaskWorkerPool)
+    pool = object.__new__(dask_pool.DaskPool)
     pool._suite = {"code": {"benchmark/jobs/cluster": "a"}, "packages": {}, "distributed": "2"}
-    node = dask_executor.WorkerNode("tcp://a", "a", 1, futures.Future())
+    node = dask_pool.WorkerNode("tcp://a", "a", 1, futures.Future())
     found = {"problem": "", "hint": ""} | answer
     if "suite" in answer:
         found["suite"] = answer["suite"] or pool._suite
@@ -302,14 +302,14 @@ def test_a_method_that_takes_too_long_is_stopped_and_its_place_is_told(place, cl
 
 @pytest.mark.slow
 def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begins(place, cluster, monkeypatch):
-    from benchmark.jobs.cluster import dask_executor
+    from benchmark.jobs.cluster import dask_pool
 
     def without_marker(self, address):
         self._marker.unlink(missing_ok=True)
         return inspect(self, address)
 
-    inspect = dask_executor.DaskWorkerPool._inspect
-    monkeypatch.setattr(dask_executor.DaskWorkerPool, "_inspect", without_marker)
+    inspect = dask_pool.DaskPool._inspect
+    monkeypatch.setattr(dask_pool.DaskPool, "_inspect", without_marker)
     cluster.worker()
     said = f"worker tcp.*: it does not see the results folder {place}/results, .*; mount .* or run parts with --shard"
     with pytest.raises(ConfigurationError, match=said):
@@ -320,17 +320,17 @@ def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begi
 
 @pytest.mark.parametrize("written", ["by this run", "by another run", None])
 def test_the_results_folder_is_shared_if_a_worker_reads_what_the_run_wrote(tmp_path, written):
-    from benchmark.jobs.cluster import supervisor
+    from benchmark.jobs.cluster import dask_worker
 
     if written is not None:
         (tmp_path / "marker").write_text(written)
-    assert supervisor._is_shared(tmp_path / "marker", "by this run") == (written == "by this run")
+    assert dask_worker._is_shared(tmp_path / "marker", "by this run") == (written == "by this run")
 
 
 def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
-    from benchmark.jobs.cluster import dask_executor
+    from benchmark.jobs.cluster import dask_pool
 
-    monkeypatch.setattr(dask_executor, "_CONNECTING", 1.0)
+    monkeypatch.setattr(dask_pool, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):
         run(*selection(place, "results"), "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     assert list((place / "results" / "runs" / "progress").iterdir()) == []

@@ -10,27 +10,23 @@ import secrets
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from distributed import Client
 from distributed import Future as Answer
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.jobs.cluster import dask_worker, supervisor
-from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.executors import Run, Watch
-from benchmark.jobs.execution.worker import Status, read_status, remove_status
-from benchmark.jobs.execution.worker_pool import INTERVAL, LOST, PoolWorker, package_of
+from benchmark.jobs.cluster import dask_worker
+from benchmark.jobs.execution.pools import LOST, Running, Status
 from benchmark.jobs.job_specs import Job, Task, to_json
 from benchmark.jobs.plan import changed_names
-from benchmark.storage.records import Record
 from benchmark.storage.store import Store
+from benchmark.system.processes import INTERVAL
 from benchmark.system.text import brief, say
 
 T = TypeVar("T")
@@ -48,42 +44,6 @@ SILENCE = 60.0
 _LAST_WORDS = 10.0
 
 
-@dataclass(frozen=True)
-class DaskExecutor:
-    """Jobs given to the workers of a dask cluster, each of which does them in guarded processes of its own.
-
-    Parameters
-    ----------
-    url
-        Address of the scheduler.
-    claims
-        The jobs that other runs are at.
-    timeout
-        Seconds of work after which a job is stopped; None for no limit.
-    most
-        Tasks at a time; None for all threads of the cluster.
-    """
-
-    url: str
-    claims: Claims
-    timeout: float | None = None
-    most: int | None = None
-
-    def execute(self, jobs: Sequence[Job], watch: Watch) -> Iterator[tuple[Job, Record]]:
-        """Do the jobs, handing back each record as soon as its job ends.
-
-        Raises
-        ------
-        ConfigurationError
-            If no scheduler answers, or all workers lack the results folder or differ in what they would do.
-        BenchmarkError
-            If the scheduler is gone, or no worker comes for long.
-        """
-        if jobs:
-            with DaskWorkerPool(self.url, jobs, self.most) as pool:
-                yield from Run(jobs, pool, self.claims, self.timeout, watch).records()
-
-
 @dataclass
 class WorkerNode:
     """A dask worker, as far as a run knows it.
@@ -93,7 +53,7 @@ class WorkerNode:
     address, host, threads
         Where it is, and how many tasks it takes at a time.
     inspection
-        Its answer, in time, to the question what it has; see :func:`benchmark.jobs.cluster.supervisor.inspect`.
+        Its answer, in time, to the question what it has; see :func:`.dask_worker.inspect`.
     is_ready
         Whether that answer has come and is as it should be.
     refusal
@@ -128,48 +88,37 @@ class WorkerNode:
         return self.threads - self.running if self.is_ready and not self.is_lost else 0
 
 
-class RemoteTask:
+class DaskTask(Running):
     """A task that a dask worker is at.
 
     Parameters
     ----------
+    task
+        The task.
     node
         Who does it.
     answer
         What dask will have in the end.
     store
         Where its records belong.
-    status_file
-        Name of the file under its progress where the task says how far it is.
     """
 
-    def __init__(self, node: WorkerNode, answer: Answer, store: Store, status_file: str) -> None:
+    def __init__(self, task: Task, node: WorkerNode, answer: Answer, store: Store) -> None:
+        super().__init__(task)
         self.node = node
-        self.status_at_end = Status()
-        self.trace = ""
         self._answer = answer
-        self._status_file = store.progress / status_file
         self._store = store
-        self._code: int | None = None
         self._is_over = False
         node.running += 1
 
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code of the process that did it, or minus the number of its signal; ``LOST`` if nobody answers."""
-        if self._code is None:
-            if self._answer.done():
-                self._take_answer()
-            elif self.node.is_lost:
-                self._code = LOST
-        return self._code
-
-    @property
-    def status(self) -> Status:
-        """Return how far it is."""
-        if self._code is None:
-            self.status_at_end = read_status(self._status_file) or self.status_at_end
-        return self.status_at_end
+    def update(self) -> None:
+        """Look whether it has ended."""
+        if self.exit_code is None and self._answer.done():
+            self._take_answer()
+        elif self.exit_code is None and self.node.is_lost:
+            self.exit_code = LOST
+        if self.exit_code is not None:
+            self.end()
 
     def stop(self) -> None:
         """End it, after it has written down where it is."""
@@ -178,32 +127,30 @@ class RemoteTask:
         until = time.monotonic() + _LAST_WORDS
         while self.exit_code is None and time.monotonic() < until:
             time.sleep(INTERVAL)
+            self.update()
         self.end()
 
     def end(self) -> None:
         """End it, if it still runs; its worker hears of it from the scheduler."""
-        if self._is_over:
-            return
-        self._is_over = True
-        self._code = LOST if self._code is None else self._code
-        _aside(lambda: self._answer.cancel(force=True))
-        self.node.running -= 1
-        remove_status(self._status_file)
+        if not self._is_over:
+            self._is_over = True
+            _aside(lambda: self._answer.cancel(force=True))
+            self.node.running -= 1
 
     def _take_answer(self) -> None:
         try:
             found = json.loads(self._answer.result(timeout=SILENCE))
-            status, code = Status(**found["status"]), int(found["exit_code"])
+            status, code = Status(*found["status"]), int(found["exit_code"])
         except Exception:  # cancelled, killed, or without an answer
-            self._code = LOST
+            self.exit_code = LOST
             return
         for record in found["records"]:  # a network file system may show them seconds later
             if record["key"] not in self._store.records:
                 self._store.write_record(record)
-        self.status_at_end, self.trace, self._code = status, str(found["trace"]), code
+        self.status, self.trace, self.exit_code = status, str(found["trace"]), code
 
 
-class DaskWorkerPool:
+class DaskPool:
     """The workers of a dask cluster.
 
     Each is asked before it gets work whether it sees the results folder and what code, packages and data it has, and is
@@ -234,7 +181,8 @@ class DaskWorkerPool:
         self._nodes: dict[str, WorkerNode] = {}
         self._info: dict[str, Any] = {}
         self._store = Store.open(jobs[0].results)
-        self._suite = supervisor.suite()
+        self._suite = dask_worker.suite()
+        self._running: dict[str, DaskTask] = {}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of versions, which are told worker by worker
@@ -243,6 +191,7 @@ class DaskWorkerPool:
             raise ConfigurationError(
                 f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
             ) from error
+        self._client.subscribe_topic(self._name, self._hear)
         self._marker = self._store.progress / f"{os.getpid()}-{self._name}"
         self._marker.write_text(self._name, encoding="utf-8")
         self._question = json.dumps(
@@ -260,9 +209,7 @@ class DaskWorkerPool:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
         self._marker.unlink(missing_ok=True)
         futures.wait([_aside(lambda: self._client.close(timeout=1))], _LAST_WORDS)
@@ -281,27 +228,32 @@ class DaskWorkerPool:
         asked = sum(not node.inspection.done() for node in self._nodes.values())
         return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
 
-    def begin(self, task: Task) -> RemoteTask:
+    def begin(self, task: Task) -> Running:
         """Give a task to the worker that is least at work; raises ``OSError`` if all of them are."""
         node = max(self._nodes.values(), key=lambda node: node.free, default=None)
         if node is None or not node.free:
             raise OSError(0, f"all workers of {self.url} are at work")
-        name = f"{os.getpid()}-{self._name}-{next(self._numbers)}"
+        name = f"{self._name}-{next(self._numbers)}"
         message = {
             "task": to_json(task),
-            "keys": [job.key for job in task.jobs],
-            "results": str(task.jobs[0].results),
-            "status_file": name,
+            "run": self._name,
+            "name": name,
             "workers": sum(other.threads for other in self._nodes.values() if other.host == node.host),
-            "package": package_of(task),
         }
         answer = self._client.submit(
-            dask_worker.ask, json.dumps(message), name, key=name, workers=[node.address], allow_other_workers=False,
+            dask_worker.do, json.dumps(message), key=name, workers=[node.address], allow_other_workers=False,
             retries=0, pure=False,
         )  # fmt: skip
-        return RemoteTask(node, answer, self._store, name)
+        self._running[name] = DaskTask(task, node, answer, self._store)
+        return self._running[name]
 
-    def wait(self, running: Sequence[PoolWorker]) -> None:
+    def _hear(self, event: tuple[float, Any]) -> None:
+        """Take note of how far a task is, as its worker says."""
+        name, *status = event[1]
+        if name in self._running and self._running[name].exit_code is None:
+            self._running[name].status = Status(*status)
+
+    def wait(self, running: Sequence[Running], look: Callable[[], object]) -> None:
         """Wait a moment, then look who has come and who has gone.
 
         Raises
@@ -318,6 +270,10 @@ class DaskWorkerPool:
                 f"the dask scheduler at {self.url} is gone", "start it again and run again; finished jobs are kept"
             )
         self._look_round()
+        for name, task in list(self._running.items()):
+            task.update()
+            if task.exit_code is not None:
+                del self._running[name]
         refused = [node.refusal for node in self._nodes.values() if node.refusal]
         if running or self.size:
             self._useful = now
@@ -355,7 +311,7 @@ class DaskWorkerPool:
 
     def _inspect(self, address: str) -> str:
         """Ask a worker what it has; not by a task, at which a worker without the suite would end."""
-        return str(self._client.run(dask_worker.ask, self._question, workers=[address])[address])
+        return str(self._client.run(dask_worker.inspect, self._question, workers=[address])[address])
 
     def _admit(self, node: WorkerNode) -> None:
         """Take the answer of a worker to the question what it has."""
