@@ -112,8 +112,3 @@ def test_the_queries_tell_sampled_animals_from_the_best_classical_form_in_what_t
         (probability,) = permutation_test(np.rint(differences[:, None] * 1e6))
         sure |= {measure} if probability < 0.05 else set()
     assert sure == {"ST", "DCG"}
-
-
-def test_cats_and_horses_alone_are_not_above_the_best_classical_form(records: pd.DataFrame) -> None:
-    rows = records[(records["gallery"] == "tosca held out") & (records["input"] == "view")].set_index("method")
-    assert not any(rows.loc[SAMPLED_ANIMALS, measure] > rows.loc["mesh-unfolding", measure] for measure in PRINTED)

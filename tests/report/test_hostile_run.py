@@ -6,7 +6,6 @@ from html.parser import HTMLParser
 import pytest
 from click.testing import CliRunner
 
-from benchmark.api.contracts import Shape
 from benchmark.cli.main import cli
 from benchmark.storage.store import Store
 from tests.toy import RADII, rod, write_off
@@ -120,11 +119,3 @@ class Elements(HTMLParser):
 
     def handle_data(self, data):
         self.bold += [data] if self.inside else []
-
-
-def test_a_shape_whose_name_is_no_text_has_random_numbers_of_its_own():
-    mesh = rod(0.1, 0.0)
-    first, second, again = (
-        Shape(identifier=name, mesh=mesh).random().random() for name in ("\udcfe", "\udcff", "\udcfe")
-    )
-    assert first == again != second
