@@ -27,6 +27,7 @@ from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.rounding import number
 from benchmark.storage.keys import digest, plain
+from benchmark.storage.lock import versions_of
 from benchmark.storage.records import Record, answered_shapes, scorer_name
 from benchmark.system.arrays import Arrays, digest_of
 
@@ -175,10 +176,12 @@ class RowCheck:
         except BenchmarkError as error:
             self.faults.append(claim("scorer-unknown", error.problem, error.hint))
             return None
-        of_scorer = scorer_recipe(found)
-        if "versions" not in self.record["recipe"]:  # of version 0.2, which named the defaults, too
-            of_scorer |= found.resolved_parameters()
-        if plain(of_scorer) != self.record["recipe"].get("scorer"):
+        component = f"scorer/{found.base_name}"
+        if self.record["recipe"].get("versions", {}).get(component) != versions_of([component])[component]:
+            said = f"its record was made by another version of the scorer '{found.name}'"
+            self.faults.append(claim("scorer-version", said, "ask its author to run it again with this version"))
+            return None
+        if plain(scorer_recipe(found)) != self.record["recipe"].get("scorer"):
             self.faults.append(lie("scores-differ", f"its record was made by another scorer than '{found.name}'"))
         return found
 

@@ -69,4 +69,6 @@ def ran(material) -> Path:
         assert call("run", "-d", "frames", "-m", "gps", "-m", "surface-area", *serial).code == 0
         own = ("-m", "flat", "-m", "picky", "-m", "broken", "--plugin", "own.py", "--input", "mesh")
         assert call("run", "-d", "rods", *own, "--results", "results", "-j", 1).code == 1
+        submitted = ("-d", "rods", "--input", "mesh", "--forms", "--plugin", "own.py", "--results", "results")
+        assert call("submit", "flat", *submitted, "-o", "today.zip").code == 0
     return material

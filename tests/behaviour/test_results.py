@@ -67,7 +67,7 @@ def test_results_of_today(today):
     records = today.records()
     assert all(not text or text.startswith("edited") for text in records.outdated)
     key = key_of(today, "gps")
-    assert tuple(records.loc[key, list(MEASURES)].round(6)) == (0.966667, 0.925, 0.975, 0.96404)
+    assert tuple(records.loc[key, list(MEASURES)].round(6)) == (1.0, 0.958333, 0.986111, 0.980022)
 
 
 def test_arrays_of_today(today, place):
