@@ -66,14 +66,14 @@ class Archive:
             with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 parts = archive.infolist()
         except Exception as error:
-            raise BundleError("no-zip", f"{path.name} is no zip file, or a damaged one", _HINT) from error
+            raise BundleError("no-zip", f"{path.name} is not a zip file, or is damaged", _HINT) from error
         for part in parts:
             _check(part)
         twice = [name for name, count in Counter(part.filename.casefold() for part in parts).items() if count > 1]
         if twice:
             raise BundleError("name-twice", f"two files in it are called '{twice[0]}'", _HINT)
         if len(parts) > MOST_FILES or sum(part.file_size for part in parts) > LARGEST_TOTAL:
-            raise BundleError("too-large", f"it unfolds to more than {LARGEST_TOTAL:,} bytes, or many files", _HINT)
+            raise BundleError("too-large", f"it unpacks to more than {LARGEST_TOTAL:,} bytes, or many files", _HINT)
         return cls(content, {part.filename: part for part in parts})
 
     def read(self, name: str) -> bytes:
@@ -94,11 +94,11 @@ class Archive:
     def json(self, name: str) -> Any:
         """Return a file of JSON; raises :class:`BundleError` as :meth:`read` does, and for what is none."""
         if name in self.parts and self.parts[name].file_size > LARGEST_JSON:
-            raise BundleError("too-large", f"'{name}' in it unfolds to more than {LARGEST_JSON:,} bytes", _HINT)
+            raise BundleError("too-large", f"'{name}' in it unpacks to more than {LARGEST_JSON:,} bytes", _HINT)
         try:
             return read_json(self.read(name))
         except (ValueError, RecursionError) as error:
-            raise BundleError("no-json", f"'{name}' in it is no JSON, or holds NaN or Infinity", _HINT) from error
+            raise BundleError("no-json", f"'{name}' in it is not JSON, or contains NaN or Infinity", _HINT) from error
 
     def arrays(self, name: str, key: str) -> dict[str, Any]:
         """Return the arrays of a file, of plain numbers alone; raises :class:`BundleError` for any other file."""
@@ -112,7 +112,7 @@ class Archive:
                 if not is_large and any(map(_has_objects, (inner.open(part) for part in parts))):
                     raise BundleError("pickle", f"'{name}' holds Python objects, which may be programs", _HINT)
             if is_large:
-                raise BundleError("too-large", f"'{name}' unfolds to more than {LARGEST_ARRAYS:,} bytes", _HINT)
+                raise BundleError("too-large", f"'{name}' unpacks to more than {LARGEST_ARRAYS:,} bytes", _HINT)
             return load_arrays(io.BytesIO(content), key)
         except BundleError:
             raise
@@ -127,13 +127,13 @@ def _check(part: zipfile.ZipInfo) -> None:
     if stat.S_IFMT(kind) not in (0, stat.S_IFREG):
         raise BundleError("link", f"'{shown}' in it is a link or a device", _HINT)
     if name.startswith("/") or "\\" in name or ":" in name or ".." in name.split("/"):
-        raise BundleError("path-outside", f"'{shown}' leads out of the bundle", _HINT)
+        raise BundleError("path-outside", f"'{shown}' points outside the bundle", _HINT)
     if not NAMES.fullmatch(name) or name != part.filename:
-        raise BundleError("unknown-file", f"'{shown}' belongs into no bundle", f"a bundle has {MANIFEST}; {_HINT}")
+        raise BundleError("unknown-file", f"'{shown}' does not belong in a bundle", f"a bundle has {MANIFEST}; {_HINT}")
     if part.flag_bits & 1 or part.compress_type not in _PACKED:
-        raise BundleError("no-zip", f"'{shown}' in it is locked, or packed in an unusual way", _HINT)
+        raise BundleError("no-zip", f"'{shown}' in it is encrypted, or packed in an unusual way", _HINT)
     if part.file_size > LARGEST_FILE:
-        raise BundleError("too-large", f"'{shown}' unfolds to {part.file_size:,} bytes", _HINT)
+        raise BundleError("too-large", f"'{shown}' unpacks to {part.file_size:,} bytes", _HINT)
 
 
 def _has_objects(file: Any) -> bool:

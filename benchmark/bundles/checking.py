@@ -135,7 +135,7 @@ class _Check:
         if missing := sorted(wanted - self.archive.parts.keys()):
             raise BundleError("file-missing", f"'{missing[0]}' is not in it", f"{_ASK} for the whole bundle")
         if further := sorted(self.archive.parts.keys() - wanted):
-            raise BundleError("unknown-file", f"'{further[0]}' is in it, and nothing names it", _ASK)
+            raise BundleError("unknown-file", f"'{further[0]}' is in it, but nothing refers to it", _ASK)
 
     def faults_of_method(self) -> list[Fault]:
         """Return what is wrong with the method that the bundle names."""

@@ -199,7 +199,7 @@ def write_leaderboard(
     """
     files = sorted(path for path in bundles.rglob("*.zip") if path.is_file()) if bundles.is_dir() else []
     if not files:
-        raise ConfigurationError(f"{bundles} holds no bundle", "name a folder of files that 'submit' wrote")
+        raise ConfigurationError(f"{bundles} contains no bundle", "name a folder of files that 'submit' wrote")
     folder.claim(["index.html", "parts", "outcomes"])
     how = digest([text_of("benchmark/bundles"), request.n_again, *_known_as(request)])
     found: list[Bundle] = []
@@ -211,13 +211,13 @@ def write_leaderboard(
                 say(f"verifying {name}")
                 outcome = verify(replace(request, path=path), say)
         except (OSError, BenchmarkError) as error:
-            say(f"left out {name}: {error}")
+            say(f"skipped {name}: {error}")
             continue
         folder.write(
             outcome_file(outcome.digest), json.dumps({"how": how, "outcome": outcome.to_plain()}, sort_keys=True)
         )
         if any(each.outcome.digest == outcome.digest for each in found):
-            say(f"left out {name}: it is the same file as another one")
+            say(f"skipped {name}: another file is the same")
             continue
         found.append(Bundle(name, outcome))
     folder.write("index.html", page(found))

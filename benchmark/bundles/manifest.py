@@ -145,7 +145,7 @@ class Manifest:
 def manifest_of(content: Any) -> Manifest:
     """Read what JSON holds; raises :class:`BundleError` if it is no manifest."""
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise BundleError("no-bundle", f"{MANIFEST} is not that of a bundle", "make it with 'submit'")
+        raise BundleError("no-bundle", f"{MANIFEST} does not describe a bundle", "make it with 'submit'")
     try:
         texts = ("method", "base_name", "title", "author", "licence")
         told = {name: _text(content[name]) for name in texts}

@@ -166,6 +166,6 @@ def claim(name: str, problem: str, hint: str) -> Fault:
     return Fault(name, problem, hint, "claimed")
 
 
-def lie(name: str, problem: str, hint: str = "take it for edited, and ask its author") -> Fault:
+def lie(name: str, problem: str, hint: str = "it may have been edited; ask its author") -> Fault:
     """Return a fault by which a record is false."""
     return Fault(name, problem, hint, "false")

@@ -147,7 +147,7 @@ def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict
         close_to_plugins()
         spec = MethodSpec(base, target, record["parameters"])
         if spec.learns:
-            raise ConfigurationError("what it has learned is not in the bundle", "train it, and submit by yourself")
+            raise ConfigurationError("its trained model is not in the bundle", "train it yourself, and submit")
     else:
         spec = variant(record["method"], methods())
     items = dict(zip(answered_shapes(record), unfolded(load_arrays(io.BytesIO(content), entry.key)), strict=True))
@@ -178,7 +178,7 @@ def _method_run(remaking: Remaking, spec: MethodSpec, folder: Path) -> MethodRun
     gallery = Gallery(own_table(dataset.name), remaking.source, dataset, entries, data_root=remaking.data_root)
     models = {} if spec.is_foreign else find_models(spec, gallery, remaking.results / "models")
     if _digests(models) != record["recipe"].get("models", {}):
-        raise ConfigurationError("its trained model is not here", "name the results folder that has it by --results")
+        raise ConfigurationError("its trained model is not here", "pass the results folder that has it as --results")
     scorer = scorer_of(scorer_name(record) or ScorerSpec().name, scorers())
     seed = int(record["recipe"].get("seed", 0))
     return MethodRun(Preparation(dataset, record["input"], store), store, spec, seed, models, scorer)

@@ -168,7 +168,7 @@ class RowCheck:
         name = scorer_name(self.record)
         if name.partition("[")[0] not in SCORERS:
             self.faults.append(
-                claim("scorer-unknown", f"scorer '{name:.60}' is none of the suite", "compare by cm-bof")
+                claim("scorer-unknown", f"scorer '{name:.60}' is not part of the suite", "compare by cm-bof")
             )
             return None
         try:
@@ -279,7 +279,7 @@ def _check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> No
     elif is_fine:
         is_fine = arrays.keys() == {"energies"} and arrays["energies"].dtype == np.float64
     if not is_fine:
-        raise BundleError("no-arrays", f"the signature of '{name}' is none of its scorer", "ask its author")
+        raise BundleError("no-arrays", f"the signature of '{name}' does not come from its scorer", "ask its author")
 
 
 def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
@@ -299,7 +299,7 @@ def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDAr
 def _check_descriptor(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
     vector = arrays.get("descriptor")
     if vector is None or vector.ndim != 1 or vector.dtype != np.float64 or not np.isfinite(vector).all():
-        raise BundleError("no-arrays", f"the descriptor of '{name}' is no vector of finite numbers", "ask its author")
+        raise BundleError("no-arrays", f"the descriptor of '{name}' is not a finite vector", "ask its author")
 
 
 _CHECKS = {"forms": _check_form, "signatures": _check_signature, "descriptors": _check_descriptor}

@@ -136,7 +136,7 @@ def write_bundle(
         names.append((told(record), entry.holds, entry.withheld))
     if not entries:
         first, why = left_out[0]
-        raise ConfigurationError(f"no record of '{spec.name}' can be passed on: {first}: {why.problem}", why.hint)
+        raise ConfigurationError(f"no record of '{spec.name}' can be shared: {first}: {why.problem}", why.hint)
     sources = _sources(spec)
     plugin = None
     if sources:
@@ -157,10 +157,10 @@ def write_bundle(
 def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[Entry, dict[str, bytes]]:
     """Return the entry of a record and its files by name; raises ``BenchmarkError`` where something is not here."""
     if record["status"] != "ok":
-        raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be passed on")
+        raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
     scorer = scorer_of(scorer_name(record) or ScorerSpec().name, scorers())
     if scorer.base_name not in BUILT_IN:
-        raise ConfigurationError(f"scorer '{scorer.name}' is none of the suite", "nobody else could compare its scores")
+        raise ConfigurationError(f"scorer '{scorer.name}' is not in the suite", "nobody else could compare its scores")
     run = replace(artefacts.method_run(record), scorer_spec=scorer)
     store, dataset = run.store, run.preparation.dataset
     by_name = {entry.identifier: entry for entry in dataset.entries}
@@ -177,7 +177,7 @@ def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[En
         shape = store.find(run.preparation.recipe(by_name[name]), wanted=["vertices", "faces"].__contains__)
         answer = store.find(run.recipe(by_name[name]))
         if shape is None or answer is None:
-            raise StorageError("its forms are not kept here, as this code makes them", "run it again here")
+            raise StorageError("its forms are not stored here, as today's code makes them", "run it again here")
         prepared[name] = shape.digest
         arrays = require_arrays(answer)
         if not run.describes:
@@ -189,7 +189,7 @@ def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[En
     forms = [run.recipe(by_name[name]) for name in answered_shapes(record)]
     matrices = [store.find(distances_recipe(forms, run.spec, scorer, draw)) for draw in draws_of(run.spec, scorer)]
     if not all(matrices):
-        raise StorageError("its distances are not kept here", "run it again here")
+        raise StorageError("its distances are not stored here", "run it again here")
     holds: Holds = "descriptors" if run.describes else "signatures" if withheld else "forms"
     key = record["key"]
     entry = Entry(key, holds, withheld, {name: (sources[name], prepared[name]) for name in record["shapes"]})
@@ -253,7 +253,7 @@ def _sources(spec: MethodSpec) -> dict[str, bytes]:
         files |= {f"plugin/{each.relative_to(main.parent).as_posix()}": each for each in of_package}
     for name, file in files.items():
         if not NAMES.fullmatch(name):
-            raise ConfigurationError(f"{file} cannot be called so in a bundle", "rename it: letters, digits and _")
+            raise ConfigurationError(f"{file} is not a valid name in a bundle", "rename it: letters, digits and _")
     return {name: file.read_bytes() for name, file in files.items()}
 
 

@@ -84,7 +84,7 @@ def canonicalise_file(
     from benchmark.geometry.io import WRITABLE
 
     if target.suffix.lower() not in WRITABLE:
-        raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
+        raise ConfigurationError(f"{target} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
     if target.exists() and source.exists() and target.samefile(source):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     guard = request.guard(str(source), "try another shape, or correct the method")
@@ -141,7 +141,7 @@ def plain_form(source: Path, request: FormRequest, vertices: int | str | None = 
         )
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
-        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "leave --vertices out")
+        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
     mesh = read_mesh(source)
     if vertices is not None:
         form, noted = _with_vertices(maker, mesh, source.stem, request.seed, vertices)

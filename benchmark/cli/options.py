@@ -187,7 +187,7 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
         }
         for kind, (is_it, command) in kinds.items():
             if is_it and kind != wanted:
-                raise ConfigurationError(f"'{name}' is a {kind}, no {wanted}", f"'{command}' tells of it") from error
+                raise ConfigurationError(f"'{name}' is a {kind}, not a {wanted}", f"see '{command}'") from error
         raise
 
 

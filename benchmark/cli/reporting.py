@@ -47,7 +47,7 @@ def write_figure(
     from benchmark.report.pictures.forms import ENDINGS, effect_figure, forms_figure, save
 
     if path.suffix.lower() not in ENDINGS:
-        raise ConfigurationError(f"{path} is no name of a figure", f"let it end in {', '.join(ENDINGS)}")
+        raise ConfigurationError(f"{path} is not the name of a figure", f"use {', '.join(ENDINGS)}")
     if what == "cost":
         save(_cost_figure(selection), path)
     else:

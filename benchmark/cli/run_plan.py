@@ -123,7 +123,7 @@ def _check_executor(options: RunOptions) -> None:
     if options.executor not in ("serial", "processes", "dask"):
         raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
     if options.executor != "dask" and options.scheduler:
-        raise ConfigurationError("a scheduler is for dask alone", "pass --executor dask")
+        raise ConfigurationError("--scheduler needs dask", "pass --executor dask")
     if options.executor == "dask" and not options.scheduler:
         raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
     if options.executor == "dask" and importlib.util.find_spec("distributed") is None:

@@ -131,7 +131,7 @@ def test_a_folder_without_bundles_and_one_of_something_else_are_refused(bundles,
     empty = tmp_path / "empty"
     empty.mkdir()
     told = command("leaderboard", empty, "-o", tmp_path / "page")
-    assert "holds no bundle" in str(told.exception)
+    assert "contains no bundle" in str(told.exception)
     (empty / "index.html").write_text("mine")
     told = command("leaderboard", bundles, "-o", empty)
     assert "is not of a report" in str(told.exception)

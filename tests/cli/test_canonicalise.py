@@ -51,7 +51,7 @@ def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
 
 def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path):
     for output in ("form.xyz", "form"):
-        with pytest.raises(ConfigurationError, match="is no name of a mesh; let it end in .off"):
+        with pytest.raises(ConfigurationError, match="is not the name of a mesh file; use .off"):
             canonicalise_file(tmp_path / "absent.off", tmp_path / output, FormRequest("no-such-method"))
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
@@ -150,7 +150,7 @@ def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(she
 @pytest.mark.parametrize(
     ("method", "vertices", "message"),
     [
-        ("learned", "all", "'learned' reads depth images, not vertices; leave --vertices out"),
+        ("learned", "all", "'learned' reads depth images, not vertices; omit --vertices"),
         ("learned", 500, "reads depth images"),
     ],
 )

@@ -59,7 +59,7 @@ def test_what_does_not_fit_is_refused(frames, tmp_path):
     image = frames / "one" / "0.png"
     for arguments, said in (
         ([image, "--vertices", "all"], "a depth image has no vertices"),
-        ([image, "-o", tmp_path / "form.xyz"], "is no name of a mesh"),
+        ([image, "-o", tmp_path / "form.xyz"], "is not the name of a mesh file"),
         ([tmp_path / "absent.off", "--mask", image], "is no depth image; leave --intrinsics, --mask"),
         ([tmp_path / "*.png"], "no depth image matches"),
         ([tmp_path], "no meshes in"),

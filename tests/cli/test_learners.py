@@ -251,7 +251,7 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     train_one(
         spec, find_training("tosca-III"), RunOptions(results=tmp_path, data_root=root), {}, 1, (said := []).append
     )
-    assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, the model is trained anew")
+    assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, training the model again")
     assert read_card(local)["data"] == "tosca-III"
 
 
@@ -286,7 +286,7 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
-        (("mean-target", "--sampled", 5), "mean-target is not trained on sampled bodies here; leave --sampled out"),
+        (("mean-target", "--sampled", 5), "mean-target is not trained on sampled bodies here; omit --sampled"),
         (("mean-target", "-t", "III", "--validation", 4), "cannot hold back 4 of 4 subjects; choose fewer than 4"),
     ],
 )

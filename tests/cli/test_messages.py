@@ -36,8 +36,8 @@ def told(place, monkeypatch):
     ("line", "rest", "most"),
     [
         ("compare classic-mds gps", "47 more pairs differ; --all shows intervals and tests", 24),
-        ("why gps --input mesh", "jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all", 12),
-        ("tables -m gps", "9 tables: -t and -d choose, --all prints them whole", 14),
+        ("why gps --input mesh", "jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all", 12),
+        ("tables -m gps", "9 tables: select with -t and -d, or print them with notes", 14),
     ],
 )
 def test_a_first_screen_says_how_to_see_the_rest(told, line, rest, most):

@@ -85,7 +85,7 @@ def test_nothing_is_pruned_while_a_run_is_under_way(tmp_path):
     (store.scratch / "ab" / "needed.npz").write_text("")
     with hold(store.root / "claims", "one") as other:
         done = CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)])
-        assert f"a run in {tmp_path} needs what would be freed; wait" in str(done.exception)
+        assert f"a run in {tmp_path} is using these files; wait" in str(done.exception)
         assert CliRunner().invoke(cli, ["prune", "--results", str(tmp_path), "--dry-run"]).exit_code == 0
         other.kill()
     assert (store.scratch / "ab" / "needed.npz").exists()

@@ -365,7 +365,7 @@ def test_galleries_that_overlap_are_treated_together(tmp_path):
     [
         ({"executor": "slurm"}, "unknown executor 'slurm'; choose serial, processes or dask"),
         ({"executor": "dask"}, "dask needs the address of its scheduler; pass --scheduler URL"),
-        ({"scheduler": "tcp://127.0.0.1:8786"}, "a scheduler is for dask alone; pass --executor dask"),
+        ({"scheduler": "tcp://127.0.0.1:8786"}, "--scheduler needs dask; pass --executor dask"),
     ],
 )
 def test_an_unknown_executor_and_one_without_its_scheduler_are_refused_where_nothing_is_to_run(

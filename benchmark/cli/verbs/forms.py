@@ -73,7 +73,7 @@ def canonicalise(
     request = FormRequest(method, plugins, seed, timeout)
     if is_of_depth(sources):
         if vertices is not None:
-            raise ConfigurationError("a depth image has no vertices", "leave --vertices out")
+            raise ConfigurationError("a depth image has no vertices", "omit --vertices")
         _canonicalise_frames(sources, output, request, options, picture)
         return
     if options or picture:
@@ -110,11 +110,11 @@ def _canonicalise_frames(
         sources = tuple(path for path in sources if not path.is_file() or is_depth_file(path))
     frames = [frame for source in sources for frame in frames_under(source)]
     if not frames:
-        raise ConfigurationError("none of these files is a depth image", "name images of 16 bits")
+        raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     if frames == list(sources[:1]):
         target = output or _beside(sources[0], request.method)
         if target.suffix.lower() not in WRITABLE:
-            raise ConfigurationError(f"{target} is no name of a mesh", f"let it end in {', '.join(WRITABLE)}")
+            raise ConfigurationError(f"{target} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
         jobs = [FrameJob(str(sources[0]), str(target), str(picture or ""))]
     else:
         folder = output or Path("forms")

@@ -53,8 +53,8 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
     artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
     files = paper_files(tables, artefacts, template)
     for name in write_folder(files, output, force=force):
-        say(f"kept {output / name}, which was changed by hand; --force replaces it", err=True)
+        say(f"kept {output / name}, which was edited; --force overwrites it", err=True)
     say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
     if "figures/forms.pdf" not in files:
         figure = shlex.quote(str(output / "figures" / "forms.pdf"))
-        say(f"no forms are kept here; to draw some: report -d DATASET --figure {figure}")
+        say(f"no forms are stored here; draw some with report -d DATASET --figure {figure}")

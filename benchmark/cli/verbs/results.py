@@ -145,7 +145,7 @@ def prune(dry_run: bool, results: Path) -> None:
     store = Store.open(results)
     with Claims.of(store) as claims:
         if not (dry_run or claims.is_last()):
-            raise ConfigurationError(f"a run in {results} needs what would be freed", "wait until it has ended")
+            raise ConfigurationError(f"a run in {results} is using these files", "wait until it has ended")
         paths = list(unneeded(store))
         size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     name_skipped(store)
@@ -186,7 +186,7 @@ def why(target: str, everything: bool, **options: Any) -> None:
         scores = _scores(record) if record is not None else ""
         short = bare_key(job.key)[:12]
         say(f"{short or 'none':<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
-    say(f"{len(jobs)} jobs: 'why KEY' tells all of one, -t, -d and --input choose, --all tells all of each")
+    say(f"{len(jobs)} jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all with --all")
 
 
 def _explain_job(job: Job, record: Record | None) -> None:

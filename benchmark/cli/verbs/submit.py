@@ -56,11 +56,11 @@ def submit(method: str, path: Path, author: str, licence: str, with_forms: bool,
     offer = Offer(author, licence, with_forms)
     written = write_bundle(path, records, spec, artefacts, offer, lambda line: say(line, err=True))
     for line in written.left_out:
-        say(f"left out {line}", err=True)
+        say(f"omitted {line}", err=True)
     for name, holds, withheld in written.entries:
         say(f"{name}: {holds}{f' and distances alone; {withheld}' if withheld else ''}")
     if any(withheld and "nobody has said" in withheld for *_, withheld in written.entries):
-        say("--forms says that what is made of your own data may be passed on", err=True)
+        say("pass --forms if results of your own data may be shared", err=True)
     if not written.licence:
-        say("no licence is stated: nobody else may use the source; pass --licence", err=True)
-    say(f"{path}: {written.size / 2**20:.1f} MiB; 'verify {path}' tells what it proves")
+        say("without a licence nobody else may use the source; pass --licence", err=True)
+    say(f"{path}: {written.size / 2**20:.1f} MiB; 'verify {path}' says what it proves")

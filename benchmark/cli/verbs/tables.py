@@ -75,7 +75,7 @@ def tables(
     selection = RunOptions.of(options)
     store = selection.store(output)
     if store.published_only and not selection.published and Store(store.root).records.has_files:
-        say(f"{output} holds published tables: records made here are left out; choose another -o for them", err=True)
+        say(f"{output} holds published tables, so your own records are omitted; choose another -o for them", err=True)
     recorded = selection.recorded(store, fresh=fresh)
     content = contents(recorded, selection.tables, blanks=not selection.is_narrow, named=selection.is_by_name)
     perturbed = robustness(recorded) if "robustness" in selection.tables or not selection.tables else []
@@ -84,7 +84,7 @@ def tables(
     is_screen = output is None and not formats
     if is_screen and selection.is_narrow and len(content) > _FEW and not everything:
         say_lines(overview(content))
-        say(f"{len(content)} tables: -t and -d choose, --all prints them whole, with notes, intervals and tests")
+        say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
         return
     if is_screen and sys.stdout.isatty():
         from benchmark.cli.terminal import draw

@@ -70,7 +70,7 @@ def train(
         raise _no_learner(method, options.plugins)
     trainings = [find_training(only)] if only else [*trainings_of(learner, table, options.data_root).values()]
     if n_sampled and not any(training.name in COUNTED for training in trainings):
-        raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "leave --sampled out")
+        raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "omit --sampled")
     if n_validation:
         trainings = [with_validation(training, n_validation) for training in trainings]
     schedule = {name: given[name] for name in SCHEDULE if given[name] is not None} | assignments(method_options)
@@ -123,7 +123,7 @@ def train_one(
             read_card(folder)
         except ConfigurationError as error:  # as of a model that no verb can use: it would stop this training, too
             (folder / CARD).replace(folder / f"unusable-{CARD}")
-            say(f"{error.problem}: renamed to unusable-{CARD}, the model is trained anew")
+            say(f"{error.problem}: renamed to unusable-{CARD}, training the model again")
     data = training_data(training, store, options.data_root, say, n_sampled)
     learner.train(data, folder, schedule, say)
 
@@ -148,4 +148,4 @@ def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:
             learners += [known] if spec.learns else []
         except ConfigurationError:
             continue  # one that cannot be imported is no help here
-    return ConfigurationError(f"method '{name}' does not learn", f"choose from {', '.join(learners) or 'a plugin'}")
+    return ConfigurationError(f"method '{name}' is not a learner", f"choose from {', '.join(learners) or 'a plugin'}")
