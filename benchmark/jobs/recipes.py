@@ -165,7 +165,7 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
     shape
         Recipe of the prepared shape.
     identifier
-        Name of the shape; random choices depend on it.
+        Name of the shape, which the reason of a refusal may hold.
     seed
         Base seed.
     model
