@@ -15,10 +15,10 @@ from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.jobs.foreign.remote import Foreign
-from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
+from benchmark.jobs.preparation import Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import form
-from benchmark.methods.output_checks import signature_of
+from benchmark.methods.output_checks import REFUSED, signature_of
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model

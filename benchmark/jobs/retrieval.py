@@ -21,12 +21,12 @@ from benchmark.depth.reading import READERS
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.jobs.preparation import REFUSED, Preparation, attempted, require_arrays, shape_of
+from benchmark.jobs.preparation import Preparation, attempted, require_arrays, shape_of
 from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recipe
 from benchmark.jobs.stages import form
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import seen
-from benchmark.methods.output_checks import distances_of, form_distances, signature_of
+from benchmark.methods.output_checks import REFUSED, distances_of, form_distances, signature_of
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model

@@ -15,6 +15,9 @@ from benchmark.system.forks import one_of_us
 
 Note = NDArray[Any]
 
+#: Array that stands where there is no result: the problem, its hint, and the kind of error.
+REFUSED = "refused"
+
 _HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 
 
@@ -95,8 +98,9 @@ def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
         raise InvalidSignature(f"{who} returned {type(answer).__name__}, not named arrays", hint)
     arrays: dict[str, NDArray[Any]] = {}
     for name, value in answer.items():
-        if not (isinstance(name, str) and name.isidentifier()):
-            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", "name it like a variable")
+        if not (isinstance(name, str) and name.isidentifier()) or name == REFUSED:
+            hint = f"name it like a variable, and not '{REFUSED}'"
+            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", hint)
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
             raise InvalidSignature(f"{who} returned '{name}', which is no array of finite numbers", hint)
         arrays[name] = value

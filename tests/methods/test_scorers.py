@@ -94,7 +94,9 @@ def test_a_scorer_that_takes_a_name_or_says_what_cannot_be_is_refused(plugin):
         plugin_scorers(other)
 
 
-@pytest.mark.parametrize("answer", [np.zeros(3), {}, {"a b": np.zeros(3)}, {"a": [1.0]}, {"a": np.array([np.nan])}])
+@pytest.mark.parametrize(
+    "answer", [np.zeros(3), {}, {"a b": np.zeros(3)}, {"a": [1.0]}, {"a": np.array([np.nan])}, {"refused": np.zeros(3)}]
+)
 def test_what_is_no_signature_is_the_fault_of_the_scorer(plugin, answer, monkeypatch):
     (spec,) = plugin_scorers(plugin)
     monkeypatch.setattr(spec.load(), "signature", lambda self, form: answer)
