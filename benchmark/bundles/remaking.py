@@ -25,7 +25,7 @@ from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import Preparation, require_arrays
 from benchmark.jobs.recipes import method_components
-from benchmark.jobs.stages import distances, features
+from benchmark.methods.output_checks import distances_of, form_distances, signature_of
 from benchmark.methods.registry import MethodSpec, methods, variant
 from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
@@ -163,7 +163,7 @@ def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict
     if target and entry.holds == "descriptors":
         method: Any = spec.create()
         vectors = [arrays["descriptor"] for arrays in items.values()]
-        compare = lambda items: distances.descriptor_distances(method, items)  # noqa: E731
+        compare = lambda items: distances_of(method, items)  # noqa: E731
         made = in_shuffled_order(vectors, compare).tolist()
     versions = versions_of(method_components(spec))
     is_same = bool(target) or versions.items() <= record["recipe"].get("versions", {}).items()
@@ -203,7 +203,7 @@ def _apart(made: Arrays, name: str, items: Mapping[str, Arrays], run: MethodRun)
         return rigid_distance(made["vertices"], told["vertices"])
     form = Mesh(made["vertices"], made.get("faces", made[FACES]))
     others = [arrays for other, arrays in items.items() if other != name][:10]
-    found = distances.form_distances(run.scorer, [features.extract(run.scorer, form), told, *others], 0)
+    found = form_distances(run.scorer, [signature_of(run.scorer, form), told, *others], 0)
     return float(found[0, 1] / max(found[1, 2:].mean(), 1e-300))
 
 

@@ -20,7 +20,8 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.foreign.serving import unfolded
 from benchmark.jobs.plan import data_recipe
 from benchmark.jobs.recipes import scorer_recipe
-from benchmark.jobs.stages import distances, features, measures
+from benchmark.jobs.stages import measures
+from benchmark.methods.output_checks import distances_of, form_distances, signature_of
 from benchmark.methods.registry import BUILT_IN, methods, variant
 from benchmark.methods.scorers import BUILT_IN as SCORERS
 from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
@@ -227,17 +228,17 @@ class RowCheck:
                 return None
             method: Any = variant(self.record["method"], methods()).create()
             vectors = [arrays["descriptor"] for arrays in items]
-            return [np.zeros((1, 1))] if len(items) == 1 else [distances.descriptor_distances(method, vectors)]
+            return [np.zeros((1, 1))] if len(items) == 1 else [distances_of(method, vectors)]
         scorer = spec.create()
         signatures = items
         if self.entry.holds == "forms":
             try:
-                signatures = [features.extract(scorer, form_of(arrays)) for arrays in items]
+                signatures = [signature_of(scorer, form_of(arrays)) for arrays in items]
             except ShapeError as error:
                 raise BundleError("bad-form", error.problem, "ask its author", "false") from error
         if len(items) == 1:
             return [np.zeros((1, 1))] * spec.info.draws
-        return [distances.form_distances(scorer, signatures, draw) for draw in range(spec.info.draws)]
+        return [form_distances(scorer, signatures, draw) for draw in range(spec.info.draws)]
 
 
 def form_of(arrays: Arrays) -> Mesh:

@@ -22,7 +22,8 @@ from benchmark.jobs.foreign.serving import folded
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import require_arrays
 from benchmark.jobs.recipes import distances_recipe, draws_of, features_recipe, source_data
-from benchmark.jobs.stages import features, form
+from benchmark.jobs.stages import form
+from benchmark.methods.output_checks import signature_of
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
 from benchmark.report.artefact_reader import ArtefactReader
@@ -224,7 +225,7 @@ def _signature(run: MethodRun, entry: Any, arrays: Arrays) -> Arrays:
     kept = run.store.find_anywhere(recipe)
     if kept is not None:
         return require_arrays(kept)
-    return features.extract(run.scorer, form.form_mesh(arrays, _triangles(arrays)))
+    return signature_of(run.scorer, form.form_mesh(arrays, _triangles(arrays)))
 
 
 def _triangles(arrays: Arrays) -> Any:

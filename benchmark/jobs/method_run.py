@@ -15,9 +15,10 @@ from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.jobs.foreign.remote import Foreign
-from benchmark.jobs.preparation import REFUSED, Arrays, Preparation, attempted, notes, require_arrays
+from benchmark.jobs.preparation import Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
-from benchmark.jobs.stages import features, form
+from benchmark.jobs.stages import form
+from benchmark.methods.output_checks import REFUSED, signature_of
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
@@ -118,7 +119,7 @@ class MethodRun:
         recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
         found = self.store.get_or_compute(
             recipe,
-            lambda: with_files(attempted(lambda: features.extract(scorer, shape)), files_of(scorer)),
+            lambda: with_files(attempted(lambda: signature_of(scorer, shape)), files_of(scorer)),
             work="features",
             scratch=not isinstance(self.preparation.dataset, DepthFolder),  # 'retrieve' asks for those of frames
         )

@@ -18,6 +18,7 @@ from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, original_of, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import frame_of, half_width_of, seen
+from benchmark.methods.output_checks import REFUSED
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.lock import key_of
@@ -25,9 +26,6 @@ from benchmark.storage.store import Artefact, Store
 from benchmark.system.opened_files import with_files
 
 Arrays = Mapping[str, NDArray[Any]]
-
-#: Array that stands where there is no result: the problem, its hint, and the kind of error.
-REFUSED = "refused"
 
 
 class Preparation:

@@ -21,11 +21,12 @@ from benchmark.depth.reading import READERS
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.jobs.preparation import REFUSED, Preparation, attempted, require_arrays, shape_of
+from benchmark.jobs.preparation import Preparation, attempted, require_arrays, shape_of
 from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recipe
-from benchmark.jobs.stages import distances, features, form
+from benchmark.jobs.stages import form
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import seen
+from benchmark.methods.output_checks import REFUSED, distances_of, form_distances, signature_of
 from benchmark.methods.registry import MethodSpec
 from benchmark.methods.scorers import ScorerSpec
 from benchmark.protocols.models import Model
@@ -150,14 +151,12 @@ class GallerySearch:
         entries, signatures, n_read, n_made = self._signatures(method, query)
         if not isinstance(method, Method):
             vectors = [each["descriptor"] for each in (*signatures, form.describe(loaded, shape))]  # type: ignore[arg-type]
-            rows = distances.descriptor_distances(loaded, vectors)[-1, :-1]  # type: ignore[arg-type]
+            rows = distances_of(loaded, vectors)[-1, :-1]  # type: ignore[arg-type]
             return Found(_ordered(entries, rows), shape, None, n_read, n_made)
         made = form.form_mesh(form.canonicalise(loaded, shape), shape.mesh)  # type: ignore[arg-type]
         scorer = self.scorer.create()
-        all_signatures = [*signatures, features.extract(scorer, made)]
-        matrices = [
-            distances.form_distances(scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)
-        ]
+        all_signatures = [*signatures, signature_of(scorer, made)]
+        matrices = [form_distances(scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)]
         return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, made, n_read, n_made)
 
     def form(self, entry: Entry) -> Mesh | None:
@@ -220,7 +219,7 @@ class GallerySearch:
             kept = self.store.find_anywhere(wanted)
             if kept is None:
                 made = form.form_mesh(answer.arrays, preparation.shape(entry, self.seed).mesh)
-                signed = partial(attempted, partial(features.extract, scorer, made))
+                signed = partial(attempted, partial(signature_of, scorer, made))
                 kept = self.store.get_or_compute(wanted, signed, work="features")
             if REFUSED not in kept.arrays:
                 yield entry, require_arrays(kept), kept.was_cached

@@ -1,18 +1,22 @@
-"""Checks of the output of a method before it is used: nothing is cast that would change."""
+"""Checks of the output of a method or a scorer before it is used: nothing is cast that would change."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
-from benchmark.errors import InvalidForm, InvalidMesh, one_line
+from benchmark.api.scoring import Scorer, SignatureArrays
+from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
 from benchmark.system.forks import one_of_us
 
 Note = NDArray[Any]
+
+#: Array that stands where there is no result: the problem, its hint, and the kind of error.
+REFUSED = "refused"
 
 _HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 
@@ -76,6 +80,44 @@ def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> Float
     with one_of_us():
         found = method.distances(descriptors)
     return real_numbers(f"method '{method.info.name}'", found, (count, count), hint)
+
+
+def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
+    """The signature of a form: named arrays.
+
+    Raises
+    ------
+    ShapeError
+        If the scorer refuses the form, which may have no extent.
+    InvalidSignature
+        If it returns anything but named arrays of finite numbers.
+    """
+    answer: object = scorer.signature(form)
+    who, hint = f"scorer '{scorer.info.name}'", "return a mapping from names to arrays of finite numbers"
+    if not isinstance(answer, Mapping) or not answer:
+        raise InvalidSignature(f"{who} returned {type(answer).__name__}, not named arrays", hint)
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, value in answer.items():
+        if not (isinstance(name, str) and name.isidentifier()) or name == REFUSED:
+            hint = f"name it like a variable, and not '{REFUSED}'"
+            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", hint)
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
+            raise InvalidSignature(f"{who} returned '{name}', which is no array of finite numbers", hint)
+        arrays[name] = value
+    return arrays
+
+
+def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> FloatArray:
+    """Dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
+
+    Raises
+    ------
+    InvalidForm
+        If the scorer returns anything but a square matrix of finite real numbers.
+    """
+    count = len(signatures)
+    hint = "return the distances of all pairs as a symmetric matrix of finite numbers"
+    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), hint)
 
 
 def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:

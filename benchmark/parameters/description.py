@@ -5,17 +5,12 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-import types
-import typing
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from benchmark.parameters.constraints import Constraint, Interval
-from benchmark.parameters.values import declared_parameters, format_value
+from benchmark.parameters.values import declared_parameters, format_value, values_in_words
 
 __all__ = ["ParameterText", "described", "explained"]
-
-_WORDS: dict[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 
 
 @dataclass(frozen=True)
@@ -47,9 +42,8 @@ def described(cls: type[Any]) -> list[ParameterText]:
         meanings |= explained(vars(base).get("__doc__") or "")
     found = []
     for name, (annotation, default) in declared_parameters(cls).items():
-        values = _values(type(default) if isinstance(annotation, str) else annotation)
         written = "" if default is dataclasses.MISSING else format_value(default)
-        found.append(ParameterText(name, values, written, meanings.get(name, "")))
+        found.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
     return found
 
 
@@ -77,25 +71,3 @@ def _plain(text: str) -> str:
     """Text without the marks of reStructuredText."""
     text = re.sub(r":[a-z]+:`~?([^`]*)`", r"\1", text)
     return text.replace("``", "").replace('"', "'")
-
-
-def _values(annotation: Any) -> str:
-    """Return what a type and its constraints take, in words."""
-    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is Annotated:
-        words = [
-            f"{_values(arguments[0])} {limit}" if isinstance(limit, Interval) else str(limit)
-            for limit in arguments[1:]
-            if isinstance(limit, Constraint)
-        ]
-        return " and ".join(words) or _values(arguments[0])
-    if origin is Literal:
-        return " or ".join(map(format_value, arguments))
-    if origin in (typing.Union, types.UnionType):
-        return " or ".join("none" if each is type(None) else _values(each) for each in arguments)
-    if origin is tuple or annotation is tuple:
-        inner = [each for each in arguments if each is not Ellipsis]
-        count = "values" if Ellipsis in arguments or not inner else f"{len(inner)} values"
-        each = f", each {_values(inner[0])}" if inner and len(set(inner)) == 1 else ""
-        return f"{count} in parentheses{each}"
-    return _WORDS.get(annotation, getattr(annotation, "__name__", str(annotation)))

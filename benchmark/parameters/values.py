@@ -14,13 +14,15 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import math
 import sys
 import types
 import typing
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from types import NoneType
 from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -34,20 +36,14 @@ __all__ = [
     "format_value",
     "non_default_values",
     "parameter_values",
+    "values_in_words",
 ]
 
 #: Types of one value that can be written as a word.
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 
-_TRUTH = {"true": True, "false": False}
 
-
-class _Unfit(Exception):
-    """A value does not fit; tells what would, and the choices where there are some."""
-
-    def __init__(self, words: str, choices: Iterable[str] = ()) -> None:
-        super().__init__(words)
-        self.choices = tuple(choices)
+_UNIONS = (typing.Union, types.UnionType)
 
 
 class CheckedParameters:
@@ -94,10 +90,11 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         annotation, default = fields[name]
         try:
             found[name] = _fit(annotation, value, default)
-        except _Unfit as unfit:
-            if unfit.choices and isinstance(value, str):
-                raise did_you_mean(f"{name} of {owner}", value, unfit.choices) from None
-            raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {unfit}") from None
+        except (ValueError, TypeError, OverflowError, KeyError):
+            if isinstance(value, str) and (choices := _choices(annotation)):
+                raise did_you_mean(f"{name} of {owner}", value, choices) from None
+            words = values_in_words(annotation, default)
+            raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {words}") from None
     return found
 
 
@@ -188,64 +185,77 @@ def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
         return field.type
 
 
+def values_in_words(annotation: Any, default: Any = None) -> str:
+    """Return what a type and its constraints take, in words; a default helps where the type says too little."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if isinstance(annotation, str) or (annotation is tuple and default):
+        return values_in_words(tuple[type(default[0]), ...] if isinstance(default, tuple) else type(default))  # type: ignore[misc]
+    if origin is Annotated:
+        base = values_in_words(arguments[0], default)
+        limits = [limit for limit in arguments[1:] if isinstance(limit, Constraint)]
+        return " and ".join(f"{base} {each}" if isinstance(each, Interval) else str(each) for each in limits) or base
+    if origin is Literal:
+        return " or ".join(map(format_value, arguments))
+    if origin in _UNIONS:
+        return " or ".join("none" if each is NoneType else values_in_words(each) for each in arguments)
+    if origin is tuple or annotation is tuple:
+        inner = [each for each in arguments if each is not Ellipsis]
+        count = "values" if Ellipsis in arguments or not inner else f"{len(inner)} values"
+        kind = f", each {values_in_words(inner[0])}" if inner and len(set(inner)) == 1 else ""
+        return f"{count} in parentheses{kind}"
+    name = getattr(annotation, "__name__", str(annotation))
+    return _WORDS.get(annotation) or f"a {name}{'' if origin is None else ' in Python: no text stands for one'}"
+
+
+def _choices(annotation: Any) -> Iterable[str]:
+    """Names that a type or its constraints list; none where they list no names."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return next((limit.known for limit in arguments if isinstance(limit, OneOf)), _choices(arguments[0]))
+    return list(map(format_value, arguments)) if origin is Literal else ()
+
+
 def _normalised(annotation: Any, value: Any) -> Any:
     """Return what a value stands for; one that its author gave is not otherwise doubted."""
     try:
         return _fit(annotation, value, value)
-    except _Unfit:
+    except (ValueError, TypeError, OverflowError, KeyError):
         return value
 
 
 def _fit(annotation: Any, value: Any, default: Any) -> Any:
-    """The value as its type and constraints want it, or ``_Unfit``; a default helps where the type says too little."""
+    """The value as its type and constraints want it; a default helps where the type says too little.
+
+    Raises
+    ------
+    ValueError, TypeError, OverflowError, KeyError
+        If it does not fit.
+    """
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        for constraint in arguments[1:]:
-            if isinstance(constraint, Constraint):
-                value = _fit_constrained(arguments[0], constraint, value, default)
-        return _fit(arguments[0], value, default)
+        fitted = _fit(arguments[0], value, default)
+        for limit in arguments[1:]:
+            fitted = limit.admit(fitted) if isinstance(limit, Constraint) and fitted is not None else fitted
+        return fitted
     if origin is Literal:
-        known = {format_value(choice): choice for choice in arguments}
-        if value not in arguments and str(value) not in known:
-            raise _Unfit(" or ".join(known), known)
-        return value if value in arguments else known[str(value)]
-    if origin in (typing.Union, types.UnionType):
+        return value if value in arguments else {format_value(choice): choice for choice in arguments}[str(value)]
+    if origin in _UNIONS:
         return _fit_any(arguments, value, default)
-    if origin is tuple or annotation is tuple:
+    if origin is tuple or annotation is tuple or (isinstance(default, tuple) and isinstance(annotation, str)):
         return _fit_tuple(arguments, value, default)
-    if annotation in _WORDS:
-        return _fit_one(annotation, value)
-    if default is None or default is dataclasses.MISSING:
-        return value
-    return _fit_tuple((), value, default) if isinstance(default, tuple) else _fit_one(type(default), value)
-
-
-def _fit_constrained(annotation: Any, constraint: Constraint, value: Any, default: Any) -> Any:
-    """The value as its type and one constraint want it; what would fit is told in the words of both."""
-    try:
-        fitted = _fit(annotation, value, default)
-        return fitted if fitted is None else constraint.admit(fitted)
-    except (_Unfit, ValueError, TypeError, OverflowError):
-        if isinstance(constraint, OneOf):
-            raise _Unfit(str(constraint), constraint.known) from None
-        kind = f"{_WORDS.get(annotation, 'a value')} " if isinstance(constraint, Interval) else ""
-        raise _Unfit(f"{kind}{constraint}") from None
+    if isinstance(annotation, str) or annotation in (Any, object):
+        return value if default is None or default is dataclasses.MISSING else _converted(value, type(default))
+    return _converted(value, annotation)
 
 
 def _fit_any(annotations: Iterable[Any], value: Any, default: Any) -> Any:
     """The value as the first of several types wants it."""
-    words: list[str] = []
+    if NoneType in annotations and (value is None or (isinstance(value, str) and value.lower() == "none")):
+        return None
     for annotation in annotations:
-        if annotation is type(None):
-            if value is None or (isinstance(value, str) and value.lower() == "none"):
-                return None
-            words.append("none")
-            continue
-        try:
+        with suppress(ValueError, TypeError, OverflowError, KeyError):
             return _fit(annotation, value, default)
-        except _Unfit as unfit:
-            words.append(str(unfit))
-    raise _Unfit(" or ".join(words))
+    raise ValueError
 
 
 def _fit_tuple(arguments: tuple[Any, ...], value: Any, default: Any) -> tuple[Any, ...]:
@@ -255,51 +265,31 @@ def _fit_tuple(arguments: tuple[Any, ...], value: Any, default: Any) -> tuple[An
         inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
         value = tuple(part.strip() for part in _split(inner.removesuffix(",")))
     if not isinstance(value, tuple | list):
-        raise _Unfit("values in parentheses, with commas between them")
+        raise TypeError
     first = default[0] if isinstance(default, tuple) and default else None
-    if not arguments:
-        arguments = (Any if first is None else type(first), ...)
-    if arguments[-1] is Ellipsis:
-        arguments = arguments[:1] * len(value)
-    if len(value) != len(arguments):
-        raise _Unfit(f"{len(arguments)} values in parentheses, with commas between them")
-    try:
-        return tuple(_fit(annotation, part, first) for annotation, part in zip(arguments, value, strict=True))
-    except _Unfit as unfit:
-        raise _Unfit(f"{unfit} for each of several values in parentheses, with commas between them") from None
+    kinds = arguments or (Any if first is None else type(first), ...)
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(value)
+    return tuple(_fit(kind, part, first) for kind, part in zip(kinds, value, strict=True))
 
 
-def _fit_one(kind: Any, value: Any) -> Any:
-    """One value of a type, from text or as it is."""
+def _converted(value: Any, kind: Any) -> Any:
+    """One value of a type, from text or as it is; a number is no NaN, and a whole one may be written as 2.0 or 1e3."""
     if isinstance(value, np.generic):
         value = value.item()
-    if kind is bool:
-        truth = _TRUTH.get(value.lower()) if isinstance(value, str) else value
-        if not isinstance(truth, bool):
-            raise _Unfit(_WORDS[bool])
-        return truth
-    if kind in (int, float):
-        return _number(kind, value)
-    if isinstance(value, kind):
-        return value
-    if kind in (str, list, set, frozenset, dict) or not isinstance(value, str):
-        raise _Unfit(_WORDS.get(kind, f"a {kind.__name__} in Python: no text stands for one"))
-    try:
-        return kind(value)
-    except Exception:
-        raise _Unfit(f"a {kind.__name__}") from None
+    if isinstance(value, str) and kind is not str:
+        value = value.strip()
+    is_strict = kind is bool and not isinstance(value, str)
+    found = msgspec.convert(value, kind, strict=is_strict, dec_hook=_of_its_kind)
+    if kind is float:
+        found += 0.0  # so that -0.0 is 0.0
+    if found != found:
+        raise ValueError
+    return found
 
 
-def _number(kind: type[int] | type[float], value: Any) -> int | float:
-    """A number, not NaN; a whole one may be written as 2.0 or 1e3."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise _Unfit(_WORDS[kind])
-    try:
-        if kind is int and (isinstance(value, int) or (isinstance(value, str) and value.strip(" +-").isdecimal())):
-            return int(value)
-        number = float(value)
-        if math.isnan(number) or (kind is int and not number.is_integer()):
-            raise _Unfit(_WORDS[kind])
-        return kind(number) + 0  # so that -0.0 is 0.0
-    except (ValueError, OverflowError):
-        raise _Unfit(_WORDS[kind]) from None
+def _of_its_kind(kind: type[Any], value: Any) -> Any:
+    """A value of a type that only its own class can read from text."""
+    if not isinstance(value, str):
+        raise TypeError
+    return kind(value)

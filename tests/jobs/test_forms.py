@@ -7,8 +7,8 @@ import pytest
 
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
-from benchmark.jobs.stages.distances import descriptor_distances
 from benchmark.jobs.stages.form import canonicalise, describe, form_mesh
+from benchmark.methods.output_checks import distances_of
 from tests.toy import rod
 
 ROD = rod(0.1, 0.5)
@@ -135,9 +135,9 @@ def test_a_vector_is_a_descriptor():
 def test_what_are_no_distances_is_told_as_the_fault_of_the_method(distances, message):
     odd = types.SimpleNamespace(info=MethodInfo(name="odd", title="Odd"), distances=lambda descriptors: distances)
     with pytest.raises(InvalidForm, match=f"method 'odd' returned {message}.*; return the distances of all pairs"):
-        descriptor_distances(odd, [np.ones(1)] * 3)
+        distances_of(odd, [np.ones(1)] * 3)
 
 
 def test_distances_may_be_whole_numbers_in_lists():
     good = types.SimpleNamespace(info=MethodInfo(name="good", title="Good"), distances=lambda found: [[0, 1], [1, 0]])
-    np.testing.assert_array_equal(descriptor_distances(good, [np.ones(1)] * 2), [[0.0, 1.0], [1.0, 0.0]])
+    np.testing.assert_array_equal(distances_of(good, [np.ones(1)] * 2), [[0.0, 1.0], [1.0, 0.0]])

@@ -8,10 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.jobs import method_run
 from benchmark.jobs.execution import runner
 from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
-from benchmark.jobs.stages import features
 from benchmark.jobs.stages.measures import over_splits, scores
 from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
@@ -66,7 +66,7 @@ def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(tmp_
     measures = real.components["measures"]._replace(golden="0123")
     other = real._replace(components={**real.components, "measures": measures})
     monkeypatch.setattr(lock, "read_lock", cache(lambda: other))
-    monkeypatch.setattr(features, "extract", lambda *_: pytest.fail("a form was rendered"))
+    monkeypatch.setattr(method_run, "signature_of", lambda *_: pytest.fail("a form was rendered"))
     assert "versions changed: measures" in CliRunner().invoke(cli, ["plan", *words[:-2]]).output
     done = CliRunner().invoke(cli, ["run", *words])
     assert done.exit_code == 0, done.output

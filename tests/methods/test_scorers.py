@@ -8,8 +8,8 @@ from benchmark.api.scoring import Scorer
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
 from benchmark.jobs import recipes
-from benchmark.jobs.stages import distances, features
 from benchmark.methods.inspection import describe
+from benchmark.methods.output_checks import form_distances, signature_of
 from benchmark.methods.registry import plugin_methods
 from benchmark.methods.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
 from tests.toy import rod, write_rods
@@ -53,8 +53,8 @@ def test_built_in_scorers_keep_the_contract(name):
     scorer = scorer_of(name, scorers()).create()
     assert isinstance(scorer, Scorer)
     assert scorer.info.name == name
-    signatures = [features.extract(scorer, rod(radius, 0.5, rings=8, sides=6)) for radius in (0.1, 0.2, 0.1)]
-    matrix = distances.form_distances(scorer, signatures, 0)
+    signatures = [signature_of(scorer, rod(radius, 0.5, rings=8, sides=6)) for radius in (0.1, 0.2, 0.1)]
+    matrix = form_distances(scorer, signatures, 0)
     assert matrix[0, 2] == 0 < matrix[0, 1] == matrix[1, 0]
 
 
@@ -94,19 +94,21 @@ def test_a_scorer_that_takes_a_name_or_says_what_cannot_be_is_refused(plugin):
         plugin_scorers(other)
 
 
-@pytest.mark.parametrize("answer", [np.zeros(3), {}, {"a b": np.zeros(3)}, {"a": [1.0]}, {"a": np.array([np.nan])}])
+@pytest.mark.parametrize(
+    "answer", [np.zeros(3), {}, {"a b": np.zeros(3)}, {"a": [1.0]}, {"a": np.array([np.nan])}, {"refused": np.zeros(3)}]
+)
 def test_what_is_no_signature_is_the_fault_of_the_scorer(plugin, answer, monkeypatch):
     (spec,) = plugin_scorers(plugin)
     monkeypatch.setattr(spec.load(), "signature", lambda self, form: answer)
     with pytest.raises(InvalidSignature, match="scorer 'extent' returned"):
-        features.extract(spec.create(), rod(0.1, 0.5))
+        signature_of(spec.create(), rod(0.1, 0.5))
 
 
 def test_distances_of_the_wrong_shape_are_refused(plugin, monkeypatch):
     (spec,) = plugin_scorers(plugin)
     monkeypatch.setattr(spec.load(), "compare", lambda self, signatures, draw: np.zeros(2))
     with pytest.raises(InvalidForm, match="scorer 'extent' returned an array of shape"):
-        distances.form_distances(spec.create(), [{}, {}], 0)
+        form_distances(spec.create(), [{}, {}], 0)
 
 
 @pytest.mark.slow

@@ -165,12 +165,12 @@ def _of_method(name: str) -> Iterator[Part]:
 def _of_scorer(name: str) -> Iterator[Part]:
     quick = name != "cm-bof"
     for shape in (*SIGNED, "tetrahedron", "flat", "line"):
-        yield Part(shape, quick, stages.signature_of, (name, shape))
+        yield Part(shape, quick, stages.signature, (name, shape))
     if name == "cm-bof":
-        yield Part("few-pixels", True, stages.signature_of, (f"{name}[image_size=48]", "small"))
+        yield Part("few-pixels", True, stages.signature, (f"{name}[image_size=48]", "small"))
         yield Part("few-words", True, stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
     for variant in VARIANTS.get(name, ()):
-        yield Part(variant, False, stages.signature_of, (f"{name}[{variant}]", "closed"))
+        yield Part(variant, False, stages.signature, (f"{name}[{variant}]", "closed"))
         yield Part(f"{variant}/compared", False, stages.compared, (f"{name}[{variant}]", SIGNED))
     yield Part("compared", quick, stages.compared, (name, SIGNED))
 

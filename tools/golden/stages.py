@@ -37,7 +37,8 @@ from benchmark.depth import frame, intrinsics, mask, projection, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
-from benchmark.jobs.stages import complete, distances, features, form, measures, view
+from benchmark.jobs.stages import complete, form, measures, view
+from benchmark.methods.output_checks import distances_of, form_distances, signature_of
 from benchmark.methods.registry import methods, variant
 from benchmark.methods.scorers import scorer_of, scorers
 from tools.golden import inputs
@@ -73,12 +74,12 @@ def descriptors_of(name: str, shapes: Sequence[str]) -> Arrays:
     """Descriptors of shapes, and the distances between them."""
     method: Any = variant(name, methods()).create()
     found = [form.describe(method, inputs.shape(shape))["descriptor"] for shape in shapes]
-    return {**dict(zip(shapes, found, strict=True)), "distances": distances.descriptor_distances(method, found)}
+    return {**dict(zip(shapes, found, strict=True)), "distances": distances_of(method, found)}
 
 
-def signature_of(name: str, shape: str) -> Arrays:
+def signature(name: str, shape: str) -> Arrays:
     """Signature of a form."""
-    return features.extract(scorer_of(name, scorers()).create(), inputs.mesh("shapes", shape))
+    return signature_of(scorer_of(name, scorers()).create(), inputs.mesh("shapes", shape))
 
 
 def compared(name: str, forms: Sequence[str]) -> Arrays:
@@ -89,7 +90,7 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
         {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{base}/{each}/")}
         for each in forms
     ]
-    return {f"draw-{n}": distances.form_distances(scorer, signatures, n) for n in range(scorer.info.draws)}
+    return {f"draw-{n}": form_distances(scorer, signatures, n) for n in range(scorer.info.draws)}
 
 
 def completed(name: str) -> Arrays:
@@ -271,8 +272,8 @@ def scored(method_name: str, scorer_name: str) -> Arrays:
         prepared = complete.complete(inputs.mesh("raw", name))
         surface = Mesh(prepared["vertices"], prepared["faces"])
         made = form.canonicalise(method, Shape(identifier=name, mesh=surface))
-        signatures.append(features.extract(scorer, form.form_mesh(made, surface)))
-    matrices = [distances.form_distances(scorer, signatures, n) for n in range(scorer.info.draws)]
+        signatures.append(signature_of(scorer, form.form_mesh(made, surface)))
+    matrices = [form_distances(scorer, signatures, n) for n in range(scorer.info.draws)]
     return {"distances": np.array(matrices), **_flat(measures.scores(matrices, [name[:-2] for name in names]))}
 
 

@@ -23,7 +23,7 @@ from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.jobs.stages.features import extract
+from benchmark.methods.output_checks import signature_of
 from benchmark.methods.scorers import ScorerSpec
 from learned.streamed.methods import StreamedLearner
 from learned.streamed.model import load_streamed, predicted
@@ -81,7 +81,7 @@ def _frame(files: FrameFiles) -> Iterator[Row]:
     steps = {
         "prediction": lambda: predicted(*network, render_depth(files.observe().surface, UPRIGHT, HALF_WIDTH)),
         "form": lambda: form_of_object(files.observe(), method),
-        "signature": lambda: extract(scorer, form_of_object(files.observe(), method).form.mesh),
+        "signature": lambda: signature_of(scorer, form_of_object(files.observe(), method).form.mesh),
     }
     for name, work in steps.items():
         yield Row(f"frame of a depth camera, file to {name}", least(work, REPEATS), "640 x 480 pixels, with a mask")

@@ -104,13 +104,12 @@ def compile_bodies() -> None:
 
 def compile_scorer() -> None:
     """Rank the figure against its bent self."""
-    from benchmark.jobs.stages.distances import form_distances
-    from benchmark.jobs.stages.features import extract
     from benchmark.methods.conformance.shapes import BENDS, figure
+    from benchmark.methods.output_checks import form_distances, signature_of
     from benchmark.methods.scorers import ScorerSpec
 
     scorer = ScorerSpec().create()
-    form_distances(scorer, [extract(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
+    form_distances(scorer, [signature_of(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
 
 
 def compile_methods() -> None:

@@ -21,7 +21,7 @@ from benchmark.jobs import recipes
 from benchmark.jobs.foreign.remote import Foreign
 from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of, files_of
-from benchmark.jobs.stages import distances
+from benchmark.methods.output_checks import distances_of, form_distances
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.lock import key_of
@@ -159,14 +159,14 @@ class RankedGallery:
         if draw is None or scorer is None:
             assert not isinstance(method, Method)  # noqa: S101
             descriptors = [self.found[entry.identifier].answer.arrays["descriptor"] for entry in self.entries]
-            found = self._in_order(descriptors, lambda items: distances.descriptor_distances(method, items), method)
+            found = self._in_order(descriptors, lambda items: distances_of(method, items), method)
             return {"distances": found}
         self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
         # Distances that are kept need no signatures, but those whose file is damaged do.
         signed = [self.method_run.with_signature(entry, self.found[entry.identifier]) for entry in self.entries]
         about = json.dumps(asdict(Signatures.of(signed)), sort_keys=True)
         signatures = list(map(features_of, signed))
-        found = self._in_order(signatures, lambda items: distances.form_distances(scorer, items, draw), scorer)
+        found = self._in_order(signatures, lambda items: form_distances(scorer, items, draw), scorer)
         return {"distances": found, _SIGNATURES: np.array(about)}
 
     def _in_order(self, items: Sequence[T], compare: Callable[[Sequence[T]], NDArray[Any]], by: object) -> NDArray[Any]:

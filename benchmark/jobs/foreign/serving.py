@@ -10,7 +10,8 @@ from typing import Any
 from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
 from benchmark.jobs.preparation import SharedStages
-from benchmark.jobs.stages import distances, features, form
+from benchmark.jobs.stages import form
+from benchmark.methods.output_checks import distances_of, form_distances, signature_of
 from benchmark.methods.registry import variant
 from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
 from benchmark.storage.costs import Meter
@@ -43,17 +44,15 @@ def _describe(facts: Facts, arrays: Arrays) -> Answer:
 
 
 def _distances(facts: Facts, arrays: Arrays) -> Answer:
-    return {}, {
-        "distances": distances.descriptor_distances(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])
-    }
+    return {}, {"distances": distances_of(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])}
 
 
 def _signature(facts: Facts, arrays: Arrays) -> Answer:
-    return _measured(facts, lambda: features.extract(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
+    return _measured(facts, lambda: signature_of(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
 
 
 def _compare(facts: Facts, arrays: Arrays) -> Answer:
-    return {}, {"distances": distances.form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
+    return {}, {"distances": form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
 
 
 _WORK: Mapping[str, Callable[[Facts, Arrays], Answer]] = {

@@ -15,10 +15,10 @@ from scipy.spatial.distance import pdist
 
 from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.api.learning import Learner
-from benchmark.api.scoring import Scorer, SignatureArrays
+from benchmark.api.scoring import Scorer
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, message, one_line
 from benchmark.methods.conformance.shapes import BENDS, awkward, figure, view
-from benchmark.methods.output_checks import descriptor_of, distances_of, form_of, real_numbers
+from benchmark.methods.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
 from benchmark.methods.specs import MethodSpec, PluginSpec
 
 #: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
@@ -191,7 +191,7 @@ class ScorerCase(Case[Mesh]):
 
     def answer_by(self, made: Scorer, subject: Mesh) -> FloatArray:
         """All numbers of a signature."""
-        signature = _signature(made, subject)
+        signature = signature_of(made, subject)
         return np.concatenate([np.asarray(signature[name], dtype=np.float64).ravel() for name in sorted(signature)])
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
@@ -212,26 +212,12 @@ class ScorerCase(Case[Mesh]):
 
     def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
         """See :class:`Case`."""
-        scorer, count = self.create(), len(subjects)
-        found = scorer.compare([_signature(scorer, form) for form in subjects], draw)
-        return real_numbers("'compare'", found, (count, count), "return the distances of all pairs as finite numbers")
+        scorer = self.create()
+        return form_distances(scorer, [signature_of(scorer, form) for form in subjects], draw)
 
     def awkward(self) -> Mapping[str, Mesh]:
         """See :class:`Case`."""
         return {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
-
-
-def _signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
-    """The signature of a form, looked at."""
-    signature: Any = scorer.signature(form)
-    if not isinstance(signature, dict) or not signature:
-        raise Failed(f"'signature' returned {type(signature).__name__}, not named arrays; return a dict of them")
-    for name, array in signature.items():
-        if not isinstance(name, str) or not name.isidentifier():
-            raise Failed(f"array {name!r} of the signature has no name that a file can keep; use letters and digits")
-        if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
-            raise Failed(f"'{name}' of the signature is no array of finite numbers")
-    return signature
 
 
 def case_of(spec: PluginSpec[Any, Any], model: Path | None = None) -> Case[Any]:
