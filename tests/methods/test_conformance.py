@@ -266,6 +266,7 @@ def test_a_method_that_reads_the_data_folder_is_found(findings, monkeypatch, tmp
             "the process ended before it answered",
         ),
     ],
+    ids=["differs", "ends"],
 )
 def test_another_process_must_answer_the_same(body, message, findings, monkeypatch):
     monkeypatch.setattr(system_processes, "_start", START)

@@ -108,8 +108,7 @@ def _components() -> Iterator[tuple[str, Component]]:
         tolerance = NON_METRIC if name == "non-metric-mds" else networks
         yield f"method/{name}", Component(partial(_of_method, name), (modules[name], f"{_STAGES}form"), tolerance)
     for name in SCORERS:
-        called = (modules[name], f"{_STAGES}features", f"{_STAGES}distances")
-        yield f"scorer/{name}", Component(partial(_of_scorer, name), called)
+        yield f"scorer/{name}", Component(partial(_of_scorer, name), (modules[name],))
     raw = {name: (name,) for name in RAW}
     yield "preparation/mesh", Component(partial(_called, stages.completed, raw), (f"{_STAGES}complete",))
     yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), (f"{_STAGES}view",), SINGLES)
@@ -137,7 +136,7 @@ def _components() -> Iterator[tuple[str, Component]]:
     decimations = {"dog": ("decimation", "libigl", 0), "scan": ("decimation", "libigl", 1)}
     yield "change/decimation", Component(partial(_called, stages.changed, decimations), (f"{_SETS}decimated",), FORMS)
     yield "measures", Component(_measures, (f"{_STAGES}measures",))
-    called = tuple(f"{_STAGES}{name}" for name in ("complete", "form", "features", "distances", "measures"))
+    called = tuple(f"{_STAGES}{name}" for name in ("complete", "form", "measures"))
     parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")}, small=False)
     yield "end-to-end", Component(parts, (modules["classic-mds"], modules["cm-bof"], *called))
 
