@@ -361,6 +361,8 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 def changed_names(part: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """Name the first of the entries in which a part of a recipe differs."""
     changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+    if part == "versions":  # digests, which tell nobody anything
+        return f"versions changed: {', '.join(changed)}"
     return f"{part} changed: {', '.join(f'{name} {before.get(name)} -> {now.get(name)}' for name in changed[:3])}"
 
 

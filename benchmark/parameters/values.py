@@ -279,6 +279,8 @@ def _converted(value: Any, kind: Any) -> Any:
         value = value.item()
     if isinstance(value, str) and kind is not str:
         value = value.strip()
+        if kind in (int, float):
+            value = _number(kind, value)
     is_strict = kind is bool and not isinstance(value, str)
     found = msgspec.convert(value, kind, strict=is_strict, dec_hook=_of_its_kind)
     if kind is float:
@@ -286,6 +288,11 @@ def _converted(value: Any, kind: Any) -> Any:
     if found != found:
         raise ValueError
     return found
+
+
+def _number(kind: type[int] | type[float], text: str) -> int | float:
+    """A number from text as Python writes it, which JSON does not take: ``.5``, ``+7``, ``012``."""
+    return int(text) if kind is int and text.strip(" +-").isdecimal() else float(text)
 
 
 def _of_its_kind(kind: type[Any], value: Any) -> Any:

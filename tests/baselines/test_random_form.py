@@ -14,10 +14,14 @@ def test_only_size_and_place_of_the_shape_survive():
     assert np.abs(np.corrcoef(positions.T, centred.T)[:3, 3:]).max() < 0.1
 
 
-def test_the_form_depends_on_seed_and_name_and_not_on_the_order_of_calls():
+def test_the_form_depends_on_seed_and_shape_and_neither_on_names_nor_on_the_order_of_calls():
     mesh = limbed(100).mesh
-    first = RandomForm().canonicalise(Shape(identifier="a", mesh=mesh, seed=1)).vertices
-    RandomForm().canonicalise(Shape(identifier="b", mesh=mesh, seed=1))
-    np.testing.assert_array_equal(first, RandomForm().canonicalise(Shape(identifier="a", mesh=mesh, seed=1)).vertices)
-    for identifier, seed in (("a", 2), ("b", 1)):
-        assert (first != RandomForm().canonicalise(Shape(identifier=identifier, mesh=mesh, seed=seed)).vertices).any()
+
+    def form(identifier, mesh, seed):
+        return RandomForm().canonicalise(Shape(identifier=identifier, mesh=mesh, seed=seed)).vertices
+
+    first = form("a", mesh, 1)
+    stretched = mesh.with_vertices(mesh.vertices * [1, 1, 1.01])
+    assert (first != form("a", mesh, 2)).any()
+    assert (first != form("a", stretched, 1)).any()
+    np.testing.assert_array_equal(first, form("b", mesh, 1))

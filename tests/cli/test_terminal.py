@@ -56,7 +56,7 @@ def test_a_group_of_columns_can_be_drawn_alone(table):
     heading = next(line for line in lines if line.startswith("Method"))
     assert heading.split() == ["Method", "NN", "FT", "ST", "DCG"]
     row = next(line for line in lines if line.startswith("GPS"))
-    assert row.split()[-4:] == ["0.84", "0.60", "0.86", "0.84"]
+    assert row.split()[-4:] == ["0.83", "0.60", "0.86", "0.84"]
 
 
 @pytest.mark.slow

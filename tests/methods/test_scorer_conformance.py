@@ -18,6 +18,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
 def findings(tmp_path, monkeypatch):
     """What is found in the example of a scorer, after an edit."""
     monkeypatch.setattr(checks, "call_apart", call_here)
+    monkeypatch.setattr(checks, "hide_data", lambda: None)  # it would be hidden from all further tests
     source = EXAMPLE.read_text()
 
     def check(old="", new=""):

@@ -14,6 +14,7 @@ from tests.methods.test_conformance import call_here
 def learner_findings(tmp_path, monkeypatch):
     """What is found in the example of a learner, after an edit."""
     monkeypatch.setattr(checks, "call_apart", call_here)
+    monkeypatch.setattr(checks, "hide_data", lambda: None)  # it would be hidden from all further tests
     source = (Path(__file__).parents[2] / "examples" / "nearest_view.py").read_text()
 
     def check(old, new, **target):

@@ -14,7 +14,6 @@ from benchmark.methods.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
 from benchmark.storage import keys, lock
-from benchmark.storage.lock import versions_of
 from benchmark.storage.records import as_text
 from benchmark.storage.store import Store
 from tests import records as made_up
@@ -72,7 +71,7 @@ def test_a_record_of_other_code_is_marked_and_never_a_blank(rods, store):
     (job,) = jobs(rods, store, ["identity"])
     store.write_record(of_job(job, code="0123", nn=0.5))
     (result,) = chosen(store).values()
-    said = f"versions changed: method/identity 0123 -> {versions_of(['method/identity'])['method/identity']}"
+    said = "versions changed: method/identity"
     assert result.outdated == said
     assert result.record["scores"]["NN"] == 0.5
     assert chosen(store, fresh=True) == {}
@@ -284,4 +283,4 @@ def test_a_plan_says_that_older_code_has_published_a_row(rods, store):
     store.published.write(of_job(job, code="0" * 16))
     (again,) = jobs(rods, store, ("identity",))
     assert again.state == "missing"
-    assert again.reason.startswith("never run here; finished elsewhere: versions changed: method/identity 0000")
+    assert again.reason.startswith("never run here; finished elsewhere: versions changed: method/identity")
