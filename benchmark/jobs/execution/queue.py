@@ -142,7 +142,8 @@ class JobQueue:
             if key in self._store.records and (not self._open[key] or key not in busy):
                 record = record_of(job, self._store)
             elif not self._open[key] and key not in waiting:
-                record = keep(job, self._store, failure("crashed", "ranking left no record; run it again"))
+                reason = "ranking ended with exit code 0 and left no record; run it again"
+                record = keep(job, self._store, failure("crashed", reason))
             else:
                 continue
             del self.pending[key]

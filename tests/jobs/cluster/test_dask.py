@@ -26,7 +26,7 @@ pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distrib
 
 ROOT = Path(__file__).parents[3]
 
-#: Tells each shape that it has described. At the third rod it waits for ever where nobody has waited there before.
+#: Tells each shape that it has described. At the first rod that finds the trap it waits for ever.
 PLUGIN = """
 import os, time
 from dataclasses import dataclass
@@ -39,13 +39,20 @@ from benchmark.api.contracts import MethodInfo
 NOTES = Path(__file__).parent / "notes"
 
 
+def is_caught():
+    try:
+        (NOTES / "trap").rename(NOTES / "sprung")
+    except FileNotFoundError:
+        return False
+    return True
+
+
 @dataclass(frozen=True, kw_only=True)
 class Noted:
     info: ClassVar[MethodInfo] = MethodInfo(name="noted", title="Noted")
 
     def describe(self, shape):
-        if shape.identifier == "2" and (NOTES / "trap").exists():
-            (NOTES / "trap").rename(NOTES / "sprung")
+        if is_caught():
             (NOTES / "caught").write_text(str(os.getpid()))
             time.sleep(3600)
         with (NOTES / "done").open("a") as file:
