@@ -27,12 +27,12 @@ def blocks(page: str) -> list[str]:
 
 
 def commands(page: str) -> list[str]:
-    return [line for line in blocks(page) if line.startswith(("python ", "cd ", "make -C"))]
+    return [line for line in blocks(page) if line.startswith(("python ", "cd ", "(cd "))]
 
 
 def shown(page: str) -> list[str]:
     """Lines of output, each with a run of blanks as one."""
-    return [" ".join(line.split()) for line in blocks(page) if not line.startswith(("python ", "cd ", "make -C"))]
+    return [" ".join(line.split()) for line in blocks(page) if not line.startswith(("python ", "cd ", "(cd "))]
 
 
 def walked(folder: Path, page: str) -> None:
