@@ -19,7 +19,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.parameters.values import parameter_values
 from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import classes_of, import_plugin, is_closed, sources_of
-from benchmark.system.processes import Process, ProcessEnded, Requester, end_like
+from benchmark.system.processes import Process, Requester
 from benchmark.system.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
@@ -186,10 +186,7 @@ def _process(source: str) -> Process:
 
 
 def _request(source: str, facts: Mapping[str, Any]) -> tuple[Mapping[str, Any], Arrays]:
-    try:
-        return _process(source).request(facts)
-    except ProcessEnded as error:  # whoever watches over this process finds the fault where it looks for it
-        end_like(error.code)
+    return _process(source).request_or_end_alike(facts)
 
 
 _served: list[OwnDataset] = []

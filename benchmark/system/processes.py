@@ -160,7 +160,7 @@ class Process:
         _running.add(self)
         # Only what this process says is pickled, never what it is told.
         function = np.frombuffer(pickle.dumps(serve), np.uint8)
-        self._send({"memory": memory, "is_plugin": is_plugin, "idle": idle}, {"function": function})
+        self.send({"memory": memory, "is_plugin": is_plugin, "idle": idle}, {"function": function})
 
     @property
     def _trace_of_child(self) -> int:
@@ -179,9 +179,6 @@ class Process:
 
     def send(self, facts: Facts, arrays: Arrays | None = None) -> None:
         """Send a request; its answer is to be received before the next one."""
-        self._send(facts, arrays or {})
-
-    def _send(self, facts: Facts, arrays: Arrays) -> None:
         try:
             self._channel.send(facts, arrays)
         except OSError:  # it has ended, or takes nothing: whoever waits for the answer hears of its end
@@ -253,6 +250,13 @@ class Process:
                 progress(message[0].get(_PROGRESS))
             else:
                 return self.result(message)
+
+    def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Send a request; if the process ends, this one ends alike, so that whoever watches over it finds the fault."""
+        try:
+            return self.request(facts, arrays)
+        except ProcessEnded as error:
+            end_like(error.code)
 
     def _within(self, limit: float | None) -> Message | None:
         """Return the next message, if it comes in time: starting a process is no fault of the function."""

@@ -19,7 +19,7 @@ from benchmark.methods.specs import PluginSpec, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
 from benchmark.system.plugins import close_process
-from benchmark.system.processes import Process, ProcessEnded, end_like
+from benchmark.system.processes import Process
 
 Facts = dict[str, Any]
 
@@ -86,9 +86,7 @@ class _Remote:
             _services[place] = Process(serve, is_plugin=True)
         service = _services[place]
         try:
-            return service.request({"work": work, **asdict(self), **facts}, arrays)
-        except ProcessEnded as error:  # whoever watches over this process finds the fault where it looks for it
-            end_like(error.code)
+            return service.request_or_end_alike({"work": work, **asdict(self), **facts}, arrays)
         finally:
             if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
                 _services[own] = _services.pop(shared)
