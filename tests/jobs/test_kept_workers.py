@@ -34,10 +34,10 @@ def do(pool, tmp_path):
         (job,) = orders(tmp_path, (name,))
         running = pool.begin(ScoringTask((kind(**vars(job)),)))
         deadline = time.monotonic() + 60
-        while running.exit_code is None:
+        while not running.has_ended:
             assert time.monotonic() < deadline, "waited in vain"
             pool.wait([running], lambda: None)
-        assert running.exit_code == 0
+        assert running.is_finished
         assert (tmp_path / "runs" / "records" / f"{job.key}.json").is_file()
         return running.process._process.pid
 

@@ -22,7 +22,8 @@ FIRST = record(method="surface-area")["key"]
 BORN_DEAD = (Status(), -signal.SIGKILL)
 KILLED = (Status(FIRST, 1, "b"), -signal.SIGKILL)
 CRASHED = (Status(FIRST, 1, "b"), -signal.SIGSEGV)
-DONE = (Status(FIRST, 3), 0)
+ENDED_WITH_0 = (Status(FIRST, 1, "b"), 0)
+DONE = (Status(FIRST, 3), None)
 
 
 class Scripted(Running):
@@ -31,8 +32,9 @@ class Scripted(Running):
     def __init__(self, task, fate):
         super().__init__(task)
         self.status, self.exit_code = fate
+        self.is_finished = fate == DONE
         self.trace = "in a method"
-        if self.exit_code == 0 and isinstance(task, ScoringTask):
+        if self.is_finished and isinstance(task, ScoringTask):
             for job in task.jobs:
                 Store.open(job.results).write_record(record(method=job.facts["method"]))
 
@@ -129,6 +131,7 @@ def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_
     ("script", "status", "reason"),
     [
         ((CRASHED, CRASHED), "crashed", "b: the process ended with SIGSEGV; run it with --executor serial"),
+        ((ENDED_WITH_0,) * 2, "crashed", "b: the process ended with exit code 0; run it with --executor serial"),
         ((KILLED, KILLED), "killed", "b: the process was killed twice"),
     ],
 )

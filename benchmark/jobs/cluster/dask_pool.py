@@ -113,11 +113,11 @@ class DaskTask(Running):
 
     def update(self) -> None:
         """Look whether it has ended."""
-        if self.exit_code is None and self._answer.done():
+        if not self.has_ended and self._answer.done():
             self._take_answer()
-        elif self.exit_code is None and self.node.is_lost:
+        elif not self.has_ended and self.node.is_lost:
             self.exit_code = LOST
-        if self.exit_code is not None:
+        if self.has_ended:
             self.end()
 
     def stop(self) -> None:
@@ -125,7 +125,7 @@ class DaskTask(Running):
         key, address = str(self._answer.key), self.node.address
         _aside(lambda: self._answer.client.run(dask_worker.stop, key, workers=[address], on_error="ignore"))
         until = time.monotonic() + _LAST_WORDS
-        while self.exit_code is None and time.monotonic() < until:
+        while not self.has_ended and time.monotonic() < until:
             time.sleep(INTERVAL)
             self.update()
         self.end()
@@ -140,14 +140,14 @@ class DaskTask(Running):
     def _take_answer(self) -> None:
         try:
             found = json.loads(self._answer.result(timeout=SILENCE))
-            status, code = Status(*found["status"]), int(found["exit_code"])
+            status, code = Status(*found["status"]), None if found["is_finished"] else int(found["exit_code"])
         except Exception:  # cancelled, killed, or without an answer
             self.exit_code = LOST
             return
         for record in found["records"]:  # a network file system may show them seconds later
             if record["key"] not in self._store.records:
                 self._store.write_record(record)
-        self.status, self.trace, self.exit_code = status, str(found["trace"]), code
+        self.status, self.trace, self.exit_code, self.is_finished = status, str(found["trace"]), code, code is None
 
 
 class DaskPool:
@@ -250,7 +250,7 @@ class DaskPool:
     def _hear(self, event: tuple[float, Any]) -> None:
         """Take note of how far a task is, as its worker says."""
         name, *status = event[1]
-        if name in self._running and self._running[name].exit_code is None:
+        if name in self._running and not self._running[name].has_ended:
             self._running[name].status = Status(*status)
 
     def wait(self, running: Sequence[Running], look: Callable[[], object]) -> None:
@@ -272,7 +272,7 @@ class DaskPool:
         self._look_round()
         for name, task in list(self._running.items()):
             task.update()
-            if task.exit_code is not None:
+            if task.has_ended:
                 del self._running[name]
         refused = [node.refusal for node in self._nodes.values() if node.refusal]
         if running or self.size:

@@ -56,7 +56,7 @@ def do(message: str) -> str:
     Returns
     -------
     str
-        JSON with ``exit_code``, ``status``, ``trace`` and ``records``, those of its jobs that there are.
+        JSON with ``is_finished``, ``exit_code``, ``status``, ``trace`` and ``records`` of those jobs that have one.
     """
     from distributed import get_worker
 
@@ -66,7 +66,7 @@ def do(message: str) -> str:
     running = pool.begin(task)
     latest = running.status
     try:
-        while running.exit_code is None and name not in _stopped and _is_wanted(worker, name):
+        while not running.has_ended and name not in _stopped and _is_wanted(worker, name):
             pool.wait([running], lambda: None)
             if running.status != latest:
                 latest = running.status
@@ -74,12 +74,13 @@ def do(message: str) -> str:
         if name in _stopped:
             running.stop()
     finally:
-        if running.exit_code is None:
+        if not running.has_ended:
             running.end()
         _stopped.discard(name)
     store = Store.open(task.jobs[0].results)
     answer = {
-        "exit_code": LOST if running.exit_code is None else running.exit_code,
+        "is_finished": running.is_finished,
+        "exit_code": running.exit_code if running.has_ended else LOST,
         "status": astuple(running.status),
         "trace": running.trace,
         "records": [record for job in task.jobs if (record := store.records.read(job.key))],

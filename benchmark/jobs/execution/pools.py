@@ -70,12 +70,18 @@ class Running(ABC):
     def __init__(self, task: Task) -> None:
         self.task = task
         self.status = Status()
-        #: 0 once the task is finished; how its process ended, or :data:`LOST`, if it is not; None while it runs.
+        self.is_finished = False
+        #: How its process ended before the task was finished, or :data:`LOST`; it may have ended with 0, too.
         self.exit_code: int | None = None
         #: Where it was when it crashed or was stopped, as a traceback.
         self.trace = ""
         #: When it began, and when somebody looked at it last.
         self.begun = self.looked = time.monotonic()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it is finished, or will never be."""
+        return self.is_finished or self.exit_code is not None
 
     @property
     def keys(self) -> list[str]:
@@ -134,12 +140,12 @@ class LocalTask(Running):
     def update(self) -> None:
         """Take in what the process has said."""
         try:
-            while self.exit_code is None and (message := self.process.receive(0.0)) is not None:
+            while not self.has_ended and (message := self.process.receive(0.0)) is not None:
                 if (status := message[0].get("progress")) is not None:
                     self.status = Status(*status)
                     continue
                 self.process.result(message)
-                self.exit_code = 0
+                self.is_finished = True
         except ProcessEnded as error:
             self.exit_code, self.trace = error.code, self.process.trace
         except (BenchmarkError, ForeignError, MemoryError) as error:  # none of a job, which would be its record
@@ -206,14 +212,14 @@ class LocalPool:
     def wait(self, running: Sequence[Any], look: Callable[[], object]) -> None:
         """Wait until one of them ends, or a moment."""
         until = time.monotonic() + INTERVAL
-        while not any(task.exit_code is not None for task in running) and (left := until - time.monotonic()) > 0:
+        while not any(task.has_ended for task in running) and (left := until - time.monotonic()) > 0:
             wait_for([task.process for task in running], left)
             for task in running:
                 task.update()
         for task in running:
-            if task.exit_code == 0 and (done := lane_of(task.task)):
+            if task.is_finished and (done := lane_of(task.task)):
                 self._idle.append((done, task.process))
-            elif task.exit_code is not None:
+            elif task.has_ended:
                 task.end()
 
 
@@ -228,7 +234,7 @@ class _TaskHere(Running):
             look()
 
         _work(self.task, tell)
-        self.exit_code = 0
+        self.is_finished = True
 
     def stop(self) -> None:
         """Do nothing: nobody looks at it while it is at work."""

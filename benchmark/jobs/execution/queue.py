@@ -142,8 +142,7 @@ class JobQueue:
             if key in self._store.records and (not self._open[key] or key not in busy):
                 record = record_of(job, self._store)
             elif not self._open[key] and key not in waiting:
-                reason = "ranking ended with exit code 0 and left no record; run it again"
-                record = keep(job, self._store, failure("crashed", reason))
+                record = keep(job, self._store, failure("crashed", "ranking left no record; run it again"))
             else:
                 continue
             del self.pending[key]

@@ -129,9 +129,9 @@ class Scheduler:
             self._failed_starts = 0
             self._seconds[job] += now - running.looked
         running.looked = now
-        if running.exit_code is not None:
+        if running.has_ended:
             self._running.remove(running)
-            if running.exit_code == 0:
+            if running.is_finished:
                 self._queue.finish(running.task)
             else:
                 self._died(running)
