@@ -172,7 +172,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
 
     monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
     monkeypatch.setattr(pools.os, "_exit", leave)
-    monkeypatch.setattr(pools, "close_to_plugins", lambda: None)  # this process has further tests to run
+    monkeypatch.setattr(pools, "close_to_plugins", lambda starting: None)  # this process has further tests to run
     with pytest.raises(SystemExit) as left:
         pools.do_task({"task": to_json(ScoringTask(()))}, {}, None)
     assert left.value.code == UNWRITTEN
@@ -195,6 +195,39 @@ def test_a_process_that_hangs_before_it_says_anything_has_a_timeout(run, monkeyp
         ScriptedPool, "begin", lambda pool, task: begin(pool, task) if begun else begun.append(task) or Silent(task)
     )
     assert sorted(statuses(run(timeout=10.0)).values()) == ["ok", "timeout"]
+
+
+class Importing(Scripted):
+    """A task whose plugin has been importing for some time."""
+
+    def __init__(self, task, seconds):
+        super().__init__(task, (Status(FIRST, is_starting=True), None))
+        self.looked -= seconds
+
+    def stop(self):
+        self.exit_code = -signal.SIGKILL
+
+
+@pytest.mark.parametrize(("seconds", "stopped"), [(50, False), (75, True)])
+def test_the_import_of_a_plugin_is_no_time_of_its_job_unless_it_does_not_end(run, monkeypatch, seconds, stopped):
+    begin, begun = ScriptedPool.begin, []
+
+    def begin_importing(pool, task):
+        if not begun:
+            begun.append(Importing(task, seconds))
+            return begun[0]
+        return begin(pool, task)
+
+    def wait(pool, running, look):
+        if begun[0] in running and begun[0].starting:  # somebody has looked at it: the import ends
+            begun[0].status, begun[0].exit_code = DONE[0], -signal.SIGKILL
+
+    monkeypatch.setattr(ScriptedPool, "begin", begin_importing)
+    monkeypatch.setattr(ScriptedPool, "wait", wait)
+    found = run(timeout=10.0)
+    assert statuses(found) == ALL_OK | ({"surface-area": "timeout"} if stopped else {})
+    if stopped:
+        assert "importing the plugin does not end: stopped after 70 s" in found["surface-area"]["reason"]
 
 
 def test_a_folder_in_which_no_worker_can_tell_how_far_it_is_is_named_before_one_is_started(run, tmp_path, monkeypatch):

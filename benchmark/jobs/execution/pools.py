@@ -6,7 +6,7 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any, Protocol, Self
 
 from benchmark.errors import BenchmarkError
@@ -51,11 +51,14 @@ class Status:
         Shapes of its batch that are behind it.
     shape
         Identifier of the shape that it is at; "" between shapes.
+    is_starting
+        Whether a process starts that imports the plugin of the job, which is no work of the job.
     """
 
     job: str = ""
     steps: int = 0
     shape: str = ""
+    is_starting: bool = False
 
 
 class Running(ABC):
@@ -77,6 +80,8 @@ class Running(ABC):
         self.trace = ""
         #: When it began, and when somebody looked at it last.
         self.begun = self.looked = time.monotonic()
+        #: Seconds for which the process of a plugin has been starting.
+        self.starting = 0.0
 
     @property
     def has_ended(self) -> bool:
@@ -267,10 +272,17 @@ class PoolHere(LocalPool):
 
 def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
     """Do a task, in its process."""
-    close_to_plugins()
+    latest = Status()
+
+    def tell(status: Status) -> None:
+        nonlocal latest
+        latest = status
+        requester.tell(astuple(status))
+
+    close_to_plugins(lambda is_starting: tell(replace(latest, is_starting=is_starting)))
     lock.forget()  # the code may have changed since the task before
     try:
-        _work(task_of(facts["task"]), lambda status: requester.tell([status.job, status.steps, status.shape]))
+        _work(task_of(facts["task"]), tell)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     return {}, {}

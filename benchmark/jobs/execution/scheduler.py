@@ -125,9 +125,11 @@ class Scheduler:
     def _look_at(self, running: Running) -> None:
         """End what takes too long, and take note of what has ended; the time since the last look is its job's."""
         now, job = time.monotonic(), running.status.job
+        running.starting = running.starting + now - running.looked if running.status.is_starting else 0.0
         if job:
             self._failed_starts = 0
-            self._seconds[job] += now - running.looked
+            if not 0 < running.starting <= BIRTH:
+                self._seconds[job] += now - running.looked
         running.looked = now
         if running.has_ended:
             self._running.remove(running)
@@ -138,8 +140,7 @@ class Scheduler:
         elif self._timeout and self._time_of(running, now) > self._timeout:
             running.stop()
             self._running.remove(running)
-            reason = f"stopped after {self._timeout:g} s; pass a longer --timeout, what is done is kept"
-            self._blame(running, "timeout", reason)
+            self._blame(running, "timeout", _why_stopped(running, self._timeout))
 
     def _time_of(self, running: Running, now: float) -> float:
         """Seconds of work of the job that a task is at; beginning a process is none, if it does not take for ever."""
@@ -209,3 +210,9 @@ class Scheduler:
         elif not self._running:
             names = [f"another run is at {job.name}" for job in self._queue.elsewhere.values()]
         self._watch(names, shapes)
+
+
+def _why_stopped(running: Running, timeout: float) -> str:
+    if running.status.is_starting:
+        return f"importing the plugin does not end: stopped after {BIRTH + timeout:g} s; 'check' shows more"
+    return f"stopped after {timeout:g} s; pass a longer --timeout, what is done is kept"

@@ -24,8 +24,20 @@ from benchmark.system.processes import Process
 Facts = dict[str, Any]
 
 
-def close_to_plugins() -> None:
-    """Let no plugin into this process from now on: their methods and scorers work in processes of their own."""
+def _nobody(is_starting: bool) -> None:
+    """Do nothing, where nobody measures the time of a job."""
+
+
+def close_to_plugins(starting: Callable[[bool], object] = _nobody) -> None:
+    """Let no plugin into this process from now on: their methods and scorers work in processes of their own.
+
+    Parameters
+    ----------
+    starting
+        Called with True before such a process starts and imports its plugin, and with False after that.
+    """
+    global _starting
+    _starting = starting
     close_process(_reach)
 
 
@@ -36,6 +48,8 @@ def _reach(spec: PluginSpec[Any, Any]) -> _Remote:
 #: Processes of the methods, or of the scorers, of a plugin: one for all, and one for each that leaves threads or
 #: processes behind.
 _services: dict[tuple[str, ...], Process] = {}
+
+_starting: Callable[[bool], object] = _nobody
 
 
 @cache
@@ -81,15 +95,24 @@ class _Remote:
         """Have some work done."""
         place, shared, own = self._places
         if place not in _services:
-            from benchmark.jobs.foreign.serving import serve
-
-            _services[place] = Process(serve, is_plugin=True)
+            self._start(place)
         service = _services[place]
         try:
             return service.request_or_end_alike({"work": work, **asdict(self), **facts}, arrays)
         finally:
             if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
                 _services[own] = _services.pop(shared)
+
+    def _start(self, place: tuple[str, ...]) -> None:
+        """Start its process, which imports the plugin: that takes no time of the job which needs it."""
+        from benchmark.jobs.foreign.serving import serve
+
+        _starting(True)
+        try:
+            _services[place] = Process(serve, is_plugin=True)
+            _services[place].request_or_end_alike({"work": "tell", **asdict(self)})
+        finally:
+            _starting(False)
 
 
 @dataclass(frozen=True)
