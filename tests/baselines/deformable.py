@@ -102,39 +102,6 @@ def shape_of(mesh: Mesh, name: str = "test") -> Shape:
     return Shape(identifier=name, mesh=mesh)
 
 
-def check_symmetries(method: Method, mesh: Mesh, tolerance: float) -> CanonicalForm:
-    """Assert determinism and equivariance to rigid motion, scale and relabelling; return the form.
-
-    The tolerance is relative to the diameter of the form.
-    """
-    form = method.canonicalise(shape_of(mesh))
-    size = np.ptp(form.vertices, axis=0).max()
-    assert np.isfinite(form.vertices).all()
-    again = method.canonicalise(shape_of(mesh))
-    np.testing.assert_array_equal(again.vertices, form.vertices)
-    assert dict(again.notes) == dict(form.notes)
-
-    rotation = Rotation.from_euler("xyz", [0.4, -1.1, 2.3])
-    turned = method.canonicalise(
-        shape_of(mesh.with_vertices(mesh.vertices @ rotation.as_matrix().T + [3.0, -2.0, 1.0]))
-    )
-    np.testing.assert_allclose(moved_to(turned.vertices, form.vertices), form.vertices, atol=tolerance * size)
-
-    scaled = method.canonicalise(shape_of(mesh.with_vertices(7.0 * mesh.vertices)))
-    np.testing.assert_allclose(
-        moved_to(scaled.vertices, 7 * form.vertices), 7 * form.vertices, atol=7 * tolerance * size
-    )
-
-    order = np.random.default_rng(5).permutation(mesh.n_vertices)
-    rank = np.argsort(order)
-    faces = np.roll(rank[mesh.faces], 1, axis=1)[np.random.default_rng(6).permutation(mesh.n_faces)]
-    relabelled = method.canonicalise(shape_of(Mesh(mesh.vertices[order], faces)))
-    np.testing.assert_allclose(
-        moved_to(relabelled.vertices, form.vertices[order]), form.vertices[order], atol=tolerance * size
-    )
-    return form
-
-
 def check_real_body(method: Method, path: Path) -> CanonicalForm:
     """Assert that the form of a scanned body unfolds it, keeps its volume, and is not inside out."""
     from benchmark.geometry.io import read_mesh
@@ -159,13 +126,3 @@ def signed_volume(mesh: Mesh) -> float:
     """Volume inside a closed surface, negative if its triangles face inwards."""
     a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
     return float(np.einsum("fi,fi->", np.cross(a, b), c) / 6)
-
-
-UNSUPPORTED = {
-    "triangle": Mesh(np.eye(3), np.array([[0, 1, 2]])),
-    "two pieces": Mesh(
-        np.concatenate([tube(0.0).vertices, tube(0.0).vertices + 5]),
-        np.concatenate([tube(0.0).faces, tube(0.0).faces + tube(0.0).n_vertices]),
-    ),
-    "no face": Mesh(np.eye(3).repeat(2, axis=0), np.zeros((0, 3), dtype=int)),
-}

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist, pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from benchmark.api.contracts import Shape, UnsupportedShape
+from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
 
 
@@ -86,34 +85,3 @@ def spread(points: np.ndarray) -> np.ndarray:
 def brute_force_stress(points: np.ndarray, distances: np.ndarray) -> float:
     """Normalised stress by its definition."""
     return float(((spread(points) - distances) ** 2).sum() / (distances**2).sum())
-
-
-def assert_contract(method: Any, shape: Shape, *, atol: float = 1e-6) -> None:
-    """Same result twice; the form follows the numbering; its inner distances follow no motion; bad input is refused."""
-    form = method.canonicalise(shape)
-    assert form.vertices.shape == shape.mesh.vertices.shape
-    assert np.isfinite(form.vertices).all()
-    assert np.array_equal(form.vertices, method.canonicalise(shape).vertices)
-    assert all(isinstance(note, int | float | str) for note in form.notes.values())
-
-    other, order = relabelled(shape)
-    np.testing.assert_allclose(method.canonicalise(other).vertices, form.vertices[order], atol=atol)
-    np.testing.assert_allclose(spread(method.canonicalise(moved(shape)).vertices), spread(form.vertices), atol=atol)
-    if method.info.scale == "equivariant":
-        doubled = method.canonicalise(moved(shape, scale=2.0)).vertices
-        np.testing.assert_allclose(spread(doubled), 2 * spread(form.vertices), atol=2 * atol)
-    else:
-        doubled = method.canonicalise(moved(shape, scale=2.0)).vertices
-        np.testing.assert_allclose(spread(doubled), spread(form.vertices), atol=atol)
-    assert_refuses(method.canonicalise)
-
-
-def assert_refuses(treat: Any) -> None:
-    """A single triangle and a surface in two pieces raise ``UnsupportedShape``."""
-    triangle = Mesh(np.eye(3), np.array([[0, 1, 2]]))
-    with pytest.raises(UnsupportedShape, match="3 vertices"):
-        treat(Shape(identifier="triangle", mesh=triangle))
-    ball = sphere(150)
-    twice = Mesh(np.concatenate([ball.vertices, ball.vertices + 3]), np.concatenate([ball.faces, ball.faces + 150]))
-    with pytest.raises(UnsupportedShape, match=r"pieces|components"):
-        treat(Shape(identifier="two balls", mesh=twice))

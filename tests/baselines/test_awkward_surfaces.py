@@ -58,9 +58,7 @@ def pieces() -> Mesh:
 
 CONNECTED = {
     "ball": lambda: sphere(300),
-    "cube": cube,
     "ring": ring,
-    "sheet": lambda: sheet(rows=18, columns=9),
     "rolled sheet": lambda: sheet(rows=18, columns=9, bend=3.0),
     "fifty vertices": lambda: sphere(50),
 }

@@ -13,9 +13,8 @@ from baselines.gps import GPS
 from baselines.least_squares_mds import LeastSquaresMDS
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError
-from tests.baselines.deformable import moved_to, shape_of, sheet, tube
-from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread
-from tests.baselines.perturbation import moved, other_rounding
+from tests.baselines.deformable import shape_of, sheet
+from tests.baselines.embedding import limbed, sphere, spread
 
 METRICS = ("diffusion", "commute-time", "biharmonic")
 
@@ -56,16 +55,6 @@ def test_the_form_is_the_classic_scaling_of_the_matrix_of_distances(metric):
     assert form.notes["eigenfunctions"] == functions.shape[1] == 40
 
 
-@pytest.mark.parametrize("metric", METRICS)
-def test_least_squares_scaling_lowers_the_stress_of_the_metric(metric):
-    shape = limbed(300)
-    distances = distances_under(shape, metric, 0.05, 100, "default")
-    form = LeastSquaresMDS(metric=metric).canonicalise(shape)
-    classic = ClassicMDS(metric=metric).canonicalise(shape)
-    assert form.notes["stress"] == pytest.approx(brute_force_stress(form.vertices, distances), rel=1e-8)
-    assert form.notes["stress"] < brute_force_stress(classic.vertices, distances)
-
-
 def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature():
     # Classic scaling weighs vertices alike and GPS by their area, which on this sphere is the same but for 1 %.
     mesh = sphere(800)
@@ -81,14 +70,6 @@ def test_bending_does_not_change_the_form(metric):
     assert np.abs(spread(rolled) - spread(flat)).max() < 0.02 * spread(flat).max()
 
 
-def test_a_longer_time_smooths_the_form():
-    shape = limbed(300)
-    fourths = [
-        ClassicMDS(metric="diffusion", time=t).canonicalise(shape).notes["eigenvalue_ratio_2"] for t in (0.02, 0.1, 0.3)
-    ]
-    assert fourths[0] > fourths[1] > fourths[2]
-
-
 def test_equal_eigenvalues_are_kept_together_or_left_out_together():
     values = np.array([5.0, 3.0, 3.0 - 1e-9, 1.0, 1.0, 1.0])
     assert [clear_length(values, most) for most in (1, 2, 3, 4, 5, 6, 9)] == [1, 1, 3, 3, 3, 6, 6]
@@ -97,23 +78,6 @@ def test_equal_eigenvalues_are_kept_together_or_left_out_together():
     side = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
     octahedron = Mesh(side, np.array([[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]))
     assert [clear_eigenpairs(shape_of(octahedron).laplacian(), most)[1].shape[1] for most in (4, 5)] == [3, 5]
-
-
-@pytest.mark.parametrize("metric", METRICS)
-@pytest.mark.parametrize("method", [ClassicMDS, LeastSquaresMDS])
-def test_contract(method, metric):
-    assert_contract(method(metric=metric), limbed(250), atol=1e-6)
-
-
-@pytest.mark.parametrize("mesh", [tube(0.0, rings=20), tube(2.0, rings=20), sheet(), sheet(bend=2.0)])
-@pytest.mark.parametrize("metric", METRICS)
-def test_rounding_errors_do_not_change_the_form(metric, mesh):
-    for method in (ClassicMDS(metric=metric), LeastSquaresMDS(metric=metric)):
-        expected = method.canonicalise(shape_of(mesh)).vertices
-        with other_rounding(1):
-            found = method.canonicalise(shape_of(moved(mesh, 1))).vertices
-        size = np.ptp(expected, axis=0).max()
-        np.testing.assert_allclose(moved_to(found, expected), expected, rtol=0, atol=1e-6 * size)
 
 
 def test_parts_that_hang_together_by_nothing_are_refused():
@@ -132,9 +96,3 @@ def test_an_unknown_metric_and_a_time_that_does_not_pass_are_refused():
         ClassicMDS(metric="biharmonc")  # type: ignore[arg-type]
     with pytest.raises(ConfigurationError, match="time of least-squares-mds"):
         LeastSquaresMDS(metric="diffusion", time=0)
-
-
-@pytest.mark.parametrize("metric", METRICS)
-def test_fifty_vertices_are_enough(metric):
-    for method in (ClassicMDS(metric=metric), LeastSquaresMDS(metric=metric)):
-        assert np.isfinite(method.canonicalise(shape_of(sphere(50))).vertices).all()

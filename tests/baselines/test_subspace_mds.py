@@ -9,8 +9,7 @@ from baselines.subspace_mds import SubspaceMDS
 from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
 from benchmark.geometry.preparation import prepare
-from tests.baselines.deformable import shape_of, sheet
-from tests.baselines.embedding import assert_contract, brute_force_stress, limbed, sphere, spread
+from tests.baselines.embedding import brute_force_stress, limbed, spread
 from tests.baselines.test_spectral_mds import RowsOnly
 
 
@@ -70,25 +69,3 @@ def test_where_plain_majorisation_stops_early_few_functions_find_a_far_better_po
     found = brute_force_stress(form.vertices, shape.geodesics())
     assert found < 0.5 * plain
     assert found < 1.25 * converged  # quasi-Newton steps over all vertices end lower still
-
-
-def test_a_finer_level_lowers_the_stress():
-    shape = limbed(500)
-    stresses = [
-        brute_force_stress(SubspaceMDS(eigenfunctions=levels).canonicalise(shape).vertices, shape.geodesics())
-        for levels in ((10,), (10, 40), (10, 40, 160))
-    ]
-    assert brute_force_stress(shape.mesh.vertices, shape.geodesics()) > stresses[0] > stresses[1] > stresses[2]
-
-
-def test_bending_does_not_change_the_form():
-    flat, rolled = (SubspaceMDS().canonicalise(shape_of(sheet(bend=bend))).vertices for bend in (0.0, 2.0))
-    assert np.abs(spread(rolled) - spread(flat)).max() < 0.02 * spread(flat).max()
-
-
-def test_fifty_vertices_are_enough():
-    assert np.isfinite(SubspaceMDS().canonicalise(shape_of(sphere(50))).vertices).all()
-
-
-def test_contract():
-    assert_contract(SubspaceMDS(eigenfunctions=(20, 60)), limbed(300), atol=1e-6)

@@ -73,13 +73,6 @@ def test_the_number_of_holes_agrees_with_libigl():
     assert compared > 20
 
 
-def test_the_number_of_holes_follows_from_the_euler_number():
-    # Removing k faces without a common vertex from a closed surface leaves k holes.
-    apart = list(range(0, 24 * 20, 49))
-    assert len(np.unique(ROD.faces[apart])) == 3 * len(apart)
-    assert count_holes(without_faces(ROD, apart).faces) == len(apart)
-
-
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
@@ -164,13 +157,6 @@ def test_missing_numbers_and_numbers_from_1_are_named(tmp_path):
     assert lines(numbered(tmp_path / "good", [0, 1, 2, 3])) == []
 
 
-def test_a_set_that_cannot_be_ranked_is_an_error(tmp_path):
-    for number in range(2):
-        write_off(tmp_path / f"cat{number}.off", rod(0.1, number))
-    assert "has one class ('cat')" in only(tmp_path)
-    assert not check(folder_dataset(tmp_path)).usable
-
-
 def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(tmp_path):
     numbered(tmp_path / "set", [0, 1, 2, 3])
     (tmp_path / "set" / "x.cla").write_text("PSB 2\n")
@@ -238,14 +224,6 @@ def test_a_manifest_that_points_outside_is_an_error_also_for_an_official_set(tmp
         assert not report.usable
 
 
-def test_generated_sets_are_checked_too():
-    from tests.datasets.test_export import Beasts
-
-    report = check(Beasts())
-    assert report.usable
-    assert report.lines()[0] == "beasts: 9 shapes, 3 classes, stand-in for tosca"
-
-
 def test_what_is_not_there_is_no_finding(tmp_path):
     with pytest.raises(DatasetError, match="data set 'tosca' is not at"):
         check_source("tosca", tmp_path)
@@ -283,15 +261,6 @@ def test_an_interruption_ends_the_check_with_one_line(rods, monkeypatch):
     assert stopped.exit_code == 130
     assert stopped.stderr.splitlines()[1:] == [f"interrupted while checking {rods}"]
     assert stopped.stdout == ""
-
-
-def test_that_shapes_are_generated_is_said(capsys):
-    from benchmark.cli.counting import counting
-    from tests.datasets.test_export import Beasts
-
-    with counting("checking beasts") as watched:
-        assert next(iter(watched(Beasts().entries))) == Beasts().entries[0]
-    assert capsys.readouterr().err == "checking beasts, each shape generated first: 0 of 9\n"
 
 
 @pytest.mark.data

@@ -11,7 +11,7 @@ from benchmark.datasets.checking import check
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.jobs.preparation import Preparation
-from tests.depth.scenes import frame, in_millimetres, overlap
+from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 
 INTRINSICS = "525 0 319.5\n0 525 239.5\n0 0 1\n"
@@ -140,12 +140,3 @@ def test_the_mesh_input_is_refused_with_the_reason(frames, tmp_path):
     refused = CliRunner().invoke(cli, [*asked, "--input", "mesh"])
     assert "holds depth images, which show one side of each shape; drop --input mesh" in str(refused.exception)
     assert "1 of 1 jobs to run" in CliRunner().invoke(cli, asked).output
-
-
-def test_the_object_of_a_folder_without_masks_is_found(frames, tmp_path):
-    folder = write_frames(tmp_path / "frames", classes=("one",), count=1)
-    (folder / "one" / "0_mask.png").unlink()
-    dataset = open_dataset(str(folder), None)
-    observed = dataset.files(dataset.entries[0]).observe()
-    assert observed.notes["mask"] == "found"
-    assert overlap(observed.mask, frame(seed=0)[1]) > 0.93

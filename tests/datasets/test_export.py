@@ -1,5 +1,3 @@
-import json
-import re
 import tomllib
 from dataclasses import dataclass
 
@@ -15,7 +13,6 @@ from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest
-from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
@@ -75,37 +72,6 @@ def test_the_layouts_have_the_names_and_the_classes_of_the_official_sets(tmp_pat
     assert (tmp_path / "a" / CLA_FILE).read_text().startswith("PSB 1\n3 9\n\nman-2 0 3\n0\n3\n6\n\ncat 0 3\n1\n4\n")
     by_class = export(Beasts(), tmp_path / "b", "tosca")
     assert by_class[:5] == ("man-2-0.off", "cat0.off", "man-1-0.off", "man-2-1.off", "cat1.off")
-
-
-@pytest.mark.parametrize("layout", ["shrec14", "tosca"])
-def test_classes_survive_without_the_manifest(tmp_path, layout):
-    export(Beasts(), tmp_path / "out", layout)
-    (tmp_path / "out" / "MANIFEST.tsv").unlink()
-    back = folder_dataset(tmp_path / "out")
-    pairs = {(e.subject, back.load(e).vertices.tobytes()) for e in back.entries}
-    assert pairs == {(e.subject, Beasts().load(e).vertices.tobytes()) for e in Beasts().entries}
-
-
-def test_poses_that_are_numbers_stay_in_the_file_names(tmp_path):
-    entries = tuple(Entry(f"{s}{p}", s, p) for s in ("cat", "dog") for p in ("3", "10"))
-
-    class Numbers(Beasts):
-        def load(self, entry):
-            return rod(0.1, float(entry.pose))
-
-    numbers = Numbers(entries=entries)
-    assert export(numbers, tmp_path / "tosca", "tosca")[:4] == ("cat3.off", "cat10.off", "dog3.off", "dog10.off")
-    # Also as the official set, which it may stand in for.
-    back = tosca(tmp_path)
-    assert [(e.identifier, e.pose) for e in back.entries][:2] == [("cat3", "3"), ("cat10", "10")]
-    assert back.stand_in_for == "tosca"
-
-
-def test_exporting_twice_gives_the_same_bytes(tmp_path):
-    for name in ("a", "b"):
-        export(Beasts(), tmp_path / name, "shrec14")
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
 @settings(max_examples=30)
@@ -191,12 +157,6 @@ def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, layout
         export(Beasts(entries=entries), tmp_path / "out", layout)
 
 
-def test_classes_that_differ_in_case_alone_would_share_files(tmp_path):
-    entries = tuple(Entry(f"{s}{p}", s, str(p)) for s in ("cat", "Cat") for p in range(2))
-    with pytest.raises(ConfigurationError, match="two classes would share the file cat0.off"):
-        export(Beasts(entries=entries), tmp_path / "out", "tosca")
-
-
 def test_cameras_that_differ_in_a_class_are_named(tmp_path):
     class Turning(Beasts):
         def camera(self, entry):
@@ -204,19 +164,6 @@ def test_cameras_that_differ_in_a_class_are_named(tmp_path):
 
     with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
         export(Turning(), tmp_path / "out", "tosca")
-
-
-def test_an_unknown_layout_is_named(tmp_path):
-    with pytest.raises(ConfigurationError, match="unknown layout 'toska'; did you mean tosca"):
-        export(Beasts(), tmp_path / "out", "toska")
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="file is not a folder"):
-        export(Beasts(), tmp_path / "file", "tosca")
-    with pytest.raises(ConfigurationError, match="cannot write to .*choose another folder"):
-        export(Beasts(), tmp_path / "file" / "below", "tosca")
 
 
 def test_the_verb_writes_what_the_manifest_says(tmp_path):
@@ -232,33 +179,3 @@ def test_the_verb_writes_what_the_manifest_says(tmp_path):
     assert isinstance(again.exception, ConfigurationError)
     assert CliRunner().invoke(data, [*arguments, "--force"]).exit_code == 0
     assert CliRunner().invoke(data, [*arguments[:-1], "vrml"]).exit_code == 2
-
-
-def test_the_list_says_what_is_here(tmp_path):
-    (tmp_path / "tosca").mkdir()
-    rows = json.loads(CliRunner().invoke(data, ["list", "--json", "--data-root", str(tmp_path)]).output)
-    states = {row["name"]: (row["kind"], row["state"]) for row in rows}
-    assert states["tosca"] == ("official", "present")
-    assert states["shrec14-real"] == ("official", "not at shrec14/real")
-    assert states["humans"] == ("generated", "present")
-    text = CliRunner().invoke(data, ["list"], env={"CANONICAL_FORMS_DATA": str(tmp_path)}).output
-    assert len(text.splitlines()) == len(rows) + 1
-    assert re.search("^tosca +present +80 +9 ", text, re.M)
-
-
-@pytest.mark.slow
-def test_scores_are_the_same_after_the_round_trip(tmp_path):
-    from tests.cli.test_command_line import benchmark
-
-    write_rods(tmp_path / "in")
-    export(folder_dataset(tmp_path / "in"), tmp_path / "out", "shrec14")
-    scores = []
-    for name in ("in", "out"):
-        arguments = ("-d", tmp_path / name, "--input", "mesh", "-m", "identity")
-        arguments += ("--results", tmp_path / "results")
-        assert benchmark("run", *arguments).returncode == 0
-        rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-        keys = ("method", "input", "NN", "FT", "ST", "DCG", "chance", "n_shapes", "status")
-        scores.append([{key: row[key] for key in keys} for row in rows])
-    assert scores[0] == scores[1]
-    assert all(row["status"] == "ok" for row in scores[0])

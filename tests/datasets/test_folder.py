@@ -2,9 +2,9 @@ import re
 
 import pytest
 
-from benchmark.datasets.base import Entry, check_retrievable, natural_key
+from benchmark.datasets.base import check_retrievable, natural_key
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
-from benchmark.datasets.folder import folder_dataset, read_cla
+from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
@@ -68,24 +68,6 @@ def test_a_wrong_cla_file_is_named(tmp_path, text, message):
     numbered(tmp_path)
     (tmp_path / "test.cla").write_text(text)
     with pytest.raises(DatasetError, match=message):
-        folder_dataset(tmp_path)
-
-
-def test_two_cla_files_are_one_too_many(tmp_path):
-    numbered(tmp_path)
-    for name in ("a.cla", "b.cla"):
-        (tmp_path / name).write_text(CLA)
-    with pytest.raises(DatasetError, match="holds 2 .cla files; keep the one"):
-        folder_dataset(tmp_path)
-
-
-def test_cla_round_trip(tmp_path):
-    (tmp_path / "x.cla").write_text(CLA)
-    assert read_cla(tmp_path / "x.cla") == {0: "man", 1: "man", 2: "woman", 3: "woman"}
-
-
-def test_a_folder_without_meshes_is_named(tmp_path):
-    with pytest.raises(DatasetError, match="no meshes in .*; expected files ending in"):
         folder_dataset(tmp_path)
 
 
@@ -179,19 +161,14 @@ def test_a_manifest_without_classes_changes_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("file\tclass\n../secret.off\ta\n", "names '../secret.off', which lies outside its folder"),
         ("file\n/etc/passwd\n", "names '/etc/passwd', which lies outside its folder"),
-        ("file\tclass\nlink.off\ta\n", "names 'link.off', which lies outside its folder"),
         ("file\tclass\nlinked/secret.off\ta\n", "names 'linked/secret.off', which lies outside its folder"),
-        ("file\tclass\n9.off\ta\n", "names '9.off', which is not there; add the mesh or remove"),
         ("file\tclass\n0.off\ta\n0.off\ta\n", "names 0.off twice"),
         ("file\tclass\n0.off\ta\n0.obj\ta\n", "names '0' in two formats"),
         ("file\tclass\n0.off a\n", "line 2 has 1 cells, not 2; separate the columns by one tab"),
         ("file\tclass\n0.off\t\n", "line 2 names no class"),
-        ("file\tclass\n\ta\n", "line 2 names no file"),
         ("file\tvertices\n0.off\tmany\n", "line 2: vertices are 'many'; write a whole number"),
         ("file\tclas\n0.off\ta\n", "unknown column of .*MANIFEST.tsv 'clas'; did you mean class"),
-        ("class\n", "names no column 'file'"),
         ("", "names no column 'file'"),
     ],
 )
@@ -249,12 +226,6 @@ def test_a_tilde_that_no_shell_has_expanded_is_no_path():
             open_dataset(name, None)
 
 
-def test_the_first_pose_of_a_generated_set_is_canonical():
-    from tests.datasets.test_export import Beasts
-
-    assert canonical_entry(Beasts(), "cat") == Entry("cat_stand", "cat", "stand")
-
-
 def test_settings_of_the_whole_set(tmp_path):
     text = 'canonical_pose = 1\ncamera = "back"\nhalf_width = 2\nstand_in_for = "tosca"\n'
     dataset = settled(tmp_path, text)
@@ -274,14 +245,10 @@ def test_settings_of_a_class(tmp_path):
     ("text", "camera"),
     [
         ('camera = "side"', SIDE),
-        ('camera = "other-side"', Camera((-1, 0, 0))),
         ("camera = { direction = [0, 0, -3], up = [0, 1, 0.5] }", Camera((0, 0, -1), (0, 1, 0))),
         ('up = "y"', Camera((0, 0, -1), (0, 1, 0))),
-        ('up = "y"\ncamera = "front"', Camera((0, 0, -1), (0, 1, 0))),
         ('up = "y"\ncamera = "back"', Camera((0, 0, 1), (0, 1, 0))),
-        ('up = "y"\ncamera = "side"', Camera((1, 0, 0), (0, 1, 0))),
         ('up = "y"\ncamera = { direction = [1, 0, 0] }', Camera((1, 0, 0), (0, 1, 0))),
-        ('up = "z"', FRONT),
     ],
 )
 def test_cameras(tmp_path, text, camera):
@@ -304,24 +271,15 @@ def test_y_up_shows_what_z_up_shows_of_the_turned_shape(tmp_path):
     ("text", "message"),
     [
         ('camra = "front"', "unknown key of .*dataset.toml 'camra'; did you mean camera"),
-        ('camera = "fornt"', "unknown camera in .*dataset.toml 'fornt'; did you mean front"),
         ('[camera]\nthik = "front"', "unknown class under camera in .*toml 'thik'; did you mean thick"),
         ("camera = 3", "3 is no camera; write the name of a view, or { direction"),
-        ("camera = { up = [0, 0, 1] }", "unknown class under camera in .*toml 'up'"),
         ("camera = { direction = [0, 1, 0], upp = [0, 0, 1] }", "unknown key of a camera in .* 'upp'; did you mean up"),
         ("camera = { direction = [0, 1] }", "dataset.toml: .*write the name of a view"),
         ('camera = { direction = "x" }', "'x' is no vector"),
-        ("camera = { direction = [0, 0, 1] }", "no camera looks along .*pass two finite vectors"),
-        ("[camera]\nthin = {}", "{} is no camera"),
         ('canonical_pose = "7"', "unknown pose of class 'thick' in .*toml '7'; choose one of 0, 1, 2"),
-        ('[canonical_pose]\nthn = "0"', "unknown class under canonical_pose in .*toml 'thn'; did you mean thin"),
         ("canonical_pose = 1.5", "the canonical pose of 'thick' is 1.5; write a pose in quotes"),
         ("half_width = 0", "half_width is 0; write a positive number"),
         ("half_width = inf", "half_width is inf; write a positive number"),
-        ("half_width = nan", "half_width is nan; write a positive number"),
-        ("half_width = true", "half_width is True; write a positive number"),
-        ('half_width = "wide"', "half_width is 'wide'; write a positive number"),
-        ('up = "x"', 'up is \'x\'; write up = "z" or up = "y"'),
         ("stand_in_for = 3", "stand_in_for is 3; write the name of the official set"),
         ("camera = ", "cannot read .*dataset.toml: .*correct the file or remove it"),
     ],

@@ -8,11 +8,9 @@ import pytest
 
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.humans import human_meshes, sample_human
+from benchmark.datasets.humans import sample_human
 from benchmark.datasets.humans_gallery import HumansGallery, _body
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import camera_coordinates
 from benchmark.protocols.galleries import galleries
 
 
@@ -58,11 +56,3 @@ def test_a_larger_gallery_begins_with_the_smaller_one_and_repeats_no_body():
 def test_the_bodies_of_published_galleries_are_drawn_again():
     drawn = [np.round(astuple(_body(f"body-{n}")), 6).tolist() for n in range(200)]
     assert hashlib.sha256(repr(drawn).encode()).hexdigest()[:16] == "82c4358c5ac5bd9d"
-
-
-@pytest.mark.slow
-def test_bodies_stay_inside_the_frame():
-    gallery = HumansGallery(12)
-    meshes = human_meshes((_body(entry.subject), POSES[entry.pose]) for entry in gallery.entries)
-    reach = [np.abs(camera_coordinates(mesh, FRONT)[..., :2]).max() for mesh in meshes]
-    assert max(reach) < gallery.half_width

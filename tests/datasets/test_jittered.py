@@ -6,13 +6,10 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import is_present, open_dataset
-from benchmark.datasets.jittered import AMOUNT, Jittered, clean_dataset, clean_name, jittered_name, parsed_jitter
+from benchmark.datasets.jittered import AMOUNT, clean_name, jittered_name, parsed_jitter
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import extent_of
-from benchmark.jobs import recipes
-from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.galleries import galleries
-from benchmark.storage.store import Store
 from tests.toy import write_rods
 
 
@@ -43,24 +40,6 @@ def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(
     np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
 
 
-def test_everything_else_is_that_of_the_clean_set(folder):
-    clean = open_dataset(folder, None)
-    found = Jittered(clean, 1)
-    assert clean_dataset(found) is clean_dataset(clean) is clean
-    assert [(e.identifier, e.subject, e.pose) for e in found.entries] == [
-        (e.identifier, e.subject, e.pose) for e in clean.entries
-    ]
-    entry = found.entries[0]
-    assert (found.camera(entry), found.half_width, found.sensor(entry)) == (clean.camera(entry), clean.half_width, None)
-
-
-def test_recipes_tell_jitters_shapes_and_clean_sets_apart(folder):
-    clean = open_dataset(folder, None)
-    sets = [clean, Jittered(clean, 1), Jittered(clean, 2)]
-    told = {str(recipes.source_recipe(each, entry)) for each in sets for entry in each.entries}
-    assert len(told) == 3 * len(clean.entries)
-
-
 def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(folder):
     plain = galleries([], [folder])
     repeated = galleries([], [folder], repeat=2)
@@ -80,14 +59,3 @@ def test_a_plan_has_repeats_where_they_are_asked_for(folder, tmp_path):
     assert "1 of 1 jobs to run" in planned().output
     assert "rods[jitter=2] mesh pca" in planned("--repeat", "2").output
     assert planned("--repeat", "1").exit_code == 2  # one is no spread
-
-
-def test_a_generated_shape_is_made_once_for_all_its_jitters(monkeypatch, tmp_path):
-    clean = open_dataset("animals", None)
-    load, loaded = type(clean).load, []
-    monkeypatch.setattr(type(clean), "load", lambda self, entry: loaded.append(entry) or load(self, entry))
-    entry, store = clean.entries[0], Store.open(tmp_path)
-    for found in (clean, Jittered(clean, 1), Jittered(clean, 2)):
-        mesh = Preparation(found, "mesh", store).mesh(entry)
-        np.testing.assert_array_equal(mesh.vertices, found.load(entry).vertices)
-    assert len(loaded) == 4  # one of the preparations, and three to compare with

@@ -8,9 +8,9 @@ import pytest
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 
-from benchmark.datasets.catalogue import canonical_entry, open_dataset, sources
+from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.perturbations import surface
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
@@ -61,13 +61,6 @@ def test_a_surface_gets_the_vertices_that_are_asked_for_without_losing_its_shape
         assert found.area == pytest.approx(BALL.area, rel=0.02)
 
 
-def test_remeshing_has_edges_of_one_length():
-    found = surface.remeshing(HORSESHOE, 0.02, random())
-    lengths = as_trimesh(found).edges_unique_length / extent_of(HORSESHOE)
-    assert np.median(lengths) == pytest.approx(0.02, rel=0.2)
-    assert found.area == pytest.approx(HORSESHOE.area, rel=0.05)
-
-
 def test_scale_stays_between_its_bounds():
     ratios = [surface.scale(BALL, 2.0, np.random.default_rng(k)).area / BALL.area for k in range(20)]
     assert 0.25 <= min(ratios) < 0.6 < 1.6 < max(ratios) <= 4
@@ -86,11 +79,6 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
         shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
 
 
-def test_what_leaves_nothing_is_unsupported():
-    with pytest.raises(UnsupportedShape, match="leaves"):
-        surface.missing_parts(rod(0.1, 0, rings=6, sides=6), 0.4, random())
-
-
 def test_a_sensor_adds_noise_and_steps_to_the_surface_alone():
     depth = np.zeros((100, 100), dtype=np.float32)
     depth[20:80, 20:80] = 0.5
@@ -104,24 +92,6 @@ def test_a_sensor_adds_noise_and_steps_to_the_surface_alone():
 @pytest.fixture(scope="module")
 def rods(tmp_path_factory):
     return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
-
-
-def test_names_are_read_as_they_are_written():
-    for perturbation in PERTURBATIONS:
-        for strength in STRENGTHS:
-            assert parsed(perturbed_name("a set", perturbation, strength)) == ("a set", perturbation, strength)
-    assert parsed("humans") is None
-    assert parsed("humans[noise=6]") is None
-    assert parsed("humans[noses=1]") is None
-    with pytest.raises(ConfigurationError, match="unknown data set|is no gallery"):
-        open_dataset("humans[noses=1]", None)
-
-
-def test_generated_and_perturbed_sets_can_be_named_on_the_command_line(tmp_path):
-    named = ["humans[subjects=3]", "animals-few[noise=3]", "humans[subjects=3][noise=3]", f"{tmp_path}[holes=1]"]
-    assert sources(named, ()) == named
-    with pytest.raises(ConfigurationError, match="unknown data set 'animal-few'; did you mean animals-few"):
-        sources(["animal-few[noise=3]"], ())
 
 
 def test_a_perturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):

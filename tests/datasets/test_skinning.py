@@ -5,18 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from benchmark.datasets import humans
-from benchmark.datasets.skinning import linear_blend_skinning
-
-
-def test_a_vertex_goes_where_its_bones_take_it_on_average() -> None:
-    vertices = np.array([[[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]])
-    stay, turn = np.eye(4), np.eye(4)
-    turn[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    turn[:3, 3] = [0, 0, 10]
-    bones = np.array([[0, 1], [1, 0], [0, 1]])
-    weights = np.array([[1.0, 0.0], [1.0, 0.0], [0.75, 0.25]])
-    posed = linear_blend_skinning(vertices, bones, weights, np.stack([stay, turn])[None])
-    np.testing.assert_allclose(posed, [[[1, 0, 0], [-2, 0, 10], [0, 0, 0.75 * 3 + 0.25 * 13]]])
 
 
 def test_bodies_are_those_of_the_dense_kernel() -> None:

@@ -12,16 +12,12 @@ import trimesh
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Arm, Pose
 from benchmark.datasets.human_subjects import CLEARANCE, SUBJECTS, adults
-from benchmark.datasets.varied import sampler as sampling
-from benchmark.datasets.varied.bodies import LABELS, Body, local_changes, varied_body, varied_subject
-from benchmark.datasets.varied.camera import Perturbations, both_sides, extents, perturbed, rendered, turned
+from benchmark.datasets.varied.bodies import Body, varied_subject
+from benchmark.datasets.varied.camera import extents
 from benchmark.datasets.varied.model import CANONICAL, body_model
 from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import LARGEST_TURN, free_pose, joint_limits, varied_pose
 from benchmark.datasets.varied.sampler import LARGEST_DOUBLED, Sampler
-from benchmark.errors import DatasetError
-from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 
 
@@ -91,34 +87,6 @@ def test_without_local_changes_a_body_is_that_of_the_data_set() -> None:
 
 
 @needs_the_full_body
-def test_local_changes_make_another_body_of_the_same_phenotype() -> None:
-    subject = SUBJECTS["woman-1"]
-    plain = varied_mesh(Body(subject), CANONICAL)
-    random = np.random.default_rng(3)
-    changed = varied_mesh(Body(subject, local_changes(random)), CANONICAL)
-    moved = np.linalg.norm(changed.vertices - plain.vertices, axis=1)
-    assert 0.005 < np.median(moved) < 0.15
-    solid = trimesh.Trimesh(changed.vertices, changed.faces, process=False)
-    assert solid.is_watertight
-    assert solid.volume > 0
-    # Every single change has an effect.
-    values = np.eye(len(LABELS)) * 0.5
-    many = body_model().vertices([Body(subject, tuple(row)) for row in values.tolist()], [[CANONICAL]] * len(LABELS))
-    assert min(np.abs(made[0] - plain.vertices).max() for made in many) > 1e-3
-
-
-@needs_the_full_body
-def test_a_body_does_not_depend_on_what_is_made_with_it() -> None:
-    random = np.random.default_rng(1)
-    bodies = [varied_body(random) for _ in range(3)]
-    poses = [[varied_pose(random) for _ in range(2)] for _ in bodies]
-    together = body_model().vertices(bodies, poses)
-    for body, of_body, made in zip(bodies, poses, together, strict=True):
-        for pose, vertices in zip(of_body, made, strict=True):
-            np.testing.assert_array_equal(varied_mesh(body, pose).vertices, vertices)
-
-
-@needs_the_full_body
 def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
     faces = body_model().faces
     bodies = [Body(SUBJECTS[name]) for name in ("man-2", "child-3", "woman-5")]
@@ -140,45 +108,6 @@ def test_an_arm_through_the_chest_is_found_and_authored_poses_pass() -> None:
 
 
 @needs_the_full_body
-def test_a_camera_without_faults_is_that_of_the_benchmark() -> None:
-    mesh = varied_mesh(Body(SUBJECTS["man-1"]), POSES["walking"])
-    points = turned(mesh.vertices, Perturbations())
-    np.testing.assert_allclose(rendered(points, mesh.faces, 1.3, 500), render_depth(mesh, FRONT, 1.3), atol=1e-6)
-
-
-@needs_the_full_body
-def test_front_and_back_have_one_mask_and_the_body_between_them() -> None:
-    mesh = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
-    points = turned(mesh.vertices, Perturbations())
-    front, back = both_sides(points, mesh.faces, 1.3, 256)
-    np.testing.assert_array_equal(front > 0, back > 0)
-    assert (front >= back - 1e-6).all()
-    behind = rendered(points * [-1, 1, -1], mesh.faces, 1.3, 256)[:, ::-1]
-    inside = front > 0
-    np.testing.assert_allclose(back[inside], 1 - behind[inside], atol=1e-6)
-
-
-@needs_the_full_body
-def test_the_faults_of_a_camera_do_what_they_say() -> None:
-    random = np.random.default_rng(0)
-    image = np.zeros((200, 200), dtype=np.float32)
-    image[50:150, 50:150] = 0.5
-    assert np.array_equal(perturbed(image, Perturbations(), random), image)
-    noisy = perturbed(image, Perturbations(noise=0.01), random)
-    assert noisy[image > 0].std() == pytest.approx(0.01, rel=0.1)
-    stepped = perturbed(image, Perturbations(noise=0.01, step=0.01), random)
-    np.testing.assert_allclose(stepped / 0.01, np.round(stepped / 0.01), atol=1e-4)
-    torn = perturbed(image, Perturbations(dropped=0.05, holes=3), random)
-    assert 0.5 < np.count_nonzero(torn) / np.count_nonzero(image) < 0.96
-    assert not torn[image == 0].any()
-    body = varied_mesh(Body(SUBJECTS["man-1"]), CANONICAL)
-    above = turned(body.vertices, Perturbations(elevation=20.0))
-    assert np.ptp(above[:, 1]) < np.ptp(body.vertices[:, 2])
-    left, right = body_model().hands
-    assert 1000 < left.sum() == right.sum() < 6000
-
-
-@needs_the_full_body
 def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> None:
     sampler = Sampler(seed=7)
     first, other = sampler(0, 2, 64), sampler(1, 2, 64)
@@ -192,43 +121,6 @@ def test_a_batch_is_a_matter_of_its_number_and_no_body_goes_through_itself() -> 
     for images in (first.images, first.fronts[:, None]):
         assert 0 == images.min() < images.max() <= 1
         assert ((images > 0).sum(axis=(2, 3)) > 80).all()
-
-
-@pytest.mark.parametrize("missing", [(True, False), (False, True), (True, True)])
-@needs_the_full_body
-def test_a_missing_hand_leaves_the_rest_of_the_body(
-    monkeypatch: pytest.MonkeyPatch, missing: tuple[bool, bool]
-) -> None:
-    whole = Sampler(0, poses=1, perturbations=False)(50, 1, 128)
-    monkeypatch.setattr(sampling, "drawn_perturbations", lambda _: Perturbations(missing=missing))
-    maimed = Sampler(0, poses=1)(50, 1, 128)
-    seen, left = (np.count_nonzero(each.images) for each in (whole, maimed))
-    assert 0.85 * seen < left < seen
-    assert np.array_equal(maimed.fronts, whole.fronts)
-
-
-@needs_the_full_body
-def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampling, "LARGEST_DOUBLED", -1.0)
-    monkeypatch.setattr(sampling, "MOST_DRAWS", 2)
-    with pytest.raises(DatasetError, match="varied-0-5-0 has no pose"):
-        Sampler(0)(5, 1, 32)
-
-
-@needs_the_full_body
-def test_surfaces_are_the_bodies_of_the_images() -> None:
-    made, fresh = Sampler(3).surfaces(2, 2), Sampler(3)(2, 2, 64)
-    assert made.identifiers == fresh.identifiers
-    assert made.drawn_again == fresh.drawn_again
-    assert made.posed.shape == (2, 2, *made.canonical.shape[1:])
-    mesh = trimesh.Trimesh(made.canonical[0], made.faces, process=False)
-    assert mesh.is_watertight
-    # A pose is no isometry, but lengths stay much the same.
-    before, after = (
-        np.linalg.norm(points[mesh.edges_unique[:, 0]] - points[mesh.edges_unique[:, 1]], axis=1)
-        for points in (made.canonical[0], made.posed[0, 1])
-    )
-    assert 0.8 < np.median(after / before) < 1.25
 
 
 def test_extents_are_the_extrema_of_the_coordinates() -> None:

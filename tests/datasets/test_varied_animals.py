@@ -4,35 +4,9 @@ import igl
 import numpy as np
 import pytest
 
-from benchmark.datasets.animals.anatomy import Species, tube
 from benchmark.datasets.animals.generate import SPECIES
-from benchmark.datasets.animals.poses import POSES
-from benchmark.datasets.animals.skeleton import Skeleton
-from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, motion, proportions, sampler
+from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, proportions, sampler
 from benchmark.errors import DatasetError, InvalidMesh
-
-
-class Silent:
-    """A source of chance that always gives the middle."""
-
-    def normal(self, size=None):
-        return np.zeros(size) if size else 0.0
-
-    def uniform(self):
-        return 0.5
-
-    def integers(self, _):
-        return 0
-
-
-class Told(Silent):
-    """A source of chance that says what it was told, then the middle."""
-
-    def __init__(self, *values):
-        self.values = list(values)
-
-    def normal(self, size=None):
-        return self.values.pop(0) if self.values and not size else super().normal(size)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -84,51 +58,6 @@ def test_an_animal_is_a_function_of_its_number_and_of_how_often_it_was_drawn():
     assert len(sizes) == 3, "three animals"
 
 
-def test_silent_chance_gives_the_species_as_it_is_written_down():
-    for species in SPECIES.values():
-        redrawn = proportions.drawn_species(species, Silent())
-        for before, after in zip(species.tubes, redrawn.tubes, strict=True):
-            assert (after.part, after.parent, after.paired) == (before.part, before.parent, before.paired)
-            assert [section.bone for section in after.sections] == [section.bone for section in before.sections]
-            np.testing.assert_allclose(
-                [section[1:] for section in after.sections], [section[1:] for section in before.sections], atol=1e-9
-            )
-
-
-TOY = Species(
-    "toy",
-    (
-        tube("trunk", "", ("pelvis", 0, 100, 0, 5, 6), ("", 40, 100, 0, 5, 6), blend=4),
-        tube("neck", "pelvis", ("neck", 40, 100, 0, 4, 4), ("", 50, 120, 0, 4, 4), blend=2),
-        tube("nose", "neck", ("", 50, 120, 0, 1, 2), ("", 60, 120, 0, 1, 2), blend=1),
-        tube("hind", "pelvis", ("thigh", 0, 90, 5, 3, 3), ("", 0, 0, 5, 3, 3), blend=2, paired=True),
-    ),
-)
-
-
-@pytest.mark.parametrize(
-    ("told", "expected"),
-    [
-        # Size, forward, side, up, legs, girth; then length (of a chain that hangs) and girth of each tube in turn.
-        ((1,), {"trunk": (0, 100, 0, 5, 6), "nose_end": (60, 120, 0, 1, 2), "foot": (0, 0, 5, 3, 3), "by": "SIZE"}),
-        ((0, 1), {"trunk": (0, 100, 0, 5, 6), "nose_end": (66.31, 120, 0, 1, 2), "foot": (0, 0, 5, 3, 3)}),
-        # Legs below 70 per cent of the pelvis grow, the rest is lifted: 100 + 70 (e^.1 - 1).
-        ((0, 0, 0, 0, 1), {"trunk": (0, 107.36, 0, 5, 6), "nose_end": (60, 127.36, 0, 1, 2), "foot": (0, 0, 5, 3, 3)}),
-        # The neck, longer by e^.1 about (40, 100), carries the nose along, larger: 40 + 20 e^.1, 100 + 20 e^.1.
-        (
-            (0, 0, 0, 0, 0, 0, 0, 1),
-            {"trunk": (0, 100, 0, 5, 6), "nose_end": (62.1, 122.1, 0, 1.11, 2.21), "foot": (0, 0, 5, 3, 3)},
-        ),
-    ],
-)
-def test_proportions_worked_by_hand(told, expected):
-    trunk, _, nose, hind = proportions.drawn_species(TOY, Told(*told)).tubes
-    scale = np.exp(0.08) if expected.pop("by", "") else 1.0
-    got = {"trunk": trunk.sections[0], "nose_end": nose.sections[-1], "foot": hind.sections[-1]}
-    for name, values in expected.items():
-        np.testing.assert_allclose(got[name][1:], scale * np.array(values), atol=0.01, err_msg=name)
-
-
 def test_feet_stay_on_the_ground_and_factors_within_their_bounds():
     for number in range(50):
         random = np.random.default_rng(number)
@@ -140,42 +69,6 @@ def test_feet_stay_on_the_ground_and_factors_within_their_bounds():
             for before, after in zip(SPECIES["horse"].tubes, redrawn.tubes, strict=True)
         ]
         assert max(np.abs(np.log(factors))) <= 2 * (0.08 + 0.10 + 0.10 + 3 * 0.10) + 1e-9
-
-
-def test_between_a_pose_and_itself_lies_that_pose(monkeypatch):
-    species = SPECIES["cat"]
-    skeleton = Skeleton.of(species)
-    monkeypatch.setattr(motion, "JITTER", 0.0)
-    for pose in POSES["cat"].values():
-        monkeypatch.setattr(motion, "LIBRARY", {"cat": (pose,)})
-        rotations, translations = motion.drawn_motion(skeleton, "cat", np.random.default_rng(0))
-        expected, moved = skeleton.transforms(pose)
-        np.testing.assert_allclose(rotations.as_matrix(), expected.as_matrix(), atol=1e-9)
-        np.testing.assert_allclose(translations, moved, atol=1e-7)
-
-
-def test_halfway_between_two_poses_a_joint_has_turned_by_half(monkeypatch):
-    species = SPECIES["gorilla"]
-    skeleton = Skeleton.of(species)
-    bone = skeleton.index("forearm.left")
-    poses = iter((0, 1))
-
-    class Halfway(Silent):
-        def integers(self, _):
-            return next(poses)
-
-    monkeypatch.setattr(motion, "LIBRARY", {"gorilla": ({}, {"arm.left": (None, None, (90, 0))})})
-    rotations, _ = motion.drawn_motion(skeleton, "gorilla", Halfway())
-    whole, _ = skeleton.transforms({"arm.left": (None, None, (90, 0))})
-    assert rotations[bone].magnitude() == pytest.approx(whole[bone].magnitude() / 2, abs=1e-9)
-
-
-def test_poses_are_shared_by_all_species_with_the_same_bones():
-    for name in SPECIES:
-        chains = {part.partition(".")[0] for part in Skeleton.of(SPECIES[name]).chains}
-        assert len(motion.LIBRARY[name]) >= len(POSES[name])
-        own = [pose for pose in motion.LIBRARY[name] if pose not in POSES[name].values()]
-        assert all({part.partition(".")[0] for part in pose} <= chains | {"neck", "head"} for pose in own)
 
 
 def test_a_body_with_a_hole_is_drawn_again_and_one_without_end_is_an_error(monkeypatch):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import trimesh
 
 from benchmark.api.streaming import N_POINTS
-from benchmark.datasets.human_poses import POSES, Pose, bone_rotations
+from benchmark.datasets.human_poses import POSES, bone_rotations
 from benchmark.datasets.human_subjects import CLEARANCE, clearance
 from benchmark.datasets.scans.triangles import collapsed
 from benchmark.datasets.varied import wide
@@ -19,7 +17,6 @@ from benchmark.datasets.varied.joints import batch_rotations
 from benchmark.datasets.varied.model import CANONICAL
 from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
-from benchmark.errors import DatasetError
 from learned.streamed.configuration import STREAMED
 from tests.geometry.surfaces import sphere
 
@@ -54,17 +51,6 @@ def test_no_authored_pose_enters_training() -> None:
     recipes = {"perturbed_pose", "varied_pose", "POSES", "SUBJECTS", "FRONT", "scan"}
     assert not recipes & vars(wide).keys()
     assert STREAMED["people"].stream == "wide"
-
-
-def test_limits_of_each_kind_of_pose_are_what_it_says() -> None:
-    everyday, crouched, reaching = ([Pose.from_angles(end) for end in limits] for limits in wide.kinds())
-    assert everyday[1].left_leg.flexion < crouched[0].left_leg.flexion
-    assert crouched[0].right_leg.bend >= 45
-    assert reaching[0].left_arm.forward >= 45
-    for lower, upper in wide.kinds():
-        assert (lower <= upper).all()
-    only = WideSampler(seed=0, everyday=0, crouched=1, reaching=0)
-    assert all(only.angles(np.random.default_rng(seed))[8] >= crouched[0].left_leg.flexion for seed in range(20))
 
 
 @needs_the_full_body
@@ -133,29 +119,3 @@ def test_a_pixel_shows_the_points_that_are_told_for_it() -> None:
             shown = pixel[~np.isnan(pixel[:, 0])].astype(int)
             assert 0.2 < len(shown) / len(pixel) < 0.8
             assert np.mean(image[shown[:, 0], shown[:, 1]] > 0) > 0.6
-
-
-@needs_the_full_body
-def test_the_average_body_is_the_origin_of_the_points() -> None:
-    made = WideSampler(seed=5, poses=1)(0, 40, 64)
-    assert made.points is not None
-    assert abs(made.points.mean()) < 0.3
-    assert np.sqrt(np.mean(made.points**2)) == pytest.approx(1, abs=0.3)
-
-
-@needs_the_full_body
-def test_something_is_held_and_perspective_enlarges_what_is_near() -> None:
-    plain, held, near = (
-        WideSampler(seed=2, poses=1, held=share, perspective=perspective)(4, 6, 128)
-        for share, perspective in ((0, 0), (1, 0), (0, 1))
-    )
-    for one, other in itertools.combinations((plain.images, held.images, near.images), 2):
-        assert not np.array_equal(one, other)
-
-
-@needs_the_full_body
-def test_a_body_without_a_possible_pose_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wide, "LARGEST_DOUBLED", -1.0)
-    monkeypatch.setattr(wide, "MOST_DRAWS", 2)
-    with pytest.raises(DatasetError, match="wide-0-5-0 has no pose"):
-        WideSampler(seed=0)(5, 1, 32)

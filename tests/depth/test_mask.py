@@ -11,7 +11,7 @@ MASK = np.zeros((6, 8), dtype=np.uint8)
 MASK[2:5, 3:6] = 255
 
 
-@pytest.mark.parametrize("mode", ["1", "L", "RGB", "RGBA", "P", "LA", "I;16"])
+@pytest.mark.parametrize("mode", ["1", "RGB", "LA", "I;16"])
 def test_what_is_not_black_is_the_object(tmp_path, mode):
     image = Image.fromarray(MASK.astype(np.uint16)) if mode == "I;16" else Image.fromarray(MASK).convert(mode)
     image.save(tmp_path / "mask.png")
@@ -28,12 +28,9 @@ def test_what_is_transparent_is_not(tmp_path):
 @pytest.mark.parametrize(
     ("image", "mask"),
     [
-        ("a/0.png", "a/0_mask.png"),
         ("a/0.png", "a/0.mask.png"),
         ("a/frame-1.depth.png", "a/frame-1.mask.png"),
-        ("a/3_depth.png", "a/3_mask.png"),
         ("a/depth/0.png", "a/mask/0.png"),
-        ("a/0.npy", "a/masks/0.png"),
         ("a/depth/000.png", "a/mask/000_shirt.png"),
     ],
 )

@@ -62,20 +62,6 @@ def test_each_kind_of_debris_is_counted_once():
     assert (report.vertices_before, report.faces_before, report.boundary_edges) == (6, 6, 3)
 
 
-def test_nothing_left():
-    cleaned, report = clean(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
-    assert (cleaned.n_vertices, cleaned.n_faces, report.components) == (0, 0, 0)
-
-
-def test_components_are_numbered_by_first_vertex():
-    labels = connected_components(joined(flat_grid(2), sphere(0), flat_grid(3)))
-    np.testing.assert_array_equal(labels, [0] * 4 + [1] * 12 + [2] * 9)
-    shuffled, _ = relabelled(joined(flat_grid(2), sphere(0)), seed=3)
-    labels = connected_components(shuffled)
-    assert labels[0] == 0
-    assert sorted(np.bincount(labels)) == [4, 12]
-
-
 def test_largest_is_by_area_not_by_count():
     mesh = joined(flat_grid(10, spacing=0.01), flat_grid(2, spacing=5.0))
     areas, of_face = component_areas(mesh)
@@ -103,10 +89,3 @@ def test_vertices_where_fans_meet_are_split():
     assert (fans_per_vertex(split) == 1).all()
     assert connected_components(split).max() == 1
     np.testing.assert_array_equal(split.vertices[split.faces], bow.vertices[bow.faces])
-
-
-def test_fans_of_a_closed_and_an_open_surface():
-    assert (fans_per_vertex(sphere(2)) == 1).all()
-    assert (fans_per_vertex(flat_grid(5)) == 1).all()
-    assert (edges_of(sphere(2).faces).counts == 2).all()
-    assert (edges_of(flat_grid(5).faces).counts == 1).sum() == 16

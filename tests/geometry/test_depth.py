@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.cleaning import fans_per_vertex
 from benchmark.geometry.depth import (
@@ -25,6 +25,7 @@ from benchmark.geometry.depth import (
 )
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh
+from tests.geometry.surfaces import joined
 
 TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))
 """Camera coordinates are the coordinates of the shape."""
@@ -36,22 +37,9 @@ def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Me
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def joined(*meshes: Mesh) -> Mesh:
-    offsets = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)]),
-    )
-
-
 def sphere(radius: float = 1.0) -> Mesh:
     ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
     return Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
-
-
-def test_axes_are_right_up_and_towards_the_camera() -> None:
-    np.testing.assert_allclose(FRONT.rotation, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
-    np.testing.assert_allclose(SIDE.rotation, [[0, -1, 0], [0, 0, 1], [-1, 0, 0]], atol=1e-15)
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 6))
@@ -81,14 +69,6 @@ def test_a_plane_fills_its_pixels_at_half_depth() -> None:
     assert image[:37].max() == image[63:].max() == image[:, :24].max() == image[:, 76:].max() == 0
 
 
-def test_nearer_is_larger_by_the_fixed_scale() -> None:
-    steps = joined(rectangle(0.4, 1.0, z=-0.3, x=-0.4), rectangle(0.4, 1.0, z=0.5, x=0.4))
-    image = render_depth(steps, TOWARDS, half_width=2.0, size=200)
-    # Centred between -0.3 and 0.5, each lies 0.4 from the centre: (2 -+ 0.4) / 4.
-    assert image[100, 80] == pytest.approx(0.4)
-    assert image[100, 120] == pytest.approx(0.6)
-
-
 def test_a_sphere_has_its_analytic_depth() -> None:
     image = render_depth(sphere(0.8), FRONT, half_width=1.0)
     y, x = np.meshgrid((np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij")
@@ -108,11 +88,6 @@ def test_the_shape_is_centred(shift: tuple[float, float, float]) -> None:
     assert np.count_nonzero(differing) <= 128  # borders on pixel centres may fall to either side
 
 
-def test_scale_is_fixed_not_fitted_to_the_shape() -> None:
-    large, small = (np.count_nonzero(render_depth(sphere(radius), FRONT, 1.0)) for radius in (0.8, 0.4))
-    assert large / small == pytest.approx(4, rel=0.01)
-
-
 def test_half_width_holds_the_largest_box() -> None:
     meshes = [rectangle(1.0, 0.2), rectangle(0.3, 1.8), joined(rectangle(1, 1, z=0), rectangle(1, 1, z=1.2))]
     assert fit_half_width(meshes, TOWARDS) == pytest.approx(1.0)
@@ -122,26 +97,12 @@ def test_half_width_holds_the_largest_box() -> None:
     assert np.flatnonzero(image.any(axis=1)).size == pytest.approx(450, abs=1)
 
 
-def test_half_width_of_nothing_is_an_error() -> None:
-    with pytest.raises(DatasetError, match="no shape has an extent"):
-        fit_half_width([], FRONT)
-    with pytest.raises(ConfigurationError, match="margin"):
-        fit_half_width([sphere()], FRONT, fill=1.0)
-
-
 def test_a_shape_beyond_the_frame_is_an_error_that_names_the_half_width() -> None:
     with pytest.raises(UnsupportedShape, match=r"half width of at least 1\.11111"):
         render_depth(rectangle(2.0, 1.0), TOWARDS, 1.0)
     deep = joined(rectangle(0.1, 0.1, z=-3), rectangle(0.1, 0.1, z=3))
     with pytest.raises(UnsupportedShape, match="extends to"):
         render_depth(deep, TOWARDS, 1.0)
-
-
-def test_the_common_frame_is_that_of_the_widest_shape_whatever_the_mixture() -> None:
-    # Mouse-sized to man-sized: every one has its say while the median is within the factor.
-    assert common_half_width([1.0]) == 1.0
-    assert common_half_width([0.5, 1.8, 1.7, 0.6]) == 1.8
-    assert common_half_width([0.01, 0.02, 1.0, 1.1, 4.9]) == 4.9
 
 
 @pytest.mark.parametrize("odd", [[1e5], [6.0], [1e-5], [1e100, 1e99], [5.1, 1e-90]])
@@ -174,19 +135,6 @@ def test_a_view_of_scraps_is_refused_and_a_few_scraps_are_noted() -> None:
     assert 0 < report.lost_area < LARGEST_LOSS
     with pytest.raises(UnsupportedShape, match="% of what the camera sees belongs to no piece of 8 samples"):
         depth_surface(joined(rectangle(0.1, 0.1, x=-0.5), scraps(400)), TOWARDS, 1.0)
-
-
-def test_points_cast_no_image() -> None:
-    with pytest.raises(UnsupportedShape, match="without faces"):
-        render_depth(Mesh(np.eye(3), np.empty((0, 3))), FRONT, 2.0)
-
-
-@pytest.mark.parametrize("half_width", [0.0, -1.0, float("nan"), float("inf")])
-def test_half_width_is_positive(half_width: float) -> None:
-    with pytest.raises(ConfigurationError):
-        render_depth(sphere(), FRONT, half_width)
-    with pytest.raises(ConfigurationError):
-        back_project(np.full((20, 20), 0.5, dtype=np.float32), half_width)
 
 
 def test_back_projection_inverts_the_rendering() -> None:
@@ -275,14 +223,6 @@ def test_a_pinch_is_opened_and_bridged() -> None:
     assert (report.pieces, report.bridges, report.specks, report.lost_samples) == (2, 1, 0, 0)
     assert fans_per_vertex(surface).max() == 1
     assert edges_of(surface.faces).counts.max() == 2
-
-
-def test_same_image_same_surface() -> None:
-    first, second = (depth_surface(sphere(0.5), FRONT, 0.6) for _ in range(2))
-    assert first.depth.tobytes() == second.depth.tobytes()
-    assert first.surface.vertices.tobytes() == second.surface.vertices.tobytes()
-    assert first.surface.faces.tobytes() == second.surface.faces.tobytes()
-    assert first.report == second.report
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmark.geometry.edges import edges_of, sides_of
-from tests.geometry.surfaces import flat_grid, sphere
 
 TRIANGLES = st.lists(st.tuples(*[st.integers(0, 9)] * 3), max_size=30)
 
@@ -35,16 +33,3 @@ def test_any_triangles(triangles):
     for edge, first in enumerate(edges.first):
         members = edges.grouped_sides[first : first + counts[edge]]
         np.testing.assert_array_equal(members, np.flatnonzero(edges.of_sides == edge))
-
-
-def test_indices_near_the_limit_of_the_faces_do_not_overflow():
-    last = np.iinfo(np.int32).max
-    edges = edges_of(np.array([[0, last - 1, last]], dtype=np.int32))
-    np.testing.assert_array_equal(edges.ends, [[0, last - 1], [0, last], [last - 1, last]])
-
-
-@pytest.mark.parametrize(("mesh", "edges", "boundary"), [(sphere(2), 480, 0), (flat_grid(5), 56, 16)])
-def test_closed_and_open_surfaces(mesh, edges, boundary):
-    found = edges_of(mesh.faces)
-    assert (len(found.ends), len(found.boundary)) == (edges, boundary)
-    assert found.counts.sum() == 3 * mesh.n_faces

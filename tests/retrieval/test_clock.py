@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import threading
-import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -64,7 +63,7 @@ def test_equals_the_dense_definition_with_fewer_and_more_views(subdivisions: int
     np.testing.assert_array_equal(match_all(signatures), expected)
 
 
-@pytest.mark.parametrize("count", [1, 2, BLOCK, BLOCK + 1, 2 * BLOCK + 7])
+@pytest.mark.parametrize("count", [1, BLOCK, 2 * BLOCK + 7])
 def test_blocks_threads_and_order_change_nothing(count: int) -> None:
     rng = np.random.default_rng(count)
     signatures = [random_signature(rng, 40, keypoints=3) for _ in range(count)]
@@ -97,28 +96,6 @@ def test_progress_is_told_block_by_block_and_an_interrupt_ends_the_work() -> Non
     assert threading.active_count() == threads_before
 
 
-def test_little_memory_beside_the_result() -> None:
-    rng = np.random.default_rng(7)
-    signatures = [random_signature(rng, 40, keypoints=1) for _ in range(1000)]
-    match_all(signatures[:2])
-    tracemalloc.start()
-    result = match_all(signatures)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 1.5 * result.nbytes
-
-
-def test_symmetric_with_zero_diagonal_and_bounded() -> None:
-    rng = np.random.default_rng(4)
-    distances = match_all([random_signature(rng, 30) for _ in range(12)])
-    np.testing.assert_array_equal(distances, distances.T)
-    assert (np.diag(distances) == 0).all()
-    assert 0 < distances[distances > 0].min() <= distances.max() <= N_VIEWS
-    np.testing.assert_array_equal(
-        np.diag(match_across(twice := [random_signature(rng, 30) for _ in range(3)], twice)), 0
-    )
-
-
 def test_all_24_turns_are_found() -> None:
     rng = np.random.default_rng(5)
     dense = histograms(random_signature(rng, 50), 50)
@@ -144,13 +121,6 @@ def test_empty_views() -> None:
     assert match_all([]).shape == (0, 0)
 
 
-def test_raw_counts_are_compared_with_the_larger_view() -> None:
-    offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
-    zeros = np.zeros(N_VIEWS, np.int32)
-    three, one = (Signature(zeros, np.full(N_VIEWS, count, np.int32), offsets) for count in (3, 1))
-    assert match_all([three, one])[0, 1] == pytest.approx(66 * (1 - 1 / 3))
-
-
 def test_counting_words_by_hand() -> None:
     offsets = np.full(N_VIEWS + 1, 5, np.int32)
     offsets[:2] = 0, 3
@@ -159,14 +129,3 @@ def test_counting_words_by_hand() -> None:
     assert signature.counts.tolist() == [1, 2, 2]
     assert signature.view_offsets[:3].tolist() == [0, 2, 3]
     assert signature.view_sizes[:3].tolist() == [3, 2, 0]
-
-
-def test_arrays_round_trip() -> None:
-    rng = np.random.default_rng(6)
-    plain, mirrored = random_signature(rng, 20), random_signature(rng, 20)
-    both = Signature(plain.words, plain.counts, plain.view_offsets, mirrored)
-    again = Signature.from_arrays(both.to_arrays())
-    assert again.mirrored is not None
-    np.testing.assert_array_equal(again.mirrored.words, mirrored.words)
-    np.testing.assert_array_equal(again.counts, plain.counts)
-    assert Signature.from_arrays(plain.to_arrays()).mirrored is None

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,14 +42,7 @@ def figures() -> list[Mesh]:
     return [figure(seed) for seed in range(6)]
 
 
-def test_features_of_a_form(figures: list[Mesh]) -> None:
-    features = SMALL.extract(figures[0])
-    assert features.descriptors.dtype == np.uint8
-    assert features.view_offsets.shape == (67,)
-    assert features.view_offsets[-1] == len(features.descriptors) > 66 * 5
-
-
-@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18), (2, 66), (3, 258)])
+@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])
 def test_views_of_each_subdivision_are_described_and_compared(
     figures: list[Mesh], subdivisions: int, n_views: int
 ) -> None:
@@ -98,16 +90,6 @@ def test_a_mirror_image_is_another_form_unless_allowed(figures: list[Mesh]) -> N
     assert (allowed <= plain).all()
 
 
-def test_relabelling_vertices_and_faces_changes_nothing(figures: list[Mesh]) -> None:
-    mesh = figures[0]
-    rng = np.random.default_rng(0)
-    order, faces = rng.permutation(mesh.n_vertices), rng.permutation(mesh.n_faces)
-    place = np.argsort(order)
-    relabelled = Mesh(mesh.vertices[order], place[mesh.faces[faces]])
-    matrix = distances(SMALL, [*figures, relabelled])
-    assert matrix[0, 6] < 0.1 * matrix[0, 1:6].min()
-
-
 def test_order_of_the_gallery_and_threads_change_nothing(figures: list[Mesh]) -> None:
     labels = np.array([0, 0, 1, 1, 2, 2])
     matrix = distances(SMALL, figures)
@@ -117,40 +99,6 @@ def test_order_of_the_gallery_and_threads_change_nothing(figures: list[Mesh]) ->
     np.testing.assert_array_equal(again, matrix[np.ix_(order, order)])
     first, second = evaluate(matrix, labels), evaluate(again, labels[order])
     assert first.means == pytest.approx(second.means)
-
-
-def test_extraction_is_deterministic(figures: list[Mesh]) -> None:
-    first, second = SMALL.extract(figures[1]), SMALL.extract(figures[1])
-    np.testing.assert_array_equal(first.descriptors, second.descriptors)
-
-
-def test_codebook_seed(figures: list[Mesh]) -> None:
-    features = [extract(SMALL, mesh) for mesh in figures[:2]]
-    default = SMALL.train_codebook(features)
-    np.testing.assert_array_equal(SMALL.train_codebook(features, seed=0), default)
-    assert (SMALL.train_codebook(features, seed=1) != default).any()
-
-
-def test_stages_survive_storage(figures: list[Mesh], tmp_path: Path) -> None:
-    features = [extract(SMALL, mesh) for mesh in figures[:3]]
-    np.savez(tmp_path / "features.npz", **features[0].to_arrays())
-    with np.load(tmp_path / "features.npz", allow_pickle=False) as stored:
-        again = Features.from_arrays(dict(stored))
-    codebook = SMALL.train_codebook([again, *features[1:]])
-    first = [SMALL.quantise(part, codebook) for part in features]
-    stored_signatures = [Signature.from_arrays(part.to_arrays()) for part in first]
-    np.testing.assert_array_equal(SMALL.distances(stored_signatures), SMALL.distances(first))
-
-
-def test_a_flat_sheet_and_a_needle_are_scored() -> None:
-    sheet = figure(2).vertices * [1, 1, 0]
-    needle = figure(2).vertices * [1, 0, 0]
-    faces = figure(2).faces
-    features = [SMALL.extract(Mesh(vertices, faces)) for vertices in (figure(2).vertices, sheet, needle)]
-    codebook = SMALL.train_codebook(features)
-    matrix = SMALL.distances([SMALL.quantise(part, codebook) for part in features])
-    assert np.isfinite(matrix).all()
-    assert len(features[2].descriptors) == 0
 
 
 @pytest.mark.parametrize(
@@ -172,9 +120,8 @@ def test_a_gallery_without_keypoints_is_named() -> None:
         SMALL.train_codebook([features])
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_features(figures: list[Mesh], seed: int) -> None:
-    random = np.random.default_rng(seed)
+def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_features(figures: list[Mesh]) -> None:
+    random = np.random.default_rng(0)
     for form in figures:
         size = np.ptp(form.vertices, axis=0).max()
         noisy = form.with_vertices(form.vertices + 5e-13 * size * random.uniform(-1, 1, form.vertices.shape))
@@ -182,13 +129,3 @@ def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_features(figur
         clean, found = extract(SMALL, form), extract(SMALL, noisy)
         np.testing.assert_array_equal(found.descriptors, clean.descriptors)
         np.testing.assert_array_equal(found.view_offsets, clean.view_offsets)
-
-
-def test_noise_that_survives_rounding_moves_distances_by_little(figures: list[Mesh]) -> None:
-    """Where a coordinate falls to the next point of the grid, some words of the codebook are others."""
-    random = np.random.default_rng(0)
-    noisy = [
-        form.with_vertices(form.vertices * (1 + 1e-9 * random.uniform(-1, 1, form.vertices.shape))) for form in figures
-    ]
-    before, after = (distances(SMALL, forms) for forms in (figures, noisy))
-    assert np.abs(after - before).max() < 0.05 * before.max()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmark.errors import DatasetError
 from retrieval.codebook import nearest_words, sample_codebook
 
 
@@ -50,16 +49,6 @@ def test_every_descriptor_has_the_same_chance() -> None:
 def test_many_equal_descriptors_do_not_starve_the_codebook() -> None:
     parts = [np.repeat(random_descriptors(0, 20), 500, axis=0), random_descriptors(1, 50)]
     assert len(sample_codebook(parts, 60, seed=0)) == 60
-
-
-def test_too_few_descriptors_all_become_words() -> None:
-    parts = [random_descriptors(0, 30), random_descriptors(0, 30)]
-    assert rows(sample_codebook(parts, 1500, seed=0)) == rows(parts[0])
-
-
-def test_no_descriptor_at_all_is_a_named_error() -> None:
-    with pytest.raises(DatasetError, match="keypoint"):
-        sample_codebook([np.zeros((0, 128), np.uint8)] * 3, 1500, seed=0)
 
 
 @pytest.mark.parametrize("largest", [2, 60, 255])

@@ -60,11 +60,6 @@ def test_ideal_matrix_scores_one() -> None:
     assert scores.tied_queries == 0
 
 
-def test_ideal_e_measure_is_one_when_the_class_fills_the_list() -> None:
-    labels = np.repeat([0, 1], 33)
-    assert evaluate((labels[:, None] != labels).astype(float), labels).means["E"] == 1
-
-
 def test_a_duplicate_at_distance_zero_is_a_result() -> None:
     # Shapes 0 and 1 coincide but belong to different classes: the wrong one must come first for both.
     distances = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], float)
@@ -72,15 +67,6 @@ def test_a_duplicate_at_distance_zero_is_a_result() -> None:
     assert scores.per_query["NN"][0] == 0
     assert scores.lone_queries == 1
     assert np.isnan(scores.per_query["NN"][1])
-
-
-def test_second_tier_stops_at_the_end_of_the_list() -> None:
-    labels = np.array([0] * 11 + [1] * 8)
-    rng = np.random.default_rng(0)
-    distances = rng.uniform(size=(19, 19))
-    scores = evaluate(distances + distances.T, labels)
-    # 11 cats and 8 horses: twice the class size exceeds the list, so every cat has a second tier of 1.
-    np.testing.assert_array_equal(scores.per_query["ST"][:11], 1)
 
 
 def test_index_rule_puts_the_lower_index_first() -> None:
@@ -164,8 +150,3 @@ def test_agrees_with_scikit_learn() -> None:
 def test_faults_are_named(distances: ArrayLike, labels: ArrayLike, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         evaluate(distances, labels)
-
-
-def test_unknown_rule_for_ties_is_named() -> None:
-    with pytest.raises(ConfigurationError, match="alphabetical"):
-        evaluate(np.zeros((2, 2)), [0, 0], ties="alphabetical")

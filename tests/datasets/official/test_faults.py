@@ -8,7 +8,6 @@ from click.testing import CliRunner
 from benchmark.cli.verbs.data import data
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check_source
-from benchmark.datasets.official.sets import SETS
 from benchmark.errors import DatasetError
 from benchmark.protocols.galleries import galleries
 from tests.datasets.official.faults import FAULTS, blocks, move, relist
@@ -63,13 +62,6 @@ def test_unreadable_files_cost_their_shapes_and_not_the_set(damaged, tmp_path):
     assert [a.file for a in report.anomalies if a.severity == "error"] == ["0001.null.0.off", "0002.null.0.off"]
 
 
-def test_the_made_sets_pass_their_check(sets):
-    for name in ("shrec07", "faust"):
-        report = check_source(name, sets)
-        assert report.anomalies == ()
-        assert report.n_shapes == SETS[name].layout.n_shapes
-
-
 def test_a_set_of_one_subject_says_what_it_is_for(sets):
     done = CliRunner().invoke(data, ["check", "scape", "--data-root", str(sets)])
     assert done.exit_code == 0, done.output
@@ -87,10 +79,3 @@ def test_the_check_names_what_is_wrong_and_still_reads_the_meshes(damaged, tmp_p
     (error,) = [line for line in done.output.splitlines() if line.startswith("error")]
     assert re.search(message, error)
     assert "vertices    4 to 4" in done.output
-
-
-def test_a_broken_set_is_named_before_long_work(damaged, tmp_path):
-    name, damage, message = FAULTS["a missing file"]
-    damage(damaged(name))
-    with pytest.raises(DatasetError, match=message):
-        galleries(["extended"], data_root=tmp_path)

@@ -15,7 +15,6 @@ from benchmark.errors import DatasetError
 from benchmark.protocols.galleries import galleries
 from retrieval.chance import chance_levels
 from tests.datasets.official.layouts import make
-from tests.toy import RADII, rod, write_off
 
 
 def test_an_absent_set_says_where_it_is_wanted_and_where_it_comes_from(tmp_path):
@@ -34,13 +33,6 @@ def test_the_extended_table_is_made_for_every_set_that_is_here(sets, tmp_path):
     assert "extended" in {gallery.table.identifier for gallery in galleries(data_root=tmp_path)}
     (thin,) = galleries(["extended"], data_root=tmp_path, quick=True)
     assert (thin.name, len(thin.entries)) == ("kids (quick)", 6)
-
-
-def test_the_extended_table_without_data_names_its_sets(tmp_path):
-    with pytest.raises(DatasetError) as caught:
-        galleries(["extended"], data_root=tmp_path)
-    assert all(f"{name} ({SETS[name].folder}/)" in caught.value.problem for name in EXTENDED)
-    assert "extended" not in {gallery.table.identifier for gallery in galleries(data_root=tmp_path)}
 
 
 def test_the_list_fits_a_terminal_and_names_where_sets_belong(sets, tmp_path):
@@ -82,23 +74,3 @@ def test_every_set_has_its_line_in_the_documentation(sets):
 def test_every_set_is_cited():
     entries = (ROOT / "benchmark" / "reference" / "references.bib").read_text()
     assert [name for name, known in SETS.items() if not re.search(rf"^@\w+{{{known.citation},$", entries, re.M)] == []
-
-
-@pytest.mark.slow
-def test_a_present_set_fills_the_extended_table(tmp_path):
-    from tests.cli.test_command_line import benchmark
-
-    for kid, radius in zip(("0001", "0002"), RADII.values(), strict=True):
-        for pose in range(16):
-            kind = f"isometry.{pose}" if pose else "null.0"
-            write_off(tmp_path / "kids" / f"{kid}.{kind}.off", rod(radius, 0.15 * pose))
-    arguments = ("-t", "extended", "-m", "surface-area", "--input", "mesh", "--data-root", tmp_path)
-    arguments += ("--results", tmp_path / "results")
-    done = benchmark("run", *arguments)
-    assert done.returncode == 0, done.stderr
-    (row,) = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-    assert (row["table"], row["dataset"], row["n_shapes"], row["status"]) == ("extended", "kids", 32, "ok")
-    (tmp_path / "kids" / "0002.isometry.4.off").unlink()
-    done = benchmark("plan", *arguments)
-    assert done.returncode == 2
-    assert "holds 31 shapes, not the official 32: shape '0002.isometry.4' is missing" in done.stderr

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,15 +9,11 @@ import igl
 import numpy as np
 import pytest
 
-from benchmark.datasets import scans
 from benchmark.datasets.scans import sampler
-from benchmark.datasets.scans.bodies import WideBodies
 from benchmark.datasets.scans.holes import blind, patched
 from benchmark.datasets.scans.noise import misaligned, noisy
 from benchmark.datasets.scans.sampler import ScanSampler, scan
-from benchmark.datasets.scans.surfaces import face_normals
 from benchmark.datasets.scans.triangles import clustered, collapsed, subdivided
-from benchmark.datasets.scans.welding import welded
 from benchmark.datasets.scans.wrapping import wrapped
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.cleaning import connected_components
@@ -31,47 +25,9 @@ from benchmark.jobs.pairs.stream import varied_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.geometry.surfaces import joined, limbed_body, sphere
 
-HEIGHT = 2.0
-
-
-def slotted(gap: float) -> Mesh:
-    """A beam with a slot from above, .8 deep and in the middle, whose ends are open; it looks outward."""
-    half, side = gap / 2, 0.3 + gap / 2
-    around = np.array([[-side, 1], [-side, 0], [side, 0], [side, 1], [half, 1], [half, 0.2], [-half, 0.2], [-half, 1]])
-    profile = np.concatenate(
-        [
-            np.linspace(start, end, max(2, round(np.linalg.norm(end - start) / 0.02)), endpoint=False)
-            for start, end in zip(around, np.roll(around, -1, axis=0), strict=True)
-        ]
-    )
-    rows, count = 21, len(profile)
-    vertices = np.concatenate([np.insert(profile, 1, y, axis=1) for y in np.linspace(0, 0.4, rows)])
-    row, place = (each.ravel() for each in np.indices((rows - 1, count)))
-    a, b = row * count + place, row * count + (place + 1) % count
-    return Mesh(vertices, np.concatenate([np.stack([a, a + count, b], 1), np.stack([b, a + count, b + count], 1)]))
-
 
 def random() -> np.random.Generator:
     return np.random.default_rng(0)
-
-
-def wall_area(mesh: Mesh, gap: float) -> float:
-    """Area within the slot, below its mouth."""
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
-    return float(mesh.face_areas[(np.abs(centres[:, 0]) < gap) & (centres[:, 2] > 0.1) & (centres[:, 2] < 0.95)].sum())
-
-
-def test_walls_of_a_narrow_gap_go_and_those_of_a_wide_one_stay() -> None:
-    beam = slotted(0.04)
-    assert face_normals(beam)[np.abs(beam.vertices[beam.faces][:, :, 0] + 0.32).max(axis=1) < 1e-9, 0].max() < -0.99
-    assert welded(beam, 0.03).area == beam.area
-    narrow = welded(beam, 0.08)
-    assert wall_area(beam, 0.04) == pytest.approx(2 * 0.75 * 0.4 + 0.04 * 0.4, rel=0.03)
-    assert wall_area(narrow, 0.04) < 0.02
-    rim = narrow.vertices[np.unique(edges_of(narrow.faces).boundary)]
-    mouth = rim[(np.abs(rim[:, 0]) < 0.1) & (np.abs(rim[:, 1] - 0.2) < 0.15)]
-    assert len(mouth) > 10
-    assert np.abs(mouth[:, 0]).max() < 1e-9, "either side meets halfway"
 
 
 def test_a_skin_spans_what_its_ball_does_not_enter() -> None:
@@ -95,11 +51,6 @@ def test_other_triangulations_are_of_the_same_surface() -> None:
         assert coarse.area == pytest.approx(ball.area, rel=0.03)
     kept = {tuple(vertex) for vertex in np.round(collapsed(ball, 1000).vertices, 6)}
     assert kept <= {tuple(vertex) for vertex in np.round(ball.vertices, 6)}
-
-
-def test_clusters_are_the_same_wherever_they_lie_in_memory() -> None:
-    held = [(clustered(sphere(3), 300), np.empty(each * 1000)) for each in range(4)]
-    assert len({(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh, _ in held}) == 1
 
 
 def test_noise_and_slips_are_as_large_as_said() -> None:
@@ -145,45 +96,7 @@ def test_a_scan_tells_where_its_vertices_belong(body: Mesh) -> None:
         assert agree.mean() > 0.9
 
 
-def test_every_fault_comes_and_none_always(body: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    names = ("welded", "wrapped", "subdivided", "clustered", "collapsed", "misaligned", "patched", "blind")
-    seen = dict.fromkeys(names, 0)
-    for name in names:
-
-        def counted(mesh: Mesh, *_: object, name: str = name) -> Mesh:
-            seen[name] += 1
-            return mesh
-
-        monkeypatch.setattr(sampler, name, counted)
-    monkeypatch.setattr(sampler, "decimate", lambda mesh, _: mesh)
-    monkeypatch.setattr(sampler, "nearest_on_surface", lambda mesh, *_: type("P", (), {"corners": 0, "weights": 0}))
-    small, drawn = sphere(4), np.random.default_rng(3)
-    for _ in range(300):
-        scan(small, HEIGHT, drawn)
-    assert all(8 <= count <= 220 for count in seen.values()), seen
-
-
 # None of it is what methods are tested on -------------------------------------------------------------------------
-
-
-def modules() -> list:
-    return [importlib.import_module(f"{scans.__name__}.{each.name}") for each in pkgutil.iter_modules(scans.__path__)]
-
-
-def test_no_recipe_of_a_scan_is_shared() -> None:
-    foreign = ("benchmark.datasets.scanning", "benchmark.datasets.humans", "benchmark.datasets.camera")
-    foreign += ("benchmark.datasets.perturbations",)
-    found = [(module.__name__, each) for module in modules() for each in vars(module).values()]
-    assert len(modules()) >= 8
-    for name, each in found:
-        assert not str(getattr(each, "__module__", "")).startswith(foreign), (name, each)
-    names = {name for module in modules() for name in vars(module)}
-    assert not names & {"scan_like", "membrane", "sheltered_vertices", "isotropic_remesh", "POSES", "SUBJECTS", "FRONT"}
-
-
-def test_poses_are_those_without_an_authored_one() -> None:
-    assert WideBodies.angles is WideSampler.angles
-    assert WideBodies._posed is WideSampler._posed
 
 
 def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_version(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
@@ -13,20 +12,13 @@ from benchmark.errors import ConfigurationError
 from learned.field.batches import MakesSurfaceBatches
 from learned.field.configuration import FIELDS, check_sizes, field_named, from_card
 from learned.field.losses import losses, weighted
-from learned.field.network import Unbent, build_field, rotations_of
+from learned.field.network import Unbent, build_field
 from tests.learned.field.toy import TOY
 from tests.learned.streamed.toy import Ellipsoids
 
 
 def batch(perturbed=False, number=0, bodies=1):
     return MakesSurfaceBatches(Ellipsoids().surfaces, TOY, bodies, perturbed)(number)
-
-
-def test_rotations_are_rotations_and_the_identity_at_zero():
-    made = rotations_of(torch.randn(50, 6, generator=torch.Generator().manual_seed(0)).double())
-    assert torch.allclose(made @ made.mT, torch.eye(3).double().expand(50, 3, 3), atol=1e-9)
-    assert torch.allclose(torch.linalg.det(made), torch.ones(50).double())
-    assert torch.equal(rotations_of(torch.zeros(6)), torch.eye(3))
 
 
 def test_the_order_of_points_and_of_positions_is_of_no_account():
@@ -61,16 +53,6 @@ def test_a_point_at_the_rim_of_a_neighbourhood_may_be_another_one():
     assert torch.equal(*seen)
 
 
-def test_a_seed_tells_the_weights_and_leaves_the_generator_alone():
-    torch.manual_seed(3)
-    before = torch.get_rng_state()
-    first, again, other = build_field(TOY, 0), build_field(TOY, 0), build_field(TOY, 1)
-    assert torch.equal(before, torch.get_rng_state())
-    pairs = list(zip(first.parameters(), again.parameters(), strict=True))
-    assert all(torch.equal(*pair) for pair in pairs)
-    assert not torch.equal(first.asking[0].weight, other.asking[0].weight)
-
-
 def test_terms_of_the_loss_by_hand():
     """A quarter turn that is predicted as none, of edges of length 1 that are predicted with length 2."""
     positions = torch.tensor([[[0.0, 0, 0], [1, 0, 0]]])
@@ -94,35 +76,6 @@ def test_batches_are_a_matter_of_their_number():
     assert not torch.equal(one.points, other.points)
     assert one.points.shape == (2, TOY.points, 3)
     assert torch.equal(one.heights[:1], one.heights[1:])
-
-
-def test_positions_and_targets_are_the_same_places():
-    """Undisturbed, edges that are short keep their length, and normals are those of the surface."""
-    made = batch()
-    halves = [points.chunk(2, dim=1) for points in (made.positions, made.targets)]
-    lengths = [(end - start).norm(dim=-1) for start, end in halves]
-    assert lengths[0].min() > 0
-    assert float((lengths[0] / lengths[1]).mean()) == pytest.approx(1, abs=0.15)
-    for normals in (made.normals, made.position_normals, made.target_normals):
-        assert normals.norm(dim=-1).numpy() == pytest.approx(np.ones(normals.shape[:2]), abs=1e-5)
-    # A spheroid is convex about its centre.
-    assert (made.targets * made.target_normals).sum(-1).min() > 0
-
-
-@pytest.mark.slow
-def test_one_bent_spheroid_is_learned_by_heart():
-    made = batch()
-    network = build_field(TOY)
-    optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
-    for _ in range(200):
-        found = network(made.points, made.normals, made.positions, made.position_normals)
-        terms = losses(found, made.positions, made.targets, made.position_normals, made.target_normals)
-        optimiser.zero_grad()
-        weighted(terms, TOY).backward()
-        optimiser.step()
-    position, edge, _ = terms.detach().tolist()
-    assert position < 0.02
-    assert edge < 0.1
 
 
 def test_sizes_that_do_not_fit_are_refused():

@@ -46,25 +46,6 @@ def test_samples_of_a_sphere_lie_on_it_and_cover_it():
     assert pdist(samples.points[:16]).min() > 0.6
 
 
-def test_how_a_surface_is_divided_hardly_matters():
-    """Of a square in two triangles and in 128."""
-    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    fine = flat_grid(9)
-    places = np.stack(np.meshgrid(*[np.linspace(0, 1, 20)] * 2), axis=-1).reshape(-1, 2)
-    for mesh in (square, fine):
-        low = mesh.vertices.min(axis=0)
-        points = (even_samples(mesh, 64).points - low) / np.ptp(mesh.vertices, axis=0).max()
-        assert cdist(places, points[:, :2]).min(axis=1).max() < 0.2
-
-
-def test_fewer_candidates_than_points_are_repeated():
-    sliver = Mesh([[0, 0, 0], [1, 0, 0], [0, 1e-5, 0]], [[0, 1, 2]])
-    samples = even_samples(sliver, 2000)
-    assert len(samples.points) == 2000
-    assert np.isfinite(samples.points).all()
-    assert np.isfinite(samples.normals).all()
-
-
 def test_random_samples_are_uniform_by_area():
     """A large and a small triangle, 9 to 1."""
     mesh = Mesh([[0, 0, 0], [3, 0, 0], [0, 3, 0], [9, 9, 9], [10, 9, 9], [9, 10, 9]], [[0, 1, 2], [3, 4, 5]])

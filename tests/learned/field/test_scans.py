@@ -129,19 +129,6 @@ def test_targets_are_where_the_vertices_belong() -> None:
     assert Seen.of(still, body).mirrored().mirrored().vertices.tobytes() == Seen.of(still, body).vertices.tobytes()
 
 
-def test_edges_between_parts_that_lie_apart_are_not_asked_for() -> None:
-    made = ScannedPaddles()(0, 1)
-    plain, body = made.scans[0][0], centred(Mesh(made.canonical[0], made.faces))
-    ends = plain.mesh.faces[0, :2]
-    corners = plain.corners.copy()
-    far = int(np.linalg.norm(body.vertices - body.vertices[ends[1]], axis=1).argmax())
-    corners[ends[0]] = far
-    seen = Seen.of(replace(plain, corners=corners), body)
-    assert not (seen.edges == ends[0]).any()
-    assert len(Seen.of(plain, body).edges) > len(seen.edges) > 0
-    assert seen.chances.sum() == pytest.approx(1)
-
-
 def test_a_training_on_scans_goes_on_as_it_was(tmp_path: Path) -> None:
     fit("toy", 0, data(), tmp_path / "whole", SCANS, quiet)
     scans._KEPT.clear()

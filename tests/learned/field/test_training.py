@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
@@ -26,7 +25,7 @@ from learned.training.checkpoint import CHECKPOINT
 from tests.geometry.surfaces import flat_grid, limbed_body
 from tests.learned.field.toy import OPTIONS, TOY, Paddles, bent_spheroid, paddles
 from tests.learned.streamed.toy import Ellipsoids, toy_stream
-from tests.learned.toy import files, misfit, quiet, toy_data
+from tests.learned.toy import files, misfit, quiet
 
 
 def settle(patch: pytest.MonkeyPatch) -> None:
@@ -100,19 +99,6 @@ def test_a_training_that_is_stopped_goes_on_and_ends_with_the_same_weights(tmp_p
     assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
 
 
-def test_another_field_does_not_go_on_from_a_checkpoint(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        fit("toy", 0, toy_stream(Interrupted()), tmp_path, OPTIONS, quiet)
-    with pytest.raises(TrainingError, match="made with another plan"):
-        fit("toy", 0, toy_stream(), tmp_path, {**OPTIONS, "bodies": 3}, quiet)
-
-
-@pytest.mark.slow
-def test_workers_change_nothing(tmp_path: Path, finished: Path) -> None:
-    fit("toy", 0, toy_stream(), tmp_path, {**OPTIONS, "workers": 2}, quiet)
-    assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
-
-
 def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
     for options, told in (
         ({"epochs": 3}, "no body is seen twice"),
@@ -126,17 +112,6 @@ def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
             fitting.checked_plan("toy", options)
         with pytest.raises(ConfigurationError, match=told):
             DeformationField().check_options(options)
-
-
-@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
-def test_a_gpu_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="no GPU is here"):
-        DeformationField().check_options({"device": "cuda"})
-
-
-def test_data_that_is_no_stream_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="no stream of fresh bodies"):
-        fit("toy", 0, toy_data(), tmp_path, OPTIONS, quiet)
 
 
 def test_a_finished_model_is_left_alone(finished: Path) -> None:
@@ -204,13 +179,12 @@ def test_a_method_with_a_model_keeps_the_contract(check: str, finished: Path) ->
 
 AWKWARD = {
     "8 points": trimesh.creation.box((1, 1, 1)),
-    "42 points": trimesh.creation.icosphere(subdivisions=1),
     "no person": trimesh.creation.torus(1.0, 0.1),
     "needle": trimesh.creation.cylinder(radius=1e-4, height=1.0),
 }
 
 
-@pytest.mark.parametrize("name", [*AWKWARD, "sheet", "one triangle", "with a sliver", "two pieces"])
+@pytest.mark.parametrize("name", [*AWKWARD, "with a sliver", "two pieces"])
 def test_any_surface_has_a_finite_form_of_unit_area(name: str, finished: Path) -> None:
     sheet = flat_grid(5)
     meshes = {each: Mesh(mesh.vertices, mesh.faces) for each, mesh in AWKWARD.items()} | {

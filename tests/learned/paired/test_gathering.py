@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
 from benchmark.api.learning import TrainingData, TrainingPair
 from learned.paired import gathering
 from learned.paired.fitting import fit
-from learned.paired.gathering import forget, gather_kept
+from learned.paired.gathering import gather_kept
 from learned.paired.pairs import Pairs, gather
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
 
@@ -78,29 +77,6 @@ def test_pairs_of_another_recipe_or_a_damaged_file_are_made_again(tmp_path: Path
     found = gather_kept(data, resolution, tmp_path, quiet)
     assert made[:3] == [0, 1, 2]
     assert_same(found, gather(toy_pairs(BUILDS), resolution))
-
-
-def test_few_pairs_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gathering, "RUN", 7)
-    gather_kept(toy_data(), RESOLUTION, tmp_path, quiet)
-    assert files(tmp_path) == set()
-
-
-def test_files_hold_arrays_and_no_objects(tmp_path: Path) -> None:
-    gather_kept(toy_data(), RESOLUTION, tmp_path, quiet)
-    assert files(tmp_path / "gathered") == {"00000.npz", "00001.npz"}
-    with np.load(tmp_path / "gathered" / "00001.npz", allow_pickle=False) as file:
-        assert file["identifiers"].tolist() == ["round-0.15", "wide-0.0", "wide-0.15"]
-    forget(tmp_path)
-    assert files(tmp_path) == set()
-    forget(tmp_path)
-
-
-def test_progress_tells_how_many_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gathering, "TELL_SECONDS", -1.0)
-    said: list[str] = []
-    gather_kept(toy_data(), RESOLUTION, tmp_path, said.append)
-    assert [line.partition(",")[0] for line in said] == ["gathered 3 of 6 pairs", "gathered 6 of 6 pairs"]
 
 
 @pytest.mark.usefixtures("tiny")

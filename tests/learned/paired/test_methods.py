@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from safetensors.torch import load, save
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import CanonicalForm, Shape, UnsupportedShape
-from benchmark.api.learning import CARD, WEIGHTS, Learner
+from benchmark.api.learning import WEIGHTS
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
 from benchmark.geometry.edges import edges_of
 from benchmark.methods.registry import methods, variant
-from benchmark.parameters.values import parameter_values
-from learned.paired.configuration import CONFIGURATIONS
-from learned.paired.methods import Learned, Strict, WideExtra, WithoutLRF, WithoutSRF
+from learned.paired.methods import Learned
 from learned.paired.model import canonical_depth
 from learned.surface import surface_behind
 from tests.learned.paired.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
-
-METHODS = (Learned, WithoutSRF, WithoutLRF, Strict, WideExtra)
 
 
 def shape(depth: Image | None, seen: Image | None = None) -> Shape:
@@ -47,30 +40,6 @@ def method(trained: Path, tiny: None) -> Learned:
 
 def equal(first: CanonicalForm, second: CanonicalForm) -> bool:
     return np.array_equal(first.vertices, second.vertices) and np.array_equal(first.faces, second.faces)
-
-
-@pytest.mark.parametrize("kind", METHODS)
-def test_every_method_is_a_learner_of_a_known_configuration(kind: type[Learned]) -> None:
-    learner = kind()
-    assert isinstance(learner, Learner)
-    assert learner.configuration in CONFIGURATIONS
-    assert learner.model_name == f"{learner.configuration}-seed0"
-    assert replace(learner, training_seed=2).model_name == f"{learner.configuration}-seed2"
-    assert learner.info.inputs == ("view",)
-    assert set(parameter_values(learner)) == {
-        "configuration",
-        "training_seed",
-        "training",
-        "smoothing",
-        "jump",
-    }
-
-
-def test_names_and_splits() -> None:
-    assert len({kind.info.name for kind in METHODS}) == len({kind.info.title for kind in METHODS}) == len(METHODS)
-    assert [kind.split for kind in METHODS] == ["table", "table", "table", "strict", "sampled"]
-    # The strict row tests the paper's network, trained otherwise.
-    assert Strict().model_name == Learned().model_name
 
 
 def test_listing_the_methods_does_not_import_torch() -> None:
@@ -118,29 +87,6 @@ def test_noise_does_not_tear_a_predicted_surface() -> None:
     assert np.count_nonzero(edges_of(whole.faces).counts == 1) == np.count_nonzero(edges_of(flat.faces).counts == 1)
 
 
-def test_a_jump_cuts_a_predicted_surface_as_it_cuts_a_view() -> None:
-    torn, notes = surface_behind(noisy_disc(), jump=0.05)
-    expected, report = back_project(noisy_disc(), 1.0)
-    assert notes["predicted_pieces"] == report.pieces > 1
-    np.testing.assert_array_equal(torn.faces, expected.faces)
-
-
-def test_the_jump_of_the_method_reaches_the_surface(method: Learned) -> None:
-    image = ellipsoid(0.3, 0.7)
-    assert not equal(replace_jump(method, 0.01).canonicalise(shape(image)), method.canonicalise(shape(image)))
-
-
-def replace_jump(method: Learned, jump: float) -> Learned:
-    assert method.model is not None
-    return replace(method, jump=jump).load(method.model)
-
-
-def test_two_calls_give_one_form(method: Learned) -> None:
-    first = method.canonicalise(shape(ellipsoid()))
-    method.canonicalise(shape(ellipsoid(0.3, 0.7)))
-    assert equal(method.canonicalise(shape(ellipsoid())), first)
-
-
 def test_only_the_image_is_read(method: Learned) -> None:
     seen = shape(ellipsoid())
     rotation = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
@@ -148,18 +94,6 @@ def test_only_the_image_is_read(method: Learned) -> None:
     other = Shape(identifier="y", mesh=moved, depth=seen.depth, seed=5)
     assert equal(method.canonicalise(seen), method.canonicalise(other))
     assert not equal(method.canonicalise(seen), method.canonicalise(shape(ellipsoid(0.3, 0.7), ellipsoid())))
-
-
-def test_the_number_of_threads_does_not_matter_to_the_surface(method: Learned) -> None:
-    alone = method.canonicalise(shape(ellipsoid()))
-    threads = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        together = method.canonicalise(shape(ellipsoid()))
-    finally:
-        torch.set_num_threads(threads)
-    np.testing.assert_array_equal(alone.faces, together.faces)
-    np.testing.assert_allclose(alone.vertices, together.vertices, atol=1e-5)
 
 
 def test_without_a_depth_image(method: Learned) -> None:
@@ -186,34 +120,6 @@ def test_a_network_that_predicts_nothing(trained: Path, tmp_path: Path) -> None:
     replace_weights(folder, save(weights))
     with pytest.raises(UnsupportedShape, match="predicts an empty mask; train it for longer"):
         Learned(configuration=TINY.name).load(folder).canonicalise(shape(ellipsoid()))
-
-
-def test_no_model(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="train the model again"):
-        Learned().load(tmp_path)
-    with pytest.raises(ConfigurationError, match="train the model again"):
-        Learned(training="of-nothing").canonicalise(shape(ellipsoid()))
-
-
-def test_a_model_of_another_configuration_is_not_loaded(trained: Path) -> None:
-    with pytest.raises(ConfigurationError, match="holds 'tiny', not 'literal'"):
-        Learned().load(trained)
-
-
-@pytest.mark.usefixtures("tiny")
-def test_loading_leaves_the_method_as_it_was(trained: Path) -> None:
-    before = Learned(configuration=TINY.name, smoothing=2.0)
-    after = before.load(trained)
-    assert before.model is None
-    assert (after.model, after.model_folder) == (trained, trained)
-    assert parameter_values(after) == parameter_values(before)
-    assert json.loads((trained / CARD).read_text())["configuration"]["name"] == after.configuration
-
-
-@pytest.mark.parametrize("smoothing", [-1.0, float("nan"), 1e3])
-def test_a_smoothing_that_cannot_be_is_refused(smoothing: float) -> None:
-    with pytest.raises(ConfigurationError, match="smoothing of learned; write a number"):
-        Learned(smoothing=smoothing)
 
 
 def test_the_model_is_no_parameter_so_that_no_other_one_is_scored_under_its_name() -> None:

@@ -7,12 +7,11 @@ import pytest
 import torch
 
 from benchmark.errors import ConfigurationError
-from learned.paired.network import SLOPE
 from learned.streamed.configuration import STREAMED, Streamed, from_card, streamed
 from learned.streamed.images import batch_of
-from learned.streamed.losses import NAMES, WEIGHTS, code_loss, gradient_loss, losses, place_loss, weighted
+from learned.streamed.losses import WEIGHTS, code_loss, gradient_loss, place_loss, weighted
 from learned.streamed.model import form_of
-from learned.streamed.network import StandardisedConv2d, build_streamed
+from learned.streamed.network import build_streamed
 from learned.streamed.training import batch_losses
 from tests.learned.streamed.toy import Ellipsoids, toy
 
@@ -74,44 +73,6 @@ def test_each_configuration_learns_a_pair_by_heart_and_its_form_is_a_surface(nam
     assert np.isfinite(form.vertices).all()
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"norm": "sample"}, {"norm": "none", "decoder": "residual"}, {"attention": 1}, {"one_form": 1.0, "average": True}],
-)
-def test_every_option_has_weights_that_learn(changes: dict[str, object]) -> None:
-    chosen = toy(**changes)
-    network = build_streamed(chosen)
-    batch = batch_of(Ellipsoids()(0, 4, 64), 0, chosen)
-    weighted(batch_losses(network, chosen, batch, torch.device("cpu"), half=False), chosen).backward()
-    for name, weight in network.named_parameters():
-        assert weight.grad is not None, name
-        assert weight.grad.abs().max() > 0, name
-
-
-def test_standardised_weights_keep_the_scale_of_what_they_see() -> None:
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)
-        convolution = StandardisedConv2d(16, 32, 3, padding=1)
-        with torch.no_grad():
-            convolution.weight.mul_(100).add_(5)
-            seen = torch.nn.functional.leaky_relu(torch.randn(8, 16, 32, 32), SLOPE)
-            out = convolution(seen)
-    # The rectifier leaves (1 + slope^2) / 2 of the square; what has mean 0 over the weights is left out.
-    assert out.var() == pytest.approx(1, abs=0.35)
-
-
-def test_forms_of_one_body_that_are_alike_cost_nothing() -> None:
-    chosen = toy(one_form=1.0, sides=2)
-    generator = torch.Generator().manual_seed(0)
-    target = torch.ones(6, 3, 32, 32)
-    alike = torch.rand(3, 1, 3, 32, 32, generator=generator).expand(3, 2, 3, 32, 32).reshape(6, 3, 32, 32)
-    other = torch.rand(6, 3, 32, 32, generator=generator)
-    code = torch.zeros(6, 4)
-    term = NAMES.index("form loss")
-    assert losses(alike, target, code, 2, chosen)[term] == pytest.approx(0, abs=1e-6)
-    assert losses(other, target, code, 2, chosen)[term] > 0.5
-
-
 def test_places_are_the_means_of_what_a_coarse_pixel_shows() -> None:
     chosen = toy(places=1.0)
     fresh = Ellipsoids()(0, 2, 64)
@@ -146,10 +107,6 @@ def test_one_code_for_all_poses_costs_nothing_however_small_the_codes_are() -> N
     anyhow = torch.randn(400, 5, generator=torch.Generator().manual_seed(1))
     for scale in (1.0, 1e-2):
         assert code_loss(scale * anyhow, 2) == pytest.approx(1, abs=0.15)
-
-
-def test_the_names_of_the_terms_are_those_of_the_history() -> None:
-    assert len(NAMES) == len(WEIGHTS) + 2
 
 
 def test_a_card_of_another_network_and_a_resolution_that_cannot_be_are_refused() -> None:

@@ -44,14 +44,6 @@ def test_sides_that_cross_and_pieces_that_are_apart_still_close() -> None:
     assert notes["predicted_crossings"] > 0.05
 
 
-def test_a_ring_keeps_its_hole() -> None:
-    outer, inner = both(500, 0.8, 0.8), both(500, 0.4, 0.4)
-    front, back = (np.where(inner[0] > 0, 0, side).astype(np.float32) for side in outer)
-    surface, _ = closed_surface(front, back)
-    assert is_closed(surface)
-    assert trimesh.Trimesh(surface.vertices, surface.faces, process=False).euler_number == 0
-
-
 def test_an_empty_mask_is_refused() -> None:
     nothing = np.zeros((500, 500), dtype=np.float32)
     with pytest.raises(UnsupportedShape, match="empty mask"):

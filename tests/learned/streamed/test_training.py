@@ -25,15 +25,13 @@ from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.geometry.depth import back_project
 from learned.streamed import configuration, fitting, training
 from learned.streamed.fitting import fit
-from learned.streamed.images import MakesImages
 from learned.streamed.methods import StreamedLearner
 from learned.streamed.network import build_streamed
 from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS
 from learned.training.loop import TrainingLoop
-from learned.training.stream import batches
 from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
-from tests.learned.toy import files, quiet, toy_data
+from tests.learned.toy import files, quiet
 
 OPTIONS: dict[str, Any] = {
     "steps": 60,
@@ -101,16 +99,6 @@ def test_workers_change_nothing_and_one_that_dies_is_replaced(tmp_path: Path, fi
     assert weights(tmp_path / "model") == weights(finished)
 
 
-def test_batches_come_in_order_and_show_no_body_twice() -> None:
-    made = list(batches(MakesImages(Ellipsoids(), TOY, 3), range(4, 9), 0, quiet))
-    assert [batch.number for batch in made] == [4, 5, 6, 7, 8]
-    names = [name for batch in made for name in batch.identifiers]
-    assert len(set(names)) == len(names) == 15
-    assert made[0].images.shape == (6, 1, 32, 32)
-    assert made[0].targets.shape == (6, 2, 32, 32)
-    assert torch.equal(made[0].targets[0], made[0].targets[1])
-
-
 @pytest.mark.slow
 def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path, finished: Path) -> None:
     program = (
@@ -163,11 +151,6 @@ def test_options_that_do_not_fit_are_refused() -> None:
             fitting.checked_plan("toy", options)
 
 
-def test_data_that_is_no_stream_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="no stream of fresh bodies"):
-        fit("toy", 0, toy_data(), tmp_path, OPTIONS, quiet)
-
-
 def test_a_finished_model_of_another_plan_is_left_alone(finished: Path) -> None:
     said: list[str] = []
     fit("toy", 0, toy_stream(), finished, OPTIONS, said.append)
@@ -190,13 +173,6 @@ def test_the_method_makes_a_form_of_unit_area_in_any_frame(finished: Path) -> No
         method.canonicalise(Shape(identifier="x", mesh=surface))
     with pytest.raises(UnsupportedShape, match="empty"):
         method.canonicalise(Shape(identifier="x", mesh=surface, depth=np.zeros((500, 500), dtype=np.float32)))
-
-
-def test_a_model_of_another_kind_is_not_loaded(finished: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="not that of a streamed network"):
-        StreamedLearner().check_card({"configuration": {}}, tmp_path)
-    with pytest.raises(ConfigurationError, match="holds 'plain', not 'toy'"):
-        StreamedLearner(configuration="toy").check_card({"streamed": {**TOY.described(), "name": "plain"}}, tmp_path)
 
 
 OPEN = {**OPTIONS, "schedule": "constant", "average": 0.9}
@@ -225,13 +201,6 @@ def test_a_training_of_unknown_length_goes_on_with_more_steps_and_a_falling_end(
     fit("toy", 0, toy_stream(), tmp_path / "open", ending, quiet)
     assert weights(tmp_path / "open") == weights(tmp_path / "whole")
     assert read_card(tmp_path / "open")["bodies"] == 160
-
-
-def test_a_step_size_that_should_have_begun_to_fall_is_refused(tmp_path: Path) -> None:
-    stopped_at(16, tmp_path, {**OPEN, "steps": 1000})
-    for options in ({"steps": 30, "falling": 20}, {"steps": 12}):
-        with pytest.raises(TrainingError, match="was made with another plan"):
-            fit("toy", 0, toy_stream(), tmp_path, {**OPEN, **options}, quiet)
 
 
 def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
@@ -281,14 +250,6 @@ def test_a_training_goes_on_from_kept_weights_where_its_checkpoint_is_lost(
     shutil.copytree(after / SNAPSHOTS, before / SNAPSHOTS)
     with pytest.raises(TrainingError, match="is damaged"):
         fit("toy", 0, toy_stream(), before, OPEN, quiet)
-
-
-def test_kept_weights_of_another_training_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
-    fit("toy", 0, toy_stream(), tmp_path / "before", OPEN, quiet)
-    shutil.copytree(tmp_path / "before" / SNAPSHOTS, tmp_path / "after" / SNAPSHOTS)
-    with pytest.raises(TrainingError, match="of another training"):
-        fit("toy", 0, toy_stream(), tmp_path / "after", {**OPEN, "learning_rate": 1e-5}, quiet)
 
 
 def test_step_sizes_of_a_plan() -> None:

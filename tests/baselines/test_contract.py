@@ -1,0 +1,57 @@
+"""What every classical method owes to repetition, relabelling, motion, scale and shapes that it cannot treat."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
+from benchmark.methods.registry import methods, variant
+from tests.baselines.deformable import moved_to
+from tests.baselines.embedding import limbed, moved, relabelled, sphere
+from tests.baselines.test_perturbation import METHODS
+
+#: Coordinates from the mesh, not from distances: nothing to compare with another numbering, place or size.
+CONTROLS = {"identity", "random", "surface-area"}
+NAMES = [
+    *sorted(METHODS.keys() - CONTROLS), "accelerated-mds[variant=samples]", "classic-mds[metric=biharmonic]",
+    "constrained-mds[start=classic]", "least-squares-mds[start=classic]", "euclidean-distance[points=local]",
+]  # fmt: skip
+
+#: Largest difference relative to the size of the answer, where rounding decides more than usual.
+TOLERANCES = {"non-metric-mds": 2e-4, "constrained-mds": 2e-4, "feature-preserved": 5e-4, "accelerated-mds": 1e-4}
+
+TRIANGLE = Mesh(np.eye(3), np.array([[0, 1, 2]]))
+BALL = sphere(150)
+TWO_BALLS = Mesh(np.concatenate([BALL.vertices, BALL.vertices + 3]), np.concatenate([BALL.faces, BALL.faces + 150]))
+
+
+def answer(method: Any, shape: Shape) -> np.ndarray:
+    return method.canonicalise(shape).vertices if isinstance(method, Method) else method.describe(shape)
+
+
+def assert_same(found: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
+    """Forms may lie elsewhere in space, descriptors may not."""
+    if expected.ndim == 2 and expected.shape[1] == 3:
+        found = moved_to(found, expected)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.ptp(expected, axis=0).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_method_keeps_the_contract(name: str) -> None:
+    method, shape = variant(name, methods()).create(), limbed(200)
+    tolerance = TOLERANCES.get(name.partition("[")[0], 1e-5)
+    expected = answer(method, shape)
+    assert np.isfinite(expected).all()
+    np.testing.assert_array_equal(answer(method, shape), expected)
+    other, order = relabelled(shape)
+    of_vertices = expected.ndim == 2 and len(expected) == shape.mesh.n_vertices
+    assert_same(answer(method, other), expected[order] if of_vertices else expected, tolerance)
+    assert_same(answer(method, moved(shape)), expected, tolerance)
+    scale = 2.0 if of_vertices and method.info.scale == "equivariant" else 1.0
+    assert_same(answer(method, moved(shape, scale=2.0)), scale * expected, 2 * tolerance)
+    for mesh in (TRIANGLE,) if name == "pca" else (TRIANGLE, TWO_BALLS):
+        with pytest.raises(UnsupportedShape):
+            answer(method, Shape(identifier="unsupported", mesh=mesh))
