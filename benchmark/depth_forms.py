@@ -19,8 +19,8 @@ from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
-from benchmark.methods.output_checks import form_of
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.output_checks import form_of
+from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.models import with_model
 
 __all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]

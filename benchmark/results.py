@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods.inspection import inspect
-from benchmark.methods.registry import methods
-from benchmark.methods.scorers import scorers
+from benchmark.plugins.inspection import inspect
+from benchmark.plugins.registry import methods
+from benchmark.plugins.scorers import scorers
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.datasets.own import data_sets_of, open_own
-from benchmark.methods.conformance import check_target
+from benchmark.plugins.conformance import check_target
 
 PLUGIN = Path(__file__).with_name("bent_ellipsoids.py")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.api import Mesh
-from benchmark.methods.conformance import check_target
-from benchmark.methods.scorers import plugin_scorers
+from benchmark.plugins.conformance import check_target
+from benchmark.plugins.scorers import plugin_scorers
 
 PLUGIN = Path(__file__).with_name("distance_distribution.py")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.api import Shape
-from benchmark.methods.conformance import check_target, figure
-from benchmark.methods.registry import plugin_methods
+from benchmark.plugins.conformance import check_target, figure
+from benchmark.plugins.registry import plugin_methods
 
 PLUGIN = Path(__file__).with_name("distance_profile.py")
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.methods.conformance import check_target
-from benchmark.methods.conformance.learners import trained
-from benchmark.methods.conformance.shapes import BENDS, view
-from benchmark.methods.registry import plugin_methods
+from benchmark.plugins.conformance import check_target
+from benchmark.plugins.conformance.learners import trained
+from benchmark.plugins.conformance.shapes import BENDS, view
+from benchmark.plugins.registry import plugin_methods
 
 PLUGIN = Path(__file__).with_name("nearest_view.py")
 

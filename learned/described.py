@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.parameters.values import checked
+from benchmark.plugins.parameters.values import checked
 
 
 class Named(Protocol):

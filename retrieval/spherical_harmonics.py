@@ -24,7 +24,7 @@ from scipy.spatial.distance import pdist, squareform
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters.constraints import Interval
+from benchmark.plugins.parameters.constraints import Interval
 
 __all__ = ["SphericalHarmonics", "energies", "sample_surface"]
 

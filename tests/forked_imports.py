@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import benchmark.jobs.execution.runner
-import benchmark.jobs.foreign.serving
-import benchmark.jobs.method_run
-import benchmark.methods.inspection  # noqa: F401
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.preparation import prepare

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.methods.scaffold import KINDS, new_plugin
+from benchmark.plugins.scaffold import KINDS, new_plugin
 from tests.toy import rod, write_off
 
 ROOT = Path(__file__).parents[1]

@@ -11,7 +11,7 @@ import pytest
 import setuptools
 
 import benchmark
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from benchmark.protocols import model_places
 from benchmark.protocols.models import MissingModel, with_model
 

@@ -3,7 +3,7 @@ from importlib.resources import files
 
 import pytest
 
-from benchmark.methods import registry
+from benchmark.plugins import registry
 
 BIBLIOGRAPHY = files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 

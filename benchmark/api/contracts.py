@@ -1,9 +1,9 @@
 """All that the author of a method imports: a shape comes in, a canonical form goes out.
 
 A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters, which may declare what they take (see :mod:`benchmark.parameters.values`). A *descriptor* has
-no canonical form: it describes each shape by a vector and compares the vectors itself. A plain function becomes a
-method through :func:`canonical_form`.
+fields are its parameters, which may declare what they take (see :mod:`benchmark.plugins.parameters.values`). A
+*descriptor* has no canonical form: it describes each shape by a vector and compares the vectors itself. A plain
+function becomes a method through :func:`canonical_form`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters.constraints import Interval, Matches, OneOf
-from benchmark.parameters.values import CheckedParameters
+from benchmark.plugins.parameters.constraints import Interval, Matches, OneOf
+from benchmark.plugins.parameters.values import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian

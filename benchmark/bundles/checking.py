@@ -18,8 +18,8 @@ from benchmark.bundles.outcome import Fault, Outcome, RowOutcome, claim, lie
 from benchmark.bundles.remaking import Remade, Remaking, made_again
 from benchmark.bundles.rows import RowCheck
 from benchmark.errors import BenchmarkError
-from benchmark.methods.registry import BUILT_IN
-from benchmark.parameters.grid import split_name
+from benchmark.plugins.parameters.grid import split_name
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals
 from benchmark.storage.record_schema import fault_of

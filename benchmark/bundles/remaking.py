@@ -19,15 +19,15 @@ from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.foreign.remote import close_to_plugins
-from benchmark.jobs.foreign.serving import unfolded
-from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import Preparation, require_arrays
 from benchmark.jobs.recipes import method_components
-from benchmark.methods.output_checks import distances_of, form_distances, signature_of
-from benchmark.methods.registry import MethodSpec, methods, variant
-from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
+from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
+from benchmark.plugins.registry import MethodSpec, methods, variant
+from benchmark.plugins.remote import close_to_plugins
+from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
+from benchmark.plugins.serving import unfolded
+from benchmark.plugins.shuffling import in_shuffled_order
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import Model, find_models
 from benchmark.report.content import own_table

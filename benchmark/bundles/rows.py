@@ -17,14 +17,14 @@ from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import catalogued
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.foreign.serving import unfolded
 from benchmark.jobs.plan import data_recipe
 from benchmark.jobs.recipes import scorer_recipe
 from benchmark.jobs.stages import measures
-from benchmark.methods.output_checks import distances_of, form_distances, signature_of
-from benchmark.methods.registry import BUILT_IN, methods, variant
-from benchmark.methods.scorers import BUILT_IN as SCORERS
-from benchmark.methods.scorers import ScorerSpec, scorer_of, scorers
+from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
+from benchmark.plugins.registry import BUILT_IN, methods, variant
+from benchmark.plugins.scorers import BUILT_IN as SCORERS
+from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
+from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.rounding import number
 from benchmark.storage.keys import digest, plain

@@ -18,14 +18,15 @@ from benchmark import __version__
 from benchmark.bundles.manifest import LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.jobs.foreign.serving import folded
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import require_arrays
 from benchmark.jobs.recipes import distances_recipe, draws_of, features_recipe, source_data
 from benchmark.jobs.stages import form
-from benchmark.methods.output_checks import signature_of
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
+from benchmark.plugins.modules import helpers_of
+from benchmark.plugins.output_checks import signature_of
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
+from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.storage.environment import environment
 from benchmark.storage.keys import digest
@@ -34,7 +35,6 @@ from benchmark.storage.records import Record, answered_shapes, as_text, portable
 from benchmark.storage.store import StorageError
 from benchmark.system.arrays import Arrays, save_arrays
 from benchmark.system.files import write_atomically
-from benchmark.system.plugins import helpers_of
 
 #: Array of a form that holds its faces where they are those of the shape; it counts to no digest.
 FACES = "about:faces"

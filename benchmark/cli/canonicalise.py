@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
-from benchmark.methods.output_checks import form_of
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.output_checks import form_of
+from benchmark.plugins.registry import methods, variant
 from benchmark.system.calls import Guard, call_apart
 
 #: A form in plain values: vertices, faces and notes.

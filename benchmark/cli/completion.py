@@ -43,8 +43,8 @@ def methods(_: click.Context, __: click.Parameter, begun: str) -> list[Completio
     """Methods, and the words for several; behind a bracket, the parameters of the method."""
     from importlib.metadata import entry_points
 
-    from benchmark.methods.installed import entry_points_of
-    from benchmark.methods.registry import BUILT_IN, MethodSpec
+    from benchmark.plugins.installed import entry_points_of
+    from benchmark.plugins.registry import BUILT_IN, MethodSpec
 
     name, bracket, rest = begun.partition("[")
     if bracket and name in BUILT_IN:
@@ -68,7 +68,7 @@ def tables(_: click.Context, __: click.Parameter, begun: str) -> list[Completion
 
 def scorers(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Scorers."""
-    from benchmark.methods.scorers import BUILT_IN
+    from benchmark.plugins.scorers import BUILT_IN
 
     return _items(BUILT_IN, begun)
 
@@ -82,8 +82,8 @@ def datasets(_: click.Context, __: click.Parameter, begun: str) -> list[Completi
 
 def _parameters(name: str, rest: str) -> list[str]:
     """A method with one more parameter, behind those that are written."""
-    from benchmark.methods.registry import BUILT_IN, MethodSpec
-    from benchmark.parameters.description import described
+    from benchmark.plugins.parameters.description import described
+    from benchmark.plugins.registry import BUILT_IN, MethodSpec
 
     before, comma, _ = rest.rpartition(",")
     return [f"{name}[{before}{comma}{each.name}=" for each in described(MethodSpec(name, BUILT_IN[name]).load())]

@@ -7,13 +7,13 @@ import inspect
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from benchmark.parameters.description import described
-from benchmark.parameters.values import format_value
+from benchmark.plugins.parameters.description import described
+from benchmark.plugins.parameters.values import format_value
 from benchmark.reference.bibliography import source_of
 from benchmark.system.text import clean
 
 if TYPE_CHECKING:
-    from benchmark.methods.registry import MethodSpec
+    from benchmark.plugins.registry import MethodSpec
 
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 

@@ -19,7 +19,7 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
 
     A method that cannot be imported says why.
     """
-    from benchmark.methods import registry
+    from benchmark.plugins import registry
     from benchmark.protocols.rows import VARIANTS
 
     rows: Rows = []
@@ -40,7 +40,7 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
 
 def scorers(plugins: Iterable[Path] = ()) -> Rows:
     """Name, availability and summary of each scorer."""
-    from benchmark.methods.scorers import scorers as known
+    from benchmark.plugins.scorers import scorers as known
 
     rows = []
     for name, spec in known(plugins).items():
@@ -113,7 +113,7 @@ def _data_of(table: Table, data_root: Path | None) -> str:
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
     from benchmark.api.learning import CARD, Learner, read_card
-    from benchmark.methods import registry
+    from benchmark.plugins import registry
     from benchmark.protocols.model_places import MODELS_VARIABLE, model_places
     from benchmark.storage.store import Store
 

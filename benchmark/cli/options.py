@@ -20,7 +20,7 @@ from benchmark.system.text import DATA_VARIABLE, say
 if TYPE_CHECKING:
     from benchmark.jobs.cluster.sharding import Shard
     from benchmark.jobs.job_specs import Job
-    from benchmark.methods.scorers import ScorerSpec
+    from benchmark.plugins.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
     from benchmark.storage.records import Record
     from benchmark.storage.store import Store
@@ -85,7 +85,7 @@ def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) ->
 def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...]) -> tuple[Path, ...]:
     """The plugin files, after a look at them from a process of their own."""
     if plugins:
-        from benchmark.methods.inspection import inspect
+        from benchmark.plugins.inspection import inspect
 
         inspect(plugins)
     return plugins
@@ -152,7 +152,7 @@ def name_skipped(*stores: Store) -> None:
 
 def name_unusable(kind: str = "methods") -> None:
     """Tell on stderr which installed packages bring methods, or scorers, that cannot be used."""
-    from benchmark.methods import registry, scorers
+    from benchmark.plugins import registry, scorers
 
     for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
         say(line, err=True)
@@ -173,8 +173,8 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
         yield
     except ConfigurationError as error:
         from benchmark.datasets.catalogue import is_known
-        from benchmark.methods.registry import BUILT_IN
-        from benchmark.methods.scorers import scorers
+        from benchmark.plugins.registry import BUILT_IN
+        from benchmark.plugins.scorers import scorers
         from benchmark.protocols.tables import TABLES
 
         base = name.partition("[")[0]
@@ -282,7 +282,7 @@ class RunOptions:
 
     def _methods(self, store: Store) -> tuple[str, ...]:
         """Names of methods, with those of all finished jobs where these are asked for."""
-        from benchmark.methods.registry import methods, variants
+        from benchmark.plugins.registry import methods, variants
 
         if FINISHED not in self.methods:
             return self.methods
@@ -299,7 +299,7 @@ class RunOptions:
         from benchmark.datasets.catalogue import sources
         from benchmark.datasets.own import data_sets_of
         from benchmark.jobs.plan import JobSettings, make_plan, require_jobs
-        from benchmark.methods.registry import methods, select
+        from benchmark.plugins.registry import methods, select
         from benchmark.protocols.galleries import galleries
         from benchmark.protocols.tables import INPUTS
 
@@ -343,7 +343,7 @@ class RunOptions:
 
     def scorer_spec(self) -> ScorerSpec:
         """The scorer; raises ``ConfigurationError`` if there is none of this name."""
-        from benchmark.methods.scorers import scorer_of, scorers
+        from benchmark.plugins.scorers import scorer_of, scorers
 
         return scorer_of(self.scorer, scorers(self.plugins))
 
@@ -355,8 +355,8 @@ class RunOptions:
 
     def results_of(self, store: Store) -> Results:
         """The records of a store, looked at with the methods and scorers that are known."""
-        from benchmark.methods.registry import methods
-        from benchmark.methods.scorers import scorers
+        from benchmark.plugins.registry import methods
+        from benchmark.plugins.scorers import scorers
         from benchmark.report.results import Results
 
         return Results(store, methods(self.plugins), self.data_root, scorers(self.plugins))
@@ -377,7 +377,7 @@ class RunOptions:
             If there is none, or a method or a table is unknown.
         """
         from benchmark.datasets.catalogue import is_known, is_path
-        from benchmark.methods.registry import methods, select
+        from benchmark.plugins.registry import methods, select
         from benchmark.protocols.tables import TABLES
 
         known = methods(self.plugins)

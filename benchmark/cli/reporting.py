@@ -20,7 +20,7 @@ FIGURES = ("forms", "effect", "cost")
 
 def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> None:
     """Write the static report of a selection; with force, over what is of no report, too."""
-    from benchmark.methods.registry import methods
+    from benchmark.plugins.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
     from benchmark.report.html.folder import Folder

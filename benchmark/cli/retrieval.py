@@ -35,7 +35,7 @@ def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, op
         If the query cannot be treated.
     """
     from benchmark.datasets.catalogue import open_dataset
-    from benchmark.methods.registry import methods, variant
+    from benchmark.plugins.registry import methods, variant
     from benchmark.protocols.galleries import Gallery
     from benchmark.protocols.models import find_models
     from benchmark.report.content import own_table

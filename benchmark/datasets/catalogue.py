@@ -19,7 +19,7 @@ from benchmark.datasets.own import data_sets_of, is_own, open_own
 from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.system.plugins import unknown
+from benchmark.plugins.modules import unknown
 
 Loader = Callable[[Path], Dataset]
 

@@ -20,7 +20,7 @@ from benchmark.datasets.human_subjects import Subject, new_subject
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters.values import assignments
+from benchmark.plugins.parameters.values import assignments
 
 #: Seed of the bodies; that of the bodies for training is 0.
 _SEED = 1

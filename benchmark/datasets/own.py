@@ -16,9 +16,9 @@ from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_l
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.parameters.values import parameter_values
+from benchmark.plugins.modules import classes_of, import_plugin, is_closed, sources_of
+from benchmark.plugins.parameters.values import parameter_values
 from benchmark.system.arrays import Arrays
-from benchmark.system.plugins import classes_of, import_plugin, is_closed, sources_of
 from benchmark.system.processes import Process, Requester
 from benchmark.system.text import LONGEST_NAME, clean, is_name
 

@@ -13,9 +13,9 @@ import msgspec
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.own import is_own
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import DEFAULT, ScorerSpec
-from benchmark.parameters.values import format_value
+from benchmark.plugins.parameters.values import format_value
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]

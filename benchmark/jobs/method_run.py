@@ -14,13 +14,13 @@ from benchmark.api.contracts import Descriptor, Mesh, Method
 from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.jobs.foreign.remote import Foreign
 from benchmark.jobs.preparation import Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.jobs.recipes import Recipe, features_recipe, form_recipe
 from benchmark.jobs.stages import form
-from benchmark.methods.output_checks import REFUSED, signature_of
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.plugins.output_checks import REFUSED, signature_of
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.remote import Foreign
+from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.models import Model
 from benchmark.storage.store import Artefact, Store
 from benchmark.system.opened_files import with_files

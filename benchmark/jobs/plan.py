@@ -14,8 +14,8 @@ from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
 from benchmark.jobs import recipes
 from benchmark.jobs.job_specs import LARGE_FILE, Job, State
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import DEFAULT, ScorerSpec
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds

@@ -18,7 +18,8 @@ from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.jobs.recipes import Recipe, frame_recipe, original_of, sensor_of, shape_recipe, source_recipe
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import frame_of, half_width_of, seen
-from benchmark.methods.output_checks import REFUSED
+from benchmark.plugins.output_checks import REFUSED
+from benchmark.plugins.serving import SharedStages
 from benchmark.storage.costs import Cost, Meter
 from benchmark.storage.environment import environment_text
 from benchmark.storage.lock import key_of
@@ -177,26 +178,3 @@ def require_arrays(artefact: Artefact) -> Arrays:
 def notes(arrays: Arrays) -> dict[str, float | str]:
     """Return what a stage noted about a shape."""
     return {name[5:]: value.item() for name, value in arrays.items() if name.startswith("note:")}
-
-
-class SharedStages:
-    """Arrays that the methods of one shape share in memory; each is charged what it would have paid alone."""
-
-    def __init__(self, meter: Meter) -> None:
-        self._meter = meter
-        self._found: dict[str, tuple[Arrays, Cost]] = {}
-
-    def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
-        """See :class:`benchmark.api.contracts.ArtefactCache`."""
-        name = f"{stage} {sorted(parameters.items())}"
-        if name in self._found:
-            arrays, cost = self._found[name]
-            self._meter.share(stage, cost)
-            return arrays
-        with self._meter.measured(name) as measured:
-            arrays = compute()
-        cost = measured()
-        self._meter.share(stage, cost)  # its memory is in the mark of the stage that called
-        size = sum(array.nbytes for array in arrays.values()) / 2**20
-        self._found[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
-        return arrays

@@ -17,8 +17,8 @@ from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError
 from benchmark.geometry.camera import DepthSensor
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import DEFAULT, ScorerSpec
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.storage import keys
 from benchmark.storage.lock import read_lock, versions_of
 

@@ -26,9 +26,9 @@ from benchmark.jobs.recipes import Recipe, draws_of, features_recipe, form_recip
 from benchmark.jobs.stages import form
 from benchmark.jobs.stages.complete import complete
 from benchmark.jobs.stages.view import seen
-from benchmark.methods.output_checks import REFUSED, distances_of, form_distances, signature_of
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.plugins.output_checks import REFUSED, distances_of, form_distances, signature_of
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.models import Model
 from benchmark.storage.store import Store
 

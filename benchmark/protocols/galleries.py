@@ -24,7 +24,7 @@ from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jit
 from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.methods.registry import MethodSpec
+from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.model_places import model_places
 from benchmark.protocols.rows import (
     AVERAGED,

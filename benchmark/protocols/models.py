@@ -15,7 +15,7 @@ from benchmark.datasets.files import file_digest
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED
 from benchmark.datasets.jittered import clean_dataset
 from benchmark.errors import ConfigurationError
-from benchmark.methods.registry import MethodSpec
+from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.model_places import model_places, where_else
 from benchmark.protocols.trainings import TRAININGS, set_of_subjects, trainings_by_shape

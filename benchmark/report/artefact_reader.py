@@ -20,13 +20,13 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.jobs.method_run import MethodRun
 from benchmark.jobs.preparation import Preparation, require_arrays
 from benchmark.jobs.stages.form import form_mesh
-from benchmark.methods.registry import MethodSpec, variant
+from benchmark.plugins.modules import is_imported
+from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 from benchmark.storage.records import Record, answered_shapes
 from benchmark.storage.store import Store
-from benchmark.system.plugins import is_imported
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
-from benchmark.methods.registry import BUILT_IN
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.rows import ONLY_ABLATED
 from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper

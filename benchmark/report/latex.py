@@ -14,8 +14,8 @@ from typing import Any, Literal
 from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
-from benchmark.methods.registry import BUILT_IN, MethodSpec
-from benchmark.methods.scorers import DEFAULT, scorers
+from benchmark.plugins.registry import BUILT_IN, MethodSpec
+from benchmark.plugins.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent

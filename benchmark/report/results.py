@@ -12,8 +12,9 @@ from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.jobs.plan import data_recipe, what_changed
-from benchmark.methods.registry import MethodSpec, variant
-from benchmark.methods.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
+from benchmark.plugins.modules import is_imported, sources_of
+from benchmark.plugins.registry import MethodSpec, variant
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
@@ -22,7 +23,6 @@ from benchmark.storage.environment import changed_packages
 from benchmark.storage.lock import edited, key_of, read_lock, words_of_edit
 from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
-from benchmark.system.plugins import is_imported, sources_of
 
 __all__ = ["Result", "Results", "with_repeats"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
-from benchmark.methods.registry import BUILT_IN
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
 from benchmark.report.escaping import csv_text, latex_text, markdown_table, markdown_text

@@ -18,7 +18,7 @@ import torch
 from benchmark.api.learning import CARD, WEIGHTS, TrainingData, read_card
 from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
-from benchmark.parameters.values import checked
+from benchmark.plugins.parameters.values import checked
 from learned.training.checkpoint import CHECKPOINT, write
 from learned.training.loop import N, Plan, Trained, TrainingRun
 from learned.training.machine import Machine, MachineWithWorkers, device_named, machine_among

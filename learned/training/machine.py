@@ -12,7 +12,7 @@ import torch
 
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError
-from benchmark.parameters.values import checked
+from benchmark.plugins.parameters.values import checked
 from benchmark.threads import available_cores
 
 Precision = Literal["auto", "float32", "bfloat16"]

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from trimesh.creation import torus
 
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from tests.baselines.deformable import sheet
 from tests.baselines.embedding import sphere
 

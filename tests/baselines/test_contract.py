@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from tests.baselines.deformable import moved_to
 from tests.baselines.embedding import limbed, moved, relabelled, sphere
 from tests.baselines.test_perturbation import METHODS

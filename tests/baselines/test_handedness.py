@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.handedness import NEGLIGIBLE, handedness, right_handed
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import Shape
-from benchmark.methods.conformance.shapes import figure, view
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.conformance.shapes import figure, view
+from benchmark.plugins.registry import methods, variant
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 TURNED = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Shape, UnsupportedShape
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from tests.baselines.embedding import sphere
 
 FEW_ROWS = ("spectral-mds", "euclidean-distance")

@@ -12,7 +12,7 @@ from baselines._kernels.frame import GRID, on_grid, principal_frame
 from baselines._kernels.orientation import settled_axes
 from baselines._kernels.refinement import refined_solution
 from baselines._kernels.ties import TIE, largest
-from benchmark.methods.conformance.shapes import figure
+from benchmark.plugins.conformance.shapes import figure
 from tests.baselines.deformable import tube
 
 CORNERS = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 0]])

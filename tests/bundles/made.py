@@ -14,7 +14,7 @@ import numpy as np
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs.foreign.serving import folded, unfolded
+from benchmark.plugins.serving import folded, unfolded
 from benchmark.storage.keys import digest
 from benchmark.storage.records import as_text
 from benchmark.system.arrays import digest_of, load_arrays, save_arrays

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from benchmark.geometry.io import read_mesh, write_mesh
-from benchmark.methods.registry import methods
+from benchmark.plugins.registry import methods
 from tests.geometry.surfaces import capped_cylinder
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +29,7 @@ from benchmark.cli.canonicalise import FormRequest, plain_form
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.methods.registry import methods
+from benchmark.plugins.registry import methods
 
 for name in methods():
     print(name, end=" ", flush=True)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmark.cli.main import cli, main
 from benchmark.cli.options import _inspected
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.methods import inspection
+from benchmark.plugins import inspection
 from benchmark.report.pictures.forms import save
 from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
@@ -104,7 +104,7 @@ def test_results_without_a_name_do_not_go_into_this_folder(call, tmp_path):
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "x"])
 def test_no_method_takes_a_number_that_makes_no_sense(value):
-    from benchmark.methods.registry import BUILT_IN, methods, variant
+    from benchmark.plugins.registry import BUILT_IN, methods, variant
 
     known = methods()
     tried = 0
@@ -225,8 +225,8 @@ FORKED = """
 import os
 from pathlib import Path
 from benchmark.api.contracts import Shape
-from benchmark.methods.output_checks import form_of
-from benchmark.methods.specs import plugin_methods
+from benchmark.plugins.output_checks import form_of
+from benchmark.plugins.specs import plugin_methods
 from tests.toy import rod
 
 (spec,) = plugin_methods(Path("{plugin}"))

@@ -13,7 +13,7 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import run_plan
 from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.trainings import find_training
 from benchmark.storage.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model

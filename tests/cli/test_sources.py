@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmark.methods.registry import BUILT_IN, methods
+from benchmark.plugins.registry import BUILT_IN, methods
 from benchmark.reference.bibliography import source_of
 
 

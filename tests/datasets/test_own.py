@@ -10,8 +10,8 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.methods import conformance, inspection
-from benchmark.methods.inspection import inspect
+from benchmark.plugins import conformance, inspection
+from benchmark.plugins.inspection import inspect
 from tests.toy import write_rods
 
 pytestmark = pytest.mark.usefixtures("forked_workers")

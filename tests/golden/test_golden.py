@@ -11,7 +11,7 @@ import pytest
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
-from benchmark.methods import registry, scorers
+from benchmark.plugins import registry, scorers
 from benchmark.results import open_results
 from benchmark.storage.lock import edited_folders, read_lock
 from benchmark.system.code import ROOT

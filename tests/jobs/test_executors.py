@@ -20,7 +20,7 @@ from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution import pools
 from benchmark.jobs.job_specs import LARGEST_BATCH, Job, shape_batches
-from benchmark.methods.registry import methods, select
+from benchmark.plugins.registry import methods, select
 from benchmark.storage.store import Store
 from tests.toy import write_rods
 

@@ -8,7 +8,7 @@ import pytest
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
 from benchmark.jobs.stages.form import canonicalise, describe, form_mesh
-from benchmark.methods.output_checks import distances_of
+from benchmark.plugins.output_checks import distances_of
 from tests.toy import rod
 
 ROD = rod(0.1, 0.5)

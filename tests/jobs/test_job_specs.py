@@ -11,8 +11,8 @@ from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
 from benchmark.jobs.plan import JobSettings, make_plan
-from benchmark.methods.registry import MethodSpec, methods, select
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.plugins.registry import MethodSpec, methods, select
+from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
 from benchmark.storage.keys import plain
 from benchmark.storage.store import Store

@@ -13,7 +13,7 @@ from benchmark.jobs.execution import runner
 from benchmark.jobs.job_specs import ScoringTask, ShapeBatch
 from benchmark.jobs.plan import make_plan
 from benchmark.jobs.stages.measures import over_splits, scores
-from benchmark.methods.registry import methods, select
+from benchmark.plugins.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.storage import lock
 from benchmark.storage.store import Store

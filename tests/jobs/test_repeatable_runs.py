@@ -6,7 +6,7 @@ import pytest
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.jobs.method_run import RUNS_DIFFER, MethodRun, difference_of_runs
 from benchmark.jobs.preparation import Preparation
-from benchmark.methods.specs import plugin_methods
+from benchmark.plugins.specs import plugin_methods
 from benchmark.storage.store import Store
 from tests.toy import write_rods
 

@@ -11,7 +11,7 @@ from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.pools import UNWRITTEN, Running, Status
 from benchmark.jobs.execution.scheduler import Scheduler
 from benchmark.jobs.job_specs import Job, ScoringTask, to_json
-from benchmark.methods.registry import methods, select
+from benchmark.plugins.registry import methods, select
 from benchmark.storage.store import StorageError, Store
 from tests.records import record
 

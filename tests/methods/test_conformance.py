@@ -13,9 +13,9 @@ from benchmark.api.contracts import Shape
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.laplacian import eigenpairs
-from benchmark.methods import conformance, registry
-from benchmark.methods.conformance import checks, shapes
-from benchmark.methods.registry import MethodSpec
+from benchmark.plugins import conformance, registry
+from benchmark.plugins.conformance import checks, shapes
+from benchmark.plugins.registry import MethodSpec
 from benchmark.system import processes as system_processes
 from benchmark.system.text import DATA_VARIABLE
 

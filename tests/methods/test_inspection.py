@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import inspection
-from benchmark.methods.inspection import describe, inspect
-from benchmark.system import plugins
+from benchmark.plugins import inspection, modules
+from benchmark.plugins.inspection import describe, inspect
 from tests.plugins import write_plugin
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
@@ -84,7 +83,7 @@ def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(fa
     with pytest.raises(ConfigurationError) as caught:
         inspect([path])
     assert str(caught.value).startswith(f"plugin {path} {said}")
-    assert not plugins.is_imported(str(path))
+    assert not modules.is_imported(str(path))
 
 
 def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
@@ -104,9 +103,9 @@ def test_packages_of_others_may_be_imported(tmp_path):
 
 def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):
     path = write_plugin(tmp_path / "tried.py")
-    plugins.import_plugin(str(path))
+    modules.import_plugin(str(path))
     monkeypatch.setattr(inspection, "call_apart", None)
     inspect([path])
     with pytest.raises(ConfigurationError, match="none.py is not there"):
         inspect([tmp_path / "none.py"])
-    del sys.modules[plugins._module_name(str(path))]
+    del sys.modules[modules._module_name(str(path))]

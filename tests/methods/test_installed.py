@@ -9,8 +9,8 @@ import pytest
 
 from benchmark.cli.main import main
 from benchmark.errors import ConfigurationError
-from benchmark.methods import inspection, registry, scorers
-from benchmark.methods.installed import entry_points_of, installed
+from benchmark.plugins import inspection, registry, scorers
+from benchmark.plugins.installed import entry_points_of, installed
 from tests.plugins import write_plugin
 from tests.toy import rod, write_off
 

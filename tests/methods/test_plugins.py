@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import registry
-from benchmark.system import plugins
+from benchmark.plugins import modules, registry
 
 ROOT = Path(__file__).parents[2]
 
@@ -27,11 +26,11 @@ def stretched(shape):
 @pytest.fixture(autouse=True)
 def as_before(monkeypatch):
     """Forget what plugins brought."""
-    modules = set(sys.modules)
+    known = set(sys.modules)
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
-    monkeypatch.setattr(plugins._PluginFolders, "folders", [])
+    monkeypatch.setattr(modules._PluginFolders, "folders", [])
     yield
-    for name in set(sys.modules) - modules:
+    for name in set(sys.modules) - known:
         del sys.modules[name]
 
 
@@ -83,7 +82,7 @@ def test_a_module_brings_further_ones_and_packages(tmp_path):
     }
     further["inner_in_toy_package"] += "FACTOR = last.FACTOR"
     path = write(tmp_path, toy_last="FACTOR = 5.0", __init___in_toy_package="", **further)
-    assert set(plugins.helpers_of(path)) == {"toy_helper", "toy_package", "toy_last"}
+    assert set(modules.helpers_of(path)) == {"toy_helper", "toy_package", "toy_last"}
     assert form(path) == 5.0
 
 

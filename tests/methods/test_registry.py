@@ -5,7 +5,7 @@ import pytest
 from benchmark.api.contracts import Descriptor, Method
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
-from benchmark.methods import registry
+from benchmark.plugins import registry
 
 PLUGIN = '''
 from benchmark.api.contracts import canonical_form

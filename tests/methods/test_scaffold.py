@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import registry
-from benchmark.methods.conformance import check_target
-from benchmark.methods.scaffold import new_plugin
+from benchmark.plugins import registry
+from benchmark.plugins.conformance import check_target
+from benchmark.plugins.scaffold import new_plugin
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import conformance
-from benchmark.methods.conformance import checks
+from benchmark.plugins import conformance
+from benchmark.plugins.conformance import checks
 from tests.methods.test_conformance import call_here
 
 RETURN = 'return cdist(shares, shares, "cityblock")'

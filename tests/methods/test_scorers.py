@@ -8,10 +8,10 @@ from benchmark.api.scoring import Scorer
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
 from benchmark.jobs import recipes
-from benchmark.methods.inspection import describe
-from benchmark.methods.output_checks import form_distances, signature_of
-from benchmark.methods.registry import plugin_methods
-from benchmark.methods.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
+from benchmark.plugins.inspection import describe
+from benchmark.plugins.output_checks import form_distances, signature_of
+from benchmark.plugins.registry import plugin_methods
+from benchmark.plugins.scorers import BUILT_IN, ScorerSpec, plugin_scorers, scorer_of, scorers
 from tests.toy import rod, write_rods
 
 PLUGIN = '''

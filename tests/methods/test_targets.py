@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods import conformance
+from benchmark.plugins import conformance
 
 TWO = """
 from dataclasses import dataclass

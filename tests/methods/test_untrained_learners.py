@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.methods import conformance
-from benchmark.methods.conformance import checks
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins import conformance
+from benchmark.plugins.conformance import checks
+from benchmark.plugins.registry import methods, variant
 from tests.methods.test_conformance import call_here
 
 

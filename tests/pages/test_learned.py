@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmark.methods.registry import BUILT_IN
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.report.statistics.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED

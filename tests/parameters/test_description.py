@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 import pytest
 
 from benchmark.api.contracts import Interval, Matches, OneOf
-from benchmark.methods.registry import BUILT_IN, methods
-from benchmark.parameters.description import described, explained
+from benchmark.plugins.parameters.description import described, explained
+from benchmark.plugins.registry import BUILT_IN, methods
 
 
 @dataclass(frozen=True, kw_only=True)

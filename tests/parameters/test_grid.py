@@ -3,8 +3,8 @@
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.methods.registry import methods, select, variant, variants
-from benchmark.parameters.grid import combinations, quoted, split_name
+from benchmark.plugins.parameters.grid import combinations, quoted, split_name
+from benchmark.plugins.registry import methods, select, variant, variants
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from benchmark.api.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
-from benchmark.parameters.values import assignments, checked, format_value, non_default_values, parameter_values
+from benchmark.plugins.parameters.values import assignments, checked, format_value, non_default_values, parameter_values
 
 if TYPE_CHECKING:
     from fractions import Fraction

@@ -1,7 +1,7 @@
 import pytest
 
 from benchmark.errors import ConfigurationError, DatasetError
-from benchmark.methods import registry
+from benchmark.plugins import registry
 from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import trainings_by_shape

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from benchmark.methods.registry import methods
+from benchmark.plugins.registry import methods
 from benchmark.report.cell import cell_of
 from benchmark.report.comparison import compare_folders, compare_methods
 from benchmark.report.content import contents

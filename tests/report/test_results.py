@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
 from benchmark.jobs.plan import make_plan
-from benchmark.methods.registry import methods, select
+from benchmark.plugins.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
 from benchmark.storage import keys, lock

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.methods.scorers import scorer_of, scorers
+from benchmark.plugins.scorers import scorer_of, scorers
 from retrieval.cmbof import CMBOF, Features, Signature
 from retrieval.metrics import evaluate
 from retrieval.views import CUBE_ROTATIONS

@@ -23,10 +23,10 @@ import psutil
 import pytest
 
 from benchmark.errors import BenchmarkError, UnsupportedShape
+from benchmark.plugins.modules import close_process, import_plugin
 from benchmark.system import processes
 from benchmark.system.calls import BrokenCall, Guard, call_apart
 from benchmark.system.channel import Channel
-from benchmark.system.plugins import close_process, import_plugin
 from benchmark.system.processes import ForeignError, Process, ProcessEnded, end_like
 from benchmark.system.text import DATA_VARIABLE
 

@@ -24,12 +24,12 @@ PRELOADED = (
     "benchmark.cli.listing",
     "benchmark.cli.run_plan",
     "benchmark.jobs.execution.runner",
-    "benchmark.methods.conformance",
+    "benchmark.plugins.conformance",
     "benchmark.report.content",
     "benchmark.report.comparison",
     "benchmark.datasets.checking",
     "benchmark.geometry.io",
-    "benchmark.methods.inspection",
+    "benchmark.plugins.inspection",
 )
 
 _DEATH_SIGNAL, _SUBREAPER, _DROP_CAPABILITY = 1, 36, 24
@@ -74,7 +74,7 @@ def _become(request: dict[str, Any]) -> None:
             _control(_DROP_CAPABILITY, right)
         _drop_rights()
     if request["patience"]:
-        inspection = importlib.import_module("benchmark.methods.inspection")
+        inspection = importlib.import_module("benchmark.plugins.inspection")
         inspection.LIMIT = request["patience"]  # type: ignore[attr-defined]
     module, _, function = request["target"].partition(":")
     sys.argv = [request["target"], *request["arguments"]]

@@ -12,9 +12,9 @@ from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.geodesics import SOLVERS
-from benchmark.methods.registry import BUILT_IN as METHODS
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import BUILT_IN as SCORERS
+from benchmark.plugins.registry import BUILT_IN as METHODS
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import BUILT_IN as SCORERS
 from benchmark.system.code import FIRST_PARTY, ROOT
 from tools.golden import inputs, stages
 
@@ -73,7 +73,7 @@ SAMPLERS = {
 }  # fmt: skip
 
 #: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
-NO_FIGURES = ("benchmark", "benchmark/system", "benchmark/methods", "benchmark/storage", "benchmark/jobs")
+NO_FIGURES = ("benchmark", "benchmark/system", "benchmark/plugins", "benchmark/storage", "benchmark/jobs")
 
 _STAGES, _SETS = "benchmark.jobs.stages.", "benchmark.datasets."
 

@@ -38,9 +38,9 @@ from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
 from benchmark.jobs.stages import complete, form, measures, view
-from benchmark.methods.output_checks import distances_of, form_distances, signature_of
-from benchmark.methods.registry import methods, variant
-from benchmark.methods.scorers import scorer_of, scorers
+from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
+from benchmark.plugins.registry import methods, variant
+from benchmark.plugins.scorers import scorer_of, scorers
 from tools.golden import inputs
 
 Arrays = Mapping[str, Any]

@@ -18,7 +18,7 @@ from baselines.non_metric_mds import non_metric_scaling
 from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.preparation import prepare
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from tests.baselines.deformable import tube
 from tools.speed.timing import Row, alternately, least
 

@@ -23,8 +23,8 @@ from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.methods.output_checks import signature_of
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.plugins.output_checks import signature_of
+from benchmark.plugins.scorers import ScorerSpec
 from learned.streamed.methods import StreamedLearner
 from learned.streamed.model import load_streamed, predicted
 from tools.speed.timing import Row, alternately, least

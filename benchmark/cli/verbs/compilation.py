@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from benchmark.api.contracts import Input
-    from benchmark.methods.registry import MethodSpec
+    from benchmark.plugins.registry import MethodSpec
     from benchmark.system.arrays import Arrays
     from benchmark.system.channel import Facts
     from benchmark.system.processes import Requester
@@ -104,9 +104,9 @@ def compile_bodies() -> None:
 
 def compile_scorer() -> None:
     """Rank the figure against its bent self."""
-    from benchmark.methods.conformance.shapes import BENDS, figure
-    from benchmark.methods.output_checks import form_distances, signature_of
-    from benchmark.methods.scorers import ScorerSpec
+    from benchmark.plugins.conformance.shapes import BENDS, figure
+    from benchmark.plugins.output_checks import form_distances, signature_of
+    from benchmark.plugins.scorers import ScorerSpec
 
     scorer = ScorerSpec().create()
     form_distances(scorer, [signature_of(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
@@ -115,8 +115,8 @@ def compile_scorer() -> None:
 def compile_methods() -> None:
     """Treat a small figure, complete and as a camera sees it, by every method that does not learn."""
     from benchmark.geometry.io import write_mesh
-    from benchmark.methods.conformance.shapes import figure
-    from benchmark.methods.registry import methods
+    from benchmark.plugins.conformance.shapes import figure
+    from benchmark.plugins.registry import methods
     from benchmark.protocols.rows import VARIANTS
     from benchmark.protocols.tables import INPUTS
 

@@ -142,8 +142,8 @@ def check(
 
     Append parameters to either: FILE[power=1].
     """
-    from benchmark.methods.conformance import Target, check_apart
-    from benchmark.parameters.values import assignments
+    from benchmark.plugins.conformance import Target, check_apart
+    from benchmark.plugins.parameters.values import assignments
 
     named = Target(target, chosen, tuple(map(str, plugins)), tuple(assignments(options).items()))
     report = check_apart(named, timeout)

@@ -44,7 +44,7 @@ def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
     import shutil
 
     from benchmark.cli.description import facts_of, lines_of
-    from benchmark.methods.registry import methods, variant
+    from benchmark.plugins.registry import methods, variant
 
     with told_what_it_is(method, "method"):
         spec = variant(method, methods(plugins))

@@ -18,7 +18,7 @@ def _add_new(kind: str, what: str) -> None:
     @new.command(kind, help=f"Write a working plugin file with {what} called NAME, and its test, into this folder.")
     @click.argument("name")
     def write(name: str) -> None:
-        from benchmark.methods.scaffold import new_plugin
+        from benchmark.plugins.scaffold import new_plugin
 
         plugin, *others = new_plugin(kind, name)
         for path in (plugin, *others):

@@ -35,7 +35,7 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
 
     Without -t and -d it contains Tables I to IV and those of your own data. Files that you edited are kept.
     """
-    from benchmark.methods.registry import methods
+    from benchmark.plugins.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
     from benchmark.report.paper.document import main_tables, paper_files

@@ -28,7 +28,7 @@ from benchmark.system.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.jobs.job_specs import Job
-    from benchmark.methods.scorers import ScorerSpec
+    from benchmark.plugins.scorers import ScorerSpec
     from benchmark.storage.records import Record
 
 _SHORTEST_KEY = 6
@@ -81,8 +81,8 @@ def compare(first: str, second: str, everything: bool, **given: Any) -> None:
 
     For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
     """
-    from benchmark.methods.registry import methods, variant
-    from benchmark.methods.scorers import scorer_of, scorers
+    from benchmark.plugins.registry import methods, variant
+    from benchmark.plugins.scorers import scorer_of, scorers
     from benchmark.report.comparison import compare_folders, compare_methods, lines
     from benchmark.storage.merging import records_under
     from benchmark.storage.store import Store

@@ -40,7 +40,7 @@ from benchmark.system.text import say
 def submit(method: str, path: Path, author: str, licence: str, with_forms: bool, **given: Any) -> None:
     """Write the finished jobs of a method into a bundle that anyone can verify."""
     from benchmark.bundles.writing import Offer, write_bundle
-    from benchmark.methods.registry import methods, variant
+    from benchmark.plugins.registry import methods, variant
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.storage.store import Store
 

@@ -14,7 +14,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.system.text import say
 
 if TYPE_CHECKING:
-    from benchmark.methods.registry import MethodSpec
+    from benchmark.plugins.registry import MethodSpec
     from benchmark.protocols.trainings import Training
 
 #: Options of this verb that a method gets by their own name.
@@ -57,7 +57,7 @@ def train(
 ) -> None:
     """Train the models of a learner; resume an interrupted training, and skip finished models."""
     from benchmark.api.learning import Learner
-    from benchmark.parameters.values import assignments
+    from benchmark.plugins.parameters.values import assignments
     from benchmark.protocols.tables import trainings_of
     from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
     from benchmark.storage.store import Store
@@ -130,7 +130,7 @@ def train_one(
 
 def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed: int | None) -> MethodSpec:
     """The named method with the parameters that have options of their own."""
-    from benchmark.methods.registry import methods, variant
+    from benchmark.plugins.registry import methods, variant
 
     spec = variant(name, methods(plugins))
     if not spec.learns:
@@ -140,7 +140,7 @@ def _learner(name: str, plugins: Iterable[Path], configuration: str | None, seed
 
 
 def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:
-    from benchmark.methods.registry import methods
+    from benchmark.plugins.registry import methods
 
     learners = []
     for known, spec in methods(plugins).items():

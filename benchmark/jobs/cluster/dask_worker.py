@@ -144,8 +144,8 @@ def _inspect(asked: Mapping[str, Any]) -> dict[str, Any]:
     from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.jobs import recipes
-    from benchmark.jobs.foreign.remote import close_to_plugins
     from benchmark.jobs.plan import difference
+    from benchmark.plugins.remote import close_to_plugins
 
     if not _is_shared(Path(asked["marker"]), asked["written"]):
         return {

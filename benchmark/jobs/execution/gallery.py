@@ -18,10 +18,10 @@ from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.jobs import recipes
-from benchmark.jobs.foreign.remote import Foreign
-from benchmark.jobs.foreign.shuffling import in_shuffled_order
 from benchmark.jobs.method_run import MethodRun, ShapeResult, features_of, files_of
-from benchmark.methods.output_checks import distances_of, form_distances
+from benchmark.plugins.output_checks import distances_of, form_distances
+from benchmark.plugins.remote import Foreign
+from benchmark.plugins.shuffling import in_shuffled_order
 from benchmark.storage import keys
 from benchmark.storage.costs import Cost
 from benchmark.storage.lock import key_of

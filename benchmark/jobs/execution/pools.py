@@ -10,8 +10,8 @@ from dataclasses import astuple, dataclass, replace
 from typing import Any, Protocol, Self
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.foreign.remote import close_to_plugins
 from benchmark.jobs.job_specs import Task, task_of, to_json
+from benchmark.plugins.remote import close_to_plugins
 from benchmark.storage import lock
 from benchmark.storage.store import StorageError
 from benchmark.system.arrays import Arrays

@@ -19,12 +19,12 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
 from benchmark.jobs import recipes
 from benchmark.jobs.execution.gallery import RankedGallery, Signatures, settled
-from benchmark.jobs.foreign.remote import close_to_plugins
 from benchmark.jobs.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, job_of
 from benchmark.jobs.method_run import MethodRun, ShapeResult, files_of
 from benchmark.jobs.plan import CHANGED, UNSAVED, difference
 from benchmark.jobs.preparation import Preparation
 from benchmark.jobs.stages import measures
+from benchmark.plugins.remote import close_to_plugins
 from benchmark.storage import keys, lock
 from benchmark.storage.costs import Cost
 from benchmark.storage.environment import commit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Descriptor, Mesh, Method, Shape
 from benchmark.errors import InvalidForm
-from benchmark.methods.output_checks import descriptor_of, form_of
+from benchmark.plugins.output_checks import descriptor_of, form_of
 
 Arrays = Mapping[str, NDArray[Any]]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.methods.registry import BUILT_IN
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 

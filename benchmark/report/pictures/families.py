@@ -11,7 +11,7 @@ from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from benchmark.report.pictures.drawing import principal_frame, shaded
 from benchmark.report.pictures.forms import save
 

@@ -14,9 +14,9 @@ import trimesh
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.api.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
-from benchmark.methods import registry
-from benchmark.methods.conformance.cases import MethodCase
-from benchmark.methods.conformance.checks import OF_THE_ANSWER
+from benchmark.plugins import registry
+from benchmark.plugins.conformance.cases import MethodCase
+from benchmark.plugins.conformance.checks import OF_THE_ANSWER
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField

@@ -18,7 +18,7 @@ from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
 from benchmark.geometry.edges import edges_of
-from benchmark.methods.registry import methods, variant
+from benchmark.plugins.registry import methods, variant
 from learned.paired.methods import Learned
 from learned.paired.model import canonical_depth
 from learned.surface import surface_behind

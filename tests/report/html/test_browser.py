@@ -10,7 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
-from benchmark.methods.registry import methods
+from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html import gallery, thumbnails

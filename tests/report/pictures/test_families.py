@@ -1,7 +1,7 @@
 import numpy as np
 
 from benchmark.geometry.camera import Camera
-from benchmark.methods.registry import BUILT_IN, methods, variant
+from benchmark.plugins.registry import BUILT_IN, methods, variant
 from benchmark.protocols.rows import ONLY_NAMED, VARIANTS
 from benchmark.report.pictures.families import FAMILIES, family_figure
 from tests.toy import rod

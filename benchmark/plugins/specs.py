@@ -19,14 +19,8 @@ from benchmark.api.contracts import Descriptor, Method, MethodInfo
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.methods.information import problems_of
-from benchmark.parameters.grid import quoted
-from benchmark.parameters.values import format_value, non_default_values, parameter_values
-from benchmark.storage.keys import plain
-from benchmark.storage.records import DEFAULT_SCORER
-from benchmark.system.code import FIRST_PARTY
-from benchmark.system.forks import one_of_us
-from benchmark.system.plugins import (
+from benchmark.plugins.information import problems_of
+from benchmark.plugins.modules import (
     classes_of,
     files_named,
     import_plugin,
@@ -34,6 +28,12 @@ from benchmark.system.plugins import (
     require_open_process,
     sources_of,
 )
+from benchmark.plugins.parameters.grid import quoted
+from benchmark.plugins.parameters.values import format_value, non_default_values, parameter_values
+from benchmark.storage.keys import plain
+from benchmark.storage.records import DEFAULT_SCORER
+from benchmark.system.code import FIRST_PARTY
+from benchmark.system.forks import one_of_us
 from benchmark.system.processes import adopt
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)
@@ -206,7 +206,7 @@ class PluginSpec(Generic[Info, Made]):
 
     @cached_property
     def sources(self) -> dict[str, str]:
-        """What a plugin consists of, see :func:`benchmark.system.plugins.sources_of`; empty for a part of the suite."""
+        """See :func:`benchmark.plugins.modules.sources_of`; empty for a part of the suite."""
         if not self.is_foreign:
             return {}
         if self._remote:

@@ -9,10 +9,10 @@ from importlib.metadata import Distribution, EntryPoint, distributions
 from typing import Generic, NoReturn
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.methods.information import is_name
-from benchmark.methods.inspection import inspect_package
-from benchmark.methods.specs import S
-from benchmark.system.plugins import unknown
+from benchmark.plugins.information import is_name
+from benchmark.plugins.inspection import inspect_package
+from benchmark.plugins.modules import unknown
+from benchmark.plugins.specs import S
 from benchmark.system.processes import is_child
 
 __all__ = ["Installed", "KnownPlugins", "entry_points_of", "installed"]

@@ -9,8 +9,8 @@ from pathlib import Path
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
-from benchmark.methods.registry import MethodSpec, methods, variants
-from benchmark.methods.scorers import ScorerSpec, plugin_scorers, scorer_of, scorers
+from benchmark.plugins.registry import MethodSpec, methods, variants
+from benchmark.plugins.scorers import ScorerSpec, plugin_scorers, scorer_of, scorers
 
 __all__ = ["Target"]
 

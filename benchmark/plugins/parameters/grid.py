@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 
 from benchmark.errors import ConfigurationError
-from benchmark.parameters.values import assignments
+from benchmark.plugins.parameters.values import assignments
 
 __all__ = ["combinations", "quoted", "split_name"]
 

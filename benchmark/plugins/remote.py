@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.methods.specs import PluginSpec, ScorerSpec
+from benchmark.plugins.modules import close_process
+from benchmark.plugins.serving import folded, serve
+from benchmark.plugins.specs import PluginSpec, ScorerSpec
 from benchmark.storage.costs import Cost
 from benchmark.system.arrays import Arrays
-from benchmark.system.plugins import close_process
 from benchmark.system.processes import Process
 
 Facts = dict[str, Any]
@@ -68,7 +69,7 @@ class _Remote:
 
     @property
     def facts(self) -> Facts:
-        """What its process tells of it, see :attr:`benchmark.methods.specs.PluginSpec.facts`."""
+        """What its process tells of it, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
         return _told(self)
 
     def create(self) -> Foreign:
@@ -105,8 +106,6 @@ class _Remote:
 
     def _start(self, place: tuple[str, ...]) -> None:
         """Start its process, which imports the plugin: that takes no time of the job which needs it."""
-        from benchmark.jobs.foreign.serving import serve
-
         _starting(True)
         try:
             _services[place] = Process(serve, is_plugin=True)
@@ -158,7 +157,7 @@ class _RemoteMethod(Foreign):
         """See :class:`benchmark.api.contracts.Method`."""
         found = self._on_shape("canonicalise", shape)
         notes = {name.removeprefix("note:"): value.item() for name, value in found.items() if name.startswith("note:")}
-        return CanonicalForm(found["vertices"], found.get("faces", shape.mesh.faces), notes)
+        return CanonicalForm(found["vertices"], found["faces"], notes)
 
     def load(self, folder: Path) -> Self:
         """See :class:`benchmark.api.learning.Learner`."""
@@ -172,8 +171,6 @@ class _RemoteDescriptor(Foreign):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """See :class:`benchmark.api.contracts.Descriptor`."""
-        from benchmark.jobs.foreign.serving import folded
-
         arrays = folded([{"descriptor": each} for each in descriptors])
         return np.asarray(self._worked("distances", {}, arrays)["distances"])
 
@@ -185,6 +182,4 @@ class _RemoteScorer(Foreign):
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """See :class:`benchmark.api.scoring.Scorer`."""
-        from benchmark.jobs.foreign.serving import folded
-
         return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])

@@ -10,9 +10,9 @@ from typing import Any
 
 from benchmark.api.contracts import Method
 from benchmark.api.learning import CARD, Learner, TrainingData, TrainingPair, checked_weights, read_card
-from benchmark.methods.conformance.cases import Failed
-from benchmark.methods.conformance.shapes import BENDS, view
-from benchmark.methods.registry import MethodSpec
+from benchmark.plugins.conformance.cases import Failed
+from benchmark.plugins.conformance.shapes import BENDS, view
+from benchmark.plugins.registry import MethodSpec
 
 __all__ = ["case_data", "trained"]
 

@@ -17,9 +17,9 @@ from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.api.learning import Learner
 from benchmark.api.scoring import Scorer
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, message, one_line
-from benchmark.methods.conformance.shapes import BENDS, awkward, figure, view
-from benchmark.methods.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
-from benchmark.methods.specs import MethodSpec, PluginSpec
+from benchmark.plugins.conformance.shapes import BENDS, awkward, figure, view
+from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
+from benchmark.plugins.specs import MethodSpec, PluginSpec
 
 #: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
 #: array lies in memory.

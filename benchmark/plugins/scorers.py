@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from benchmark.methods.installed import KnownPlugins, installed
-from benchmark.methods.registry import variant
-from benchmark.methods.specs import ScorerSpec, plugins_of
+from benchmark.plugins.installed import KnownPlugins, installed
+from benchmark.plugins.registry import variant
+from benchmark.plugins.specs import ScorerSpec, plugins_of
 from benchmark.storage.records import DEFAULT_SCORER
 
 __all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers", "unusable"]
@@ -56,5 +56,5 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
 
 
 def plugin_scorers(path: Path) -> list[ScorerSpec]:
-    """Scorers defined in a plugin file; see :func:`benchmark.methods.specs.plugins_of`."""
+    """Scorers defined in a plugin file; see :func:`benchmark.plugins.specs.plugins_of`."""
     return plugins_of(ScorerSpec, path)

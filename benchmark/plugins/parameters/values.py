@@ -1,7 +1,7 @@
 """The parameters of a method: which values each may have, how they are read from text, checked and written.
 
 A parameter is a field of a dataclass that its maker takes. Its type says what kind of value it is, ``Literal`` which
-ones there are, and a constraint (:mod:`benchmark.parameters.constraints`) beside the type what else must hold::
+ones there are, and a constraint (:mod:`benchmark.plugins.parameters.constraints`) beside the type what else must hold::
 
     iterations: Annotated[int, Interval(1)] = 20
     start: Literal["mesh", "classic"] = "mesh"
@@ -26,7 +26,7 @@ import msgspec
 import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.parameters.constraints import Constraint, Interval, OneOf
+from benchmark.plugins.parameters.constraints import Constraint, Interval, OneOf
 
 __all__ = [
     "CheckedParameters",

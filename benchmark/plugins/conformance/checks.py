@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, MethodInfo, Shape
 from benchmark.api.learning import CARD, Split
-from benchmark.methods.conformance.cases import (
+from benchmark.plugins.conformance.cases import (
     REPEAT_TOLERANCE,
     Case,
     Failed,
@@ -33,9 +33,9 @@ from benchmark.methods.conformance.cases import (
     relative_difference,
     same,
 )
-from benchmark.methods.conformance.shapes import BENDS
-from benchmark.methods.information import problems_of
-from benchmark.methods.specs import PluginSpec
+from benchmark.plugins.conformance.shapes import BENDS
+from benchmark.plugins.information import problems_of
+from benchmark.plugins.specs import PluginSpec
 from benchmark.storage import keys
 from benchmark.system.calls import BrokenCall, Guard, call_apart
 from benchmark.system.text import DATA_VARIABLE

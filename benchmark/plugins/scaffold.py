@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
-from benchmark.methods.registry import methods
-from benchmark.methods.scorers import scorers
+from benchmark.plugins.registry import methods
+from benchmark.plugins.scorers import scorers
 from benchmark.system.files import write_text
 from benchmark.system.text import LONGEST_NAME, RESERVED, is_name
 

@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmark.methods.conformance.cases import MethodCase, Skipped, Warned, case_of, explain
-from benchmark.methods.conformance.checks import (
+from benchmark.plugins.conformance.cases import MethodCase, Skipped, Warned, case_of, explain
+from benchmark.plugins.conformance.checks import (
     OF_METHODS_ALONE,
     OF_SCORERS,
     OF_THE_ANSWER,
@@ -21,13 +21,13 @@ from benchmark.methods.conformance.checks import (
     check_learner,
     check_requirements,
 )
-from benchmark.methods.conformance.datasets import OF_DATA_SETS, DatasetCase
-from benchmark.methods.conformance.learners import NAME, trained
-from benchmark.methods.conformance.shapes import figure
-from benchmark.methods.conformance.targets import Target
-from benchmark.methods.inspection import inspect
-from benchmark.methods.registry import MethodSpec
-from benchmark.methods.scorers import ScorerSpec
+from benchmark.plugins.conformance.datasets import OF_DATA_SETS, DatasetCase
+from benchmark.plugins.conformance.learners import NAME, trained
+from benchmark.plugins.conformance.shapes import figure
+from benchmark.plugins.conformance.targets import Target
+from benchmark.plugins.inspection import inspect
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import ScorerSpec
 from benchmark.system.calls import BrokenCall, Guard, call_apart
 from benchmark.system.processes import is_child
 

@@ -14,7 +14,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.methods.conformance.cases import Failed, Warned
+from benchmark.plugins.conformance.cases import Failed, Warned
 from benchmark.system.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]

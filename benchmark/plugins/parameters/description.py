@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from benchmark.parameters.values import declared_parameters, format_value, values_in_words
+from benchmark.plugins.parameters.values import declared_parameters, format_value, values_in_words
 
 __all__ = ["ParameterText", "described", "explained"]
 

@@ -9,12 +9,10 @@ from typing import Any
 
 from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import SharedStages
-from benchmark.jobs.stages import form
-from benchmark.methods.output_checks import distances_of, form_distances, signature_of
-from benchmark.methods.registry import variant
-from benchmark.methods.specs import MethodSpec, PluginSpec, ScorerSpec
-from benchmark.storage.costs import Meter
+from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
+from benchmark.plugins.registry import variant
+from benchmark.plugins.specs import MethodSpec, PluginSpec, ScorerSpec
+from benchmark.storage.costs import Cost, Meter
 from benchmark.system.arrays import Arrays
 from benchmark.system.processes import Requester
 
@@ -34,13 +32,22 @@ def _tell(facts: Facts, arrays: Arrays) -> Answer:
 
 
 def _canonicalise(facts: Facts, arrays: Arrays) -> Answer:
-    method = _plugin(facts)
-    return _measured(facts, lambda: form.canonicalise(method, _shape(facts, arrays)))
+    method, shape = _plugin(facts), _shape(facts, arrays)
+
+    def form() -> Arrays:
+        mesh, notes = form_of(method, shape)
+        return {
+            "vertices": mesh.vertices,
+            "faces": mesh.faces,
+            **{f"note:{name}": note for name, note in notes.items()},
+        }
+
+    return _measured(facts, form)
 
 
 def _describe(facts: Facts, arrays: Arrays) -> Answer:
-    method = _plugin(facts)
-    return _measured(facts, lambda: form.describe(method, _shape(facts, arrays)))
+    method, shape = _plugin(facts), _shape(facts, arrays)
+    return _measured(facts, lambda: {"descriptor": descriptor_of(method, shape)})
 
 
 def _distances(facts: Facts, arrays: Arrays) -> Answer:
@@ -116,3 +123,26 @@ def _made(kind: str, name: str, base_name: str, target: str, model: str) -> Any:
 def _spec(kind: str, name: str, base_name: str, target: str) -> PluginSpec[Any, Any]:
     spec = MethodSpec if kind == MethodSpec.kind else ScorerSpec
     return variant(name, {base_name: spec(base_name, target)})
+
+
+class SharedStages:
+    """Arrays that the methods of one shape share in memory; each is charged what it would have paid alone."""
+
+    def __init__(self, meter: Meter) -> None:
+        self._meter = meter
+        self._found: dict[str, tuple[Arrays, Cost]] = {}
+
+    def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
+        """See :class:`benchmark.api.contracts.ArtefactCache`."""
+        name = f"{stage} {sorted(parameters.items())}"
+        if name in self._found:
+            arrays, cost = self._found[name]
+            self._meter.share(stage, cost)
+            return arrays
+        with self._meter.measured(name) as measured:
+            arrays = compute()
+        cost = measured()
+        self._meter.share(stage, cost)  # its memory is in the mark of the stage that called
+        size = sum(array.nbytes for array in arrays.values()) / 2**20
+        self._found[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
+        return arrays
