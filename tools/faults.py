@@ -1,0 +1,925 @@
+"""``python -m tools.faults``: kills, bad plugins, damaged files, full disks, odd command lines.
+
+Each case takes place in a folder of its own; ``faults.toml`` lists what is tried. A finished record must not be lost or
+changed, no half record, process or traceback may stay, each command ends in time with a documented exit code and names
+what is wrong, and scores are those of an undisturbed run. The exit code is 1 where that does not hold.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import json
+import os
+import pkgutil
+import random
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from fnmatch import fnmatch
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+import numpy as np
+import psutil
+
+from benchmark.threads import VARIABLES, pin_threads
+from tests.geometry.mutations import mutations, valid_files
+from tests.toy import RADII, rod, write_off
+
+LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+SECTIONS = ("kills", "plugins", "folders", "disks", "damage", "arguments", "readers")
+
+OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
+#: Seconds after which a command stands still, those in which the first one compiles, and those in which orphans end.
+STALL, COMPILED, GRACE = 150.0, 900.0, 8.0
+#: Lines that only a program writes that did not expect its fault; a message may quote them.
+TRACES = re.compile(
+    r"^[ +|]*(Exception Group )?(Traceback \(most recent|Fatal Python error|Exception ignored in|Error in atexit)", re.M
+)
+#: The cheapest method: no form, so nothing to draw and no codebook.
+INNOCENT = "surface-area"
+METHODS = (INNOCENT, "light-size", "light-children")
+
+#: Two descriptors that need little; the second one leaves programs behind in sessions of their own.
+LIGHT = """\
+import subprocess, time
+from dataclasses import dataclass
+from typing import ClassVar
+import numpy as np
+from benchmark.api.contracts import MethodInfo
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    info: ClassVar[MethodInfo] = MethodInfo(name="light-size", title="Size")
+    def describe(self, shape):
+        time.sleep(0.05)
+        return np.ptp(shape.mesh.vertices, axis=0)
+    def distances(self, descriptors):
+        stacked = np.array(descriptors)
+        return np.linalg.norm(stacked[:, None] - stacked[None], axis=2)
+
+@dataclass(frozen=True, kw_only=True)
+class Children(Size):
+    info: ClassVar[MethodInfo] = MethodInfo(name="light-children", title="Children")
+    def describe(self, shape):
+        subprocess.Popen(["sleep", "600"], start_new_session=True)
+        subprocess.run(["sleep", "0.2"], check=False)
+        return shape.mesh.vertices.std(axis=0)
+"""
+IMPORTS = (
+    "import os, sys, time, signal, threading, subprocess, ctypes, atexit, builtins, warnings\nimport numpy as np\n"
+)
+IMPORTS += "from dataclasses import dataclass\nfrom typing import ClassVar\n"
+IMPORTS += "from benchmark.api.contracts import CanonicalForm, MethodInfo, canonical_form\n\n"
+PLUGINS = {
+    "method": '@canonical_form(name="bad", title="Bad")\ndef bad(shape):\n    vertices = shape.mesh.vertices\n'
+    "    {body}\n    return vertices\n",
+    "distances": "@dataclass(frozen=True, kw_only=True)\nclass Bad:\n"
+    '    info: ClassVar[MethodInfo] = MethodInfo(name="bad", title="Bad")\n    def describe(self, shape):\n'
+    "        return shape.mesh.vertices.std(axis=0)\n    def distances(self, descriptors):\n"
+    "        n = len(descriptors)\n        {body}\n",
+    "name": "@canonical_form(name={body}, title='Bad')\ndef bad(shape):\n    return 1 / 0\n",
+    "info": "@canonical_form(name='bad', {body})\ndef bad(shape):\n    return 1 / 0\n",
+    "import": '@canonical_form(name="bad", title="Bad")\ndef bad(shape):\n    return shape.mesh.vertices\n\n{body}\n',
+    "class": "{body}\n",
+}
+
+#: In place of a file to write to: a pipe whose reader has gone.
+CLOSED = "closed"
+BENCHMARK = "benchmark.cli.main:program"
+
+
+# Commands ------------------------------------------------------------------------------------------------------------
+
+
+def control(option: int, value: int) -> None:
+    """Call prctl: 1 sets the signal at the death of the parent, 24 drops a capability, 36 adopts orphans."""
+    ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def preload() -> None:
+    """Import what commands import, so that they start at once, and become the parent of their orphans."""
+    import benchmark
+
+    control(36, 1)
+    for info in pkgutil.walk_packages(benchmark.__path__, "benchmark."):
+        if not info.name.endswith("__main__"):
+            importlib.import_module(info.name)
+
+
+class Command:
+    """A command at work: a fork of this process, in a session of its own."""
+
+    def __init__(self, arguments: list[str], folder: Path, **options: Any) -> None:
+        self.folder, self.code, self.said, self.error = folder, None, "", ""
+        sys.stdout.flush()
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                self._become(arguments, **options)
+            except SystemExit as end:
+                os._exit(end.code if isinstance(end.code, int) else int(end.code is not None))
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)
+            os._exit(0)
+
+    def _become(
+        self, arguments: list[str], *, target: str = BENCHMARK, limits: dict[str, int] | None = None,
+        rights: bool = True, output: str = "", patience: float = 0.0,
+    ) -> None:  # fmt: skip
+        os.setsid()
+        control(1, signal.SIGKILL)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        for number, name in ((1, output or str(self.folder / "stdout")), (2, str(self.folder / "stderr"))):
+            os.dup2(opened(name), number)
+        os.chdir(self.folder)
+        os.environ.pop("CANONICAL_FORMS_DATA", None)
+        os.environ |= dict.fromkeys(VARIABLES, "1") | {"PYTHONPATH": str(Path(__file__).parents[1])}
+        for name, limit in (limits or {}).items():
+            number = getattr(resource, name)
+            resource.setrlimit(number, (limit, resource.getrlimit(number)[1]))
+        if not rights:
+            drop_rights()
+        if patience:  # seconds that a look at a plugin file may take
+            inspections = [m for n, m in sys.modules.items() if n.startswith("benchmark.") and hasattr(m, "LIMIT")]
+            for module in inspections:
+                module.LIMIT = patience  # type: ignore[attr-defined]
+        module_name, _, function = target.partition(":")
+        sys.argv = [target, *arguments]
+        getattr(importlib.import_module(module_name), function)()
+
+    def has_ended(self, seconds: float = 0.0) -> bool:
+        """Wait for some seconds; whether it has ended."""
+        end = time.monotonic() + seconds
+        while self.code is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.code = os.waitstatus_to_exitcode(status)
+                texts = [(self.folder / name) for name in ("stdout", "stderr")]
+                output, self.error = (text.read_text(errors="replace") if text.is_file() else "" for text in texts)
+                self.said = output + self.error
+            elif time.monotonic() > end:
+                return False
+            else:
+                time.sleep(0.01)
+        return True
+
+    def descendants(self) -> list[psutil.Process]:
+        with suppress(psutil.Error):
+            return [process for process in psutil.Process(self.pid).children(recursive=True) if is_alive(process)]
+        return []
+
+    def stop(self) -> None:
+        """Kill it with all that it started."""
+        for process in self.descendants():
+            with suppress(psutil.Error):
+                process.kill()
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+        self.has_ended(60)
+
+
+def opened(path: str) -> int:
+    if path != CLOSED:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    reading, writing = os.pipe()
+    os.close(reading)
+    return writing
+
+
+def drop_rights() -> None:
+    """Give up the rights of root to pass over permissions (capabilities 1 and 2); those of the owner remain."""
+    library, rights = ctypes.CDLL(None), (ctypes.c_uint32 * 6)()
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # third version of the interface, this process
+    for right in (1, 2):
+        control(24, right)
+    library.capget(header, rights)
+    for place in (0, 1, 2):  # effective, permitted, inheritable
+        rights[place] &= ~0b110 & 0xFFFFFFFF
+    library.capset(header, rights)
+
+
+def is_alive(process: psutil.Process) -> bool:
+    with suppress(psutil.Error):
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    return False
+
+
+def orphans() -> list[psutil.Process]:
+    """Processes that are still there although their command has ended, after some time to go."""
+    end = time.monotonic() + GRACE
+    while True:
+        with suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        left = [process for process in psutil.Process().children(recursive=True) if is_alive(process)]
+        if not left or time.monotonic() > end:
+            return left
+        time.sleep(0.02)
+
+
+# Cases ---------------------------------------------------------------------------------------------------------------
+
+
+class Case:
+    """One fault, the folder where it is tried, and what it crossed that must not be crossed."""
+
+    def __init__(self, name: str, act: Callable[[Case], None]) -> None:
+        self.name, self.act, self.crossings, self.tried, self.patience = name, act, list[str](), 0, 0.0
+
+    def attempt(self, seed: int, place: Path, expected: dict[str, Any]) -> None:
+        """Let the case take place; an error of this program counts as a crossing."""
+        self.random, self.expected = random.Random(f"{seed} {self.name}"), expected
+        self.place, self.folder = place, place / self.name.replace("/", "-")
+        self.rods, self.results, self.light = place / "rods", self.folder / "results", self.folder / "light.py"
+        self.folder.mkdir()
+        self.light.write_text(LIGHT)
+        try:
+            self.act(self)
+        except Exception as error:
+            self.cross(f"program: {type(error).__name__}: {error}")
+        finally:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            self.tried = self.tried or 1
+
+    def cross(self, said: str) -> None:
+        self.crossings.append(said)
+
+    def require(self, condition: bool, said: str) -> None:
+        if not condition:
+            self.cross(said)
+
+    def selection(self, data: Path | None = None, plugin: Path | None = None) -> list[str]:
+        """Options that select the innocent method, and those of a plugin file, on the rods or another folder."""
+        words = ["-d", str(data or self.rods), "--input", "mesh", "--results", str(self.results), "-m", INNOCENT]
+        return words + (["--plugin", str(plugin)] if plugin else [])
+
+    def start(self, *words: object, folder: Path | None = None, **options: Any) -> Command:
+        return Command([str(word) for word in words], folder or self.folder, patience=self.patience, **options)
+
+    def run(self, *words: object, codes: tuple[int, ...] = (OK, NOT_OK, USAGE), may_trace: bool = False,
+            seconds: float = STALL, **options: Any) -> Command:  # fmt: skip
+        """Run a command to its end and look at how it ends."""
+        return self.finish(self.start(*words, **options), shown(words), codes, may_trace=may_trace, seconds=seconds)
+
+    def finish(
+        self, command: Command, name: str, codes: tuple[int, ...], *, may_trace: bool = False, seconds: float = STALL
+    ) -> Command:
+        if not command.has_ended(seconds):
+            command.stop()
+            command.code = None
+            self.cross(f"stall: {name}: stopped after {seconds:.0f} s; {last(command.said)}")
+            return command
+        for process in orphans():
+            with suppress(psutil.Error):
+                self.cross(f"orphan: {name}: process {process.pid}, {' '.join(process.cmdline())[:120]}")
+                process.kill()
+        self.require(may_trace or not TRACES.search(command.said), f"traceback: {name}: {last(command.said)}")
+        self.require(command.code in codes, f"exit code: {name}: {command.code}, not {codes}; {last(command.said)}")
+        if command.code and 0 < command.code < 128:  # what a signal ends says nothing
+            self.require(bool(command.said.strip()), f"silence: {name}: exit code {command.code} without a word")
+        return command
+
+    def refused_in_one_line(self, command: Command) -> None:
+        lines = command.error.strip().splitlines()
+        self.require(len(lines) == 1 and lines[0].startswith("error: "), f"silence: not one line but {lines[:5]}")
+
+    def run_all(self, *words: object, **options: Any) -> Command:
+        return self.run("run", *self.selection(plugin=self.light), "-j", 1, *words, **options)
+
+    def record_files(self) -> dict[str, bytes]:
+        contents = {}
+        for path in filter(Path.is_file, (self.results / "runs" / "records").glob("*.json")):
+            with suppress(FileNotFoundError):  # a failure that is being retried
+                contents[path.name] = path.read_bytes()
+        return contents
+
+    def records(self, names: set[str] | None = None) -> dict[str, dict[str, Any]]:
+        """Whole records by method, of all files or of those with some names."""
+        records = {}
+        for name, content in self.record_files().items():
+            if names is None or name in names:
+                try:
+                    record = json.loads(content)
+                    records[record["method"]] = record | {"status": record["status"]}
+                except (ValueError, RecursionError, TypeError, KeyError):
+                    self.cross(f"half record: {name}: {content[:80]!r}")
+        return records
+
+    def check_scores(self, *methods: str, names: set[str] | None = None) -> None:
+        """Compare the scores of methods with those of the undisturbed run."""
+        records = self.records(names)
+        for name in methods:
+            if name not in records:
+                self.cross(f"lost: no record of {name}")
+            elif records[name]["status"] != "ok":
+                self.cross(f"spread: {name}: {records[name].get('reason')}")
+            else:
+                self.require(scores_of(records[name]) == self.expected[name], f"scores: {name} differ")
+
+    def look_for_rubbish(self) -> None:
+        files = [path for path in (self.results / "runs").rglob("*") if path.is_file()]
+        left = [path.name for path in files if path.suffix == ".tmp" or path.parent.name == "progress"]
+        self.require(not left, f"half: left behind: {left}")
+
+
+def scores_of(record: dict[str, Any]) -> dict[str, Any]:
+    """What of a record depends on the shapes alone."""
+    return {name: record.get(name) for name in ("status", "scores", "per_query", "shapes", "labels")}
+
+
+def shown(words: tuple[object, ...]) -> str:
+    return " ".join(repr(str(word))[1:-1] if str(word) else "''" for word in words)[:300]
+
+
+def last(text: str) -> str:
+    return " | ".join(text.strip().splitlines()[-4:])[-400:]
+
+
+def all_cases(kills: int) -> Iterator[Case]:
+    """Cases of all sections."""
+    yield from (Case(f"kills/{number:03}", kill_and_recover) for number in range(-(-kills // 5)))
+    for kind, template in PLUGINS.items():
+        for name, listed in LISTS[kind].items():
+            yield Case(f"plugins/{kind}-{name}", partial(try_plugin, kind=kind, template=template, listed=listed))
+    for name, content in {"empty": b"", "zeros": bytes(100), "no-text": b"# \xff\xfe\n"}.items():
+        yield Case(f"plugins/import-{name}", partial(try_plugin_file, source=content))
+    yield from (Case(f"folders/shape-{name}", partial(try_shape, make=make)) for name, make in LISTS["shape"].items())
+    yield from (Case(f"folders/set-{name}", partial(try_folder, make=make)) for name, make in LISTS["folder"].items())
+    for size in (2000, 4000, 6000, 8000, 16_000):
+        yield Case(f"disks/files-of-{size}-bytes", partial(try_small_files, size=size))
+    yield from (
+        Case(f"disks/disk-of-{size}", partial(try_small_disk, size=size)) for size in ("4k", "16k", "64k", "128k")
+    )
+    yield from (Case(f"disks/results-{name}", partial(try_place, make=make)) for name, make in LISTS["place"].items())
+    for part in ("", "runs/records", "runs/artefacts", "runs/scratch", "runs/progress"):
+        yield Case(f"disks/vanishing-{part.replace('/', '-') or 'all'}", partial(try_vanishing, part=part))
+    yield from (Case(f"disks/two-runs{'-one-killed' * k}", partial(try_two_runs, is_killed=bool(k))) for k in (0, 1))
+    yield Case("disks/output", try_output)
+    for part, pattern in {"record": "runs/records/*.json", "artefact": "runs/artefacts/*/*.npz"}.items():
+        for kind in DAMAGE:
+            for number in range(3):
+                damage = partial(damage_file, pattern=pattern, kind=kind)
+                yield Case(f"damage/{part}-{kind}-{number}", partial(try_damage, damage=damage))
+    for name, make in LISTS["alien"].items():
+        yield Case(f"damage/{name}", partial(try_damage, damage=lambda case, m=make: evaluate(m, case.results, case)))
+    yield from (Case(f"arguments/{number:02}", try_arguments) for number in range(30))
+    for suffix in ("off", "obj", "ply", "stl", "mat", "vert"):
+        yield from (Case(f"readers/{suffix}-{number}", partial(try_reader, suffix=f".{suffix}")) for number in range(4))
+
+
+# Kills ---------------------------------------------------------------------------------------------------------------
+
+
+def kill_and_recover(case: Case) -> None:
+    """Five signals to a run, its workers, and what their methods started, at every age; then the jobs are done."""
+    kept: dict[str, bytes] = {}
+
+    def look(command: Command, said: str, codes: tuple[int, ...]) -> bool:
+        nonlocal kept
+        done = case.finish(command, said, codes)
+        files = case.record_files()
+        for name, content in kept.items():
+            case.require(files.get(name) == content, f"lost: {name} after {said}")
+        case.records()
+        if done.code == OK:
+            case.check_scores(*METHODS)
+            case.look_for_rubbish()
+            shutil.rmtree(case.results)
+            kept = {}
+        return done.code == OK
+
+    def start() -> Command:
+        return case.start("run", *case.selection(plugin=case.light), "-j", 1, "--retry", "all", "--timeout", "100s")
+
+    for _ in range(5):
+        target = case.random.choice(("worker", "worker", "worker", "main", "session", "child"))
+        number = case.random.choices((signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT), (5, 2, 1, 2))[0]
+        age = case.random.uniform(0.0, case.random.choice((4.0, 1.0)))
+        said = f"{number.name} to the {target} at {age:.2f} s"
+        command = start()
+        while not (victim := victim_of(command, target, age)):
+            if command.has_ended(0.01):  # the moment comes earlier if the run ends before
+                look(command, f"run before {said}", (OK, NOT_OK, USAGE))
+                command, age = start(), age / 2
+        kept |= {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
+        with suppress(ProcessLookupError):
+            (os.killpg if target == "session" else os.kill)(victim, number)
+        codes = (-number, 128 + number, INTERRUPTED) if target in ("main", "session") else ()
+        look(command, said, (*codes, OK, NOT_OK, USAGE))
+        case.tried += 1
+    case.require(any(look(start(), "run at last", (OK, NOT_OK, USAGE)) for _ in range(3)), "stall: jobs are not done")
+
+
+def victim_of(command: Command, target: str, age: float) -> int:
+    """Number of the process to strike, if it is there and the youngest worker is of the right age; else 0."""
+    with suppress(psutil.Error):
+        for worker in psutil.Process(command.pid).children():
+            if "python" in worker.name() and time.time() - worker.create_time() >= age:
+                children = [child.pid for child in worker.children()]
+                found = {"worker": [worker.pid], "child": children}.get(target, [command.pid])
+                return found[0] if found else 0
+    return 0
+
+
+# Plugins -------------------------------------------------------------------------------------------------------------
+
+
+def try_plugin(case: Case, kind: str, template: str, listed: Any) -> None:
+    body, statuses, says = listed if isinstance(listed, list) else (listed, "", "")
+    spaces = {"method": 4, "distances": 8}.get(kind, 0)
+    source = IMPORTS + template.replace("{body}", body.replace("\n", "\n" + " " * spaces))
+    method = INNOCENT if kind == "name" else "bad"
+    try_plugin_file(case, source.encode(), statuses, says, method, hangs="time.sleep(3600)" in body)
+
+
+def try_plugin_file(
+    case: Case, source: bytes, statuses: str = "", says: str = "", hangs: bool = False, method: str = "bad"
+) -> None:
+    """In a run the innocent method keeps its scores, unless the file is refused before; other verbs end well."""
+    path, stuck = case.folder / "plugin.py", hangs or statuses == "timeout"
+    path.write_bytes(source)
+    case.patience = 5.0 if stuck else 30.0
+    limit, selection = ("--timeout", "5s" if stuck else "60s"), case.selection(plugin=path)
+    case.run("list", "methods", "--plugin", path)
+    case.run("plan", *selection)
+    case.run("check", path, *limit)
+    form = case.folder / "form.off"
+    done = case.run("canonicalise", "-m", method, min(case.rods.glob("*.off")), "-o", form, "--plugin", path, *limit)
+    case.require(form.is_file() == (done.code == OK), f"half: canonicalise: {done.code}, written: {form.is_file()}")
+    done, records = case.run("run", *selection, "-j", 1, *limit), case.records()
+    if done.code == USAGE and not statuses:
+        case.require(not records, "spread: refused, but only after some jobs were done")
+        case.refused_in_one_line(done)
+    else:
+        case.check_scores(INNOCENT)
+    if statuses and "bad" not in records:
+        case.cross("silence: no record of bad")
+    elif statuses:
+        status, reason = records["bad"]["status"], str(records["bad"].get("reason", ""))
+        case.require(status in statuses.split("|"), f"silence: status {status}, not {statuses}: {reason[:200]}")
+        case.require(status == "ok" or bool(re.search(says, reason)), f"silence: {reason[:200]!r} says no {says!r}")
+        all_ok = all(record["status"] == "ok" for record in records.values())
+        case.require((done.code == OK) == all_ok, f"exit code: run: {done.code}, all ok: {all_ok}")
+    case.run("report", *selection, "-o", case.folder / "report", *limit)
+    case.run("why", INNOCENT, *selection, may_trace=True)
+    case.tried = 7
+
+
+# Folders -------------------------------------------------------------------------------------------------------------
+
+#: What the bad shape is called; the others are as in the rods.
+BAD = "thin9"
+
+
+def evaluate(expression: str, folder: Path, case: Case) -> None:
+    """Make what a line of the lists describes in a folder."""
+    mesh = rod(RADII["thin"], 0.7, rings=14, sides=8)
+
+    def points(change: Callable[[np.ndarray], np.ndarray]) -> None:
+        lines = ["OFF", f"{mesh.n_vertices} {mesh.n_faces} 0"]
+        lines += [" ".join(f"{x:.17g}" for x in vertex) for vertex in change(mesh.vertices.copy())]
+        lines += [f"3 {a} {b} {c}" for a, b, c in mesh.faces]
+        (folder / f"{BAD}.off").write_text("\n".join(lines) + "\n")
+
+    def at(index: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda vertices: np.where(np.arange(len(vertices))[:, None] == index, [0, value, 0], vertices)
+
+    def truncated(suffix: str) -> None:
+        from benchmark.geometry.io import write_mesh
+
+        write_mesh(folder / f"{BAD}{suffix}", mesh)
+        content = (folder / f"{BAD}{suffix}").read_bytes()
+        (folder / f"{BAD}{suffix}").write_bytes(content[: len(content) * 2 // 3])
+
+    def content(name: str, text: str | bytes) -> None:
+        (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+
+    def without_rights(path: Path) -> None:
+        if not path.exists():
+            path.write_text("OFF\n")
+        path.chmod(0)
+
+    def locked(path: Path) -> None:
+        path.mkdir(parents=True)
+        path.chmod(0o555)
+
+    def write(path: Path, text: bytes) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text)
+
+    def rewrite(change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+        path = min((folder / "runs/records").glob("*.json"))
+        path.write_text(json.dumps(change(json.loads(path.read_text()))))
+
+    def without(record: dict[str, Any], part: str) -> dict[str, Any]:
+        return {name: value for name, value in record.items() if name != part}
+
+    def replace_by_folder(path: Path) -> None:
+        path.unlink()
+        path.mkdir()
+
+    names = {**globals(), **locals(), "draw": case.random, "MANIFEST_FILE": "MANIFEST.tsv", "DEEP": b"[" * 100_000}
+    eval(expression, names)  # noqa: S307
+
+
+def try_shape(case: Case, make: str) -> None:
+    """The good shapes are ranked; that the bad one is missing is said, and why."""
+    folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
+    evaluate(make, folder, case)
+    done = case.run("run", *case.selection(data=folder), "-j", 1, codes=(OK,), rights=False)
+    record = case.records().get(INNOCENT)
+    if record is None or record["status"] != "ok":
+        case.cross(f"spread: no scores of the good shapes: {last(done.said)}")
+    else:
+        lost = sorted({path.stem for path in case.rods.glob("*.off")} - set(record["shapes"]))
+        case.require(not lost, f"spread: good shapes without a rank: {lost}")
+        case.require(all(len(reason) > 5 for _, reason in record["unsupported"]), f"silence: {record['unsupported']}")
+    case.require(bool(case.run("data", "check", folder, rights=False).said.strip()), "silence: data check says nothing")
+    case.run("data", "sheet", folder, "-o", case.folder / "sheet.png", rights=False)
+    case.tried = 3
+
+
+def try_folder(case: Case, make: str) -> None:
+    """The folder is refused in one line, or used as if the damage were not there."""
+    folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
+    evaluate(make, folder, case)
+    try:
+        done = case.run("run", *case.selection(data=folder), "-j", 1, rights=False)
+        if done.code == OK:
+            case.check_scores(INNOCENT)
+        else:
+            case.refused_in_one_line(done)
+        checked = case.run("data", "check", folder, rights=False)
+        case.require(done.code == OK or checked.code in (NOT_OK, USAGE), "silence: data check finds nothing wrong")
+    finally:
+        if folder.is_dir():
+            folder.chmod(0o755)
+    case.tried = 2
+
+
+# Disks and results folders -------------------------------------------------------------------------------------------
+
+
+def recover(case: Case, done: Command) -> None:
+    """What was refused room says so; with room again, all is done."""
+    case.records()
+    whole = {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
+    case.run_all("--retry", "all", codes=(OK,))
+    files = case.record_files()
+    for name, content in whole.items():
+        case.require(files.get(name) == content, f"lost: {name} after {last(done.said)}")
+    case.check_scores(*METHODS)
+    case.look_for_rubbish()
+
+
+def try_small_files(case: Case, size: int) -> None:
+    recover(case, case.run_all("--retry", "all", limits={"RLIMIT_FSIZE": size}))
+
+
+def try_small_disk(case: Case, size: str) -> None:
+    case.results.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(case.results)]
+    if os.geteuid() or subprocess.run(mount, check=False, capture_output=True).returncode:
+        return  # nobody may mount here
+    try:
+        done = case.run_all("--retry", "all")
+        case.records()
+        shutil.copytree(case.results, case.folder / "kept")
+    finally:
+        subprocess.run(["umount", "--lazy", str(case.results)], check=True, capture_output=True)
+    case.results.rmdir()
+    (case.folder / "kept").rename(case.results)
+    recover(case, done)
+
+
+def try_place(case: Case, make: str) -> None:
+    """A results folder that cannot be used is named in one line, by every verb that needs it."""
+    evaluate(make, case.results, case)
+    at, selection = ["--results", case.results], case.selection()
+    for words in (["run", *selection], ["plan", *selection], ["tables", *selection], ["prune", *at],
+                  ["merge", case.results, *at]):  # fmt: skip
+        done = case.run(*words, rights=False)
+        if done.code == USAGE:
+            case.refused_in_one_line(done)
+    case.tried = 5
+
+
+def try_vanishing(case: Case, part: str) -> None:
+    """Somebody removes a part of the results folder while a run is under way."""
+    command = case.start("run", *case.selection(plugin=case.light), "-j", 1)
+    command.has_ended(case.random.uniform(0.0, 5.0))
+    shutil.rmtree(case.results / part, ignore_errors=True)
+    case.finish(command, f"run, {part or 'the folder'} vanishes", (OK, NOT_OK, USAGE))
+    case.run_all("--retry", "all", codes=(OK,))
+    case.check_scores(*METHODS)
+
+
+def try_two_runs(case: Case, *, is_killed: bool) -> None:
+    """Two runs share one folder; both end, or the one that is left does all."""
+    (case.folder / "other").mkdir()
+    words = ("run", *case.selection(plugin=case.light), "-j", 1)
+    first, second = case.start(*words, folder=case.folder / "other"), case.start(*words)
+    if is_killed:
+        first.has_ended(case.random.uniform(0.2, 5.0))
+        first.stop()
+    elif not first.has_ended(STALL):
+        first.stop()
+        case.cross("stall: first run")
+    case.finish(second, "second run", (OK,))
+    case.require(is_killed or first.code == OK, f"exit code: first run: {first.code}; {last(first.said)}")
+    case.check_scores(*METHODS)
+
+
+def try_output(case: Case) -> None:
+    """A device that is full, and a reader that goes away as ``head`` does, cost a verb no traceback."""
+    case.run_all()
+    for verb in ("plan", "tables"):
+        case.run(verb, *case.selection(), output="/dev/full")
+    for words in (["list", "methods"], ["--help"], ["plan", *case.selection()]):
+        case.run(*words, codes=(OK, NOT_OK, USAGE, 141, -13), output=CLOSED)
+    case.tried = 5
+
+
+# Damage --------------------------------------------------------------------------------------------------------------
+
+
+def flip(content: bytes, draw: random.Random) -> bytes:
+    changed = bytearray(content)
+    changed[draw.randrange(len(changed))] ^= 1 << draw.randrange(8)
+    return bytes(changed)
+
+
+def flip_many(content: bytes, draw: random.Random) -> bytes:
+    for _ in range(20):
+        content = flip(content, draw)
+    return content
+
+
+def other_digit(content: bytes, draw: random.Random) -> bytes:
+    """Change a digit to another one, which leaves any text well-formed."""
+    place = draw.choice([at for at, byte in enumerate(content) if chr(byte) in "123456789"])
+    digit = draw.choice([digit for digit in b"123456789" if digit != content[place]])
+    return content[:place] + bytes([digit]) + content[place + 1 :]
+
+
+ALIEN = (b"", bytes(500), b"null", b"[]", b"{}", b'{"key": 1}', b"[" * 100_000, b"\xff\xfe", b"PK\3\4" + bytes(99))
+DAMAGE: dict[str, Callable[[bytes, random.Random], bytes]] = {
+    "bit": flip,
+    "bits": flip_many,
+    "cut": lambda content, draw: content[: draw.randrange(len(content))],
+    "alien": lambda _, draw: draw.choice(ALIEN),
+    "digit": other_digit,
+    "doubled": lambda content, _: content + content,
+}
+
+
+def damage_file(case: Case, pattern: str, kind: str) -> None:
+    path = case.random.choice(sorted(case.results.glob(pattern)))
+    path.write_bytes(DAMAGE[kind](path.read_bytes(), case.random))
+
+
+def try_damage(case: Case, damage: Callable[[Case], None]) -> None:
+    """Every verb copes; a run makes what is damaged again and leaves the rest alone."""
+    shutil.copytree(case.place / "undisturbed", case.results)
+    before = case.record_files()
+    damage(case)
+    damaged, selection, at = case.record_files(), case.selection(plugin=case.light), ("--results", case.results)
+    case.run("plan", *selection)
+    done = case.run("tables", *selection, "--format", "json")
+    with suppress(ValueError):  # refused, which was looked at already
+        for row in json.loads(done.said):
+            scores = case.expected.get(row["method"], {}).get("scores")
+            if scores and row["status"] == "ok":
+                near = all(abs((row[name] or 0) - scores[name]) < 1e-9 for name in ("NN", "FT", "ST", "DCG"))
+                case.require(near, f"scores: tables show {row['method']} otherwise than it was scored")
+    case.run("tables", *selection)
+    case.run("why", INNOCENT, *selection, may_trace=True)
+    case.run("compare", INNOCENT, "light-size", "--plugin", case.light, *at)
+    case.run("prune", "--dry-run", *at)
+    case.run("list", "models", *at)
+    case.run("merge", case.results, "--results", case.folder / "merged")
+    case.run_all(codes=(OK,))
+    after = case.record_files()
+    whole = [name for name, content in before.items() if damaged.get(name) == content]
+    case.require(all(after.get(name) == before[name] for name in whole), "lost: a record that was whole")
+    case.check_scores(*METHODS, names=set(before))
+    case.run("prune", *at, codes=(OK,))
+    case.tried = 10
+
+
+# Command lines and readers -------------------------------------------------------------------------------------------
+
+
+def verbs(group: click.Group, above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    for name, command in sorted(group.commands.items()):
+        if isinstance(command, click.Group):
+            yield from verbs(command, (*above, name))
+        else:
+            yield (*above, name), command
+
+
+def try_arguments(case: Case) -> None:
+    """Eight lines of verbs that would do little work, each with one to three parts that are odd."""
+    from benchmark.cli.main import cli
+
+    (case.folder / "text").write_text("a file\n")
+    (case.folder / "noise.py").write_bytes(bytes(range(256)))
+    (case.folder / "empty").mkdir()
+    for name in ("null", "full"):  # links: a verb that replaces its output does no harm to the machine
+        (case.folder / name).symlink_to(f"/dev/{name}")
+    paths = [str(case.folder / name) for name in ("text", "noise.py", "empty", "absent/absent", "null", "full")]
+    odd = [*LISTS["values"]["odd"], "\udcff"]
+    for _ in range(8):
+        words, command = case.random.choice(list(verbs(cli)))
+        values = harmless(case, command)
+        options = [parameter for parameter in command.params if parameter.name != "help"]
+        for parameter in case.random.sample(options, min(len(options), case.random.choice((1, 1, 2, 3)))):
+            value = case.random.choice([*paths, str(case.rods)] if case.random.random() < 0.25 else odd)
+            if isinstance(parameter, click.Option):
+                values[str(parameter.name)] = [parameter.opts[0]] + ([] if parameter.is_flag else [value])
+            else:
+                values[str(parameter.name)] = [value] * case.random.choice((0, 1, 1, 1, 2))
+        parts = [*values.values(), *([[case.random.choice(odd)]] if case.random.random() < 0.2 else [])]
+        case.random.shuffle(parts)
+        line = [*words, *(word for part in parts for word in part)]
+        done = case.run(*line)
+        if done.code == USAGE:
+            lines = done.error.strip().splitlines()
+            case.require(len(lines) == 1, f"silence: {shown(tuple(line))}: not one line but {lines[:5]}")
+        devices = all((case.folder / name).is_symlink() for name in ("null", "full"))
+        case.require(devices, f"spread: {shown(tuple(line))}: no device left")
+        case.tried += 1
+
+
+def harmless(case: Case, command: click.Command) -> dict[str, list[str]]:
+    """Values by parameter that make a verb do little: the rods, the cheapest method, folders of the case."""
+    known = {
+        "datasets": ["-d", str(case.rods)], "methods": ["-m", INNOCENT], "inputs": ["--input", "mesh"],
+        "results": ["--results", str(case.results)], "only": ["--only", "no-such-training"], "jobs": ["-j", "1"],
+        "output": ["-o", str(case.folder / "out")], "timeout": ["--timeout", "20s"],
+    }  # fmt: skip
+    arguments = {"what": "methods", "name": str(case.rods), "source": str(min(case.rods.glob("*.off"))),
+                 "second": "identity", "folders": str(case.results)}  # fmt: skip
+    values: dict[str, list[str]] = {}
+    for parameter in command.params:
+        name = str(parameter.name)
+        if isinstance(parameter, click.Argument):
+            values[name] = [arguments.get(name, INNOCENT)]
+        elif name in known:
+            values[name] = known[name]
+        elif parameter.required:
+            choices = getattr(parameter.type, "choices", [arguments.get(name, "x")])
+            values[name] = [parameter.opts[0], str(next(iter(choices)))]
+    if command.name == "export":
+        values["output"] = ["-o", str(case.folder / f"export-{case.random.randrange(10**6)}")]
+    return values
+
+
+def try_reader(case: Case, suffix: str) -> None:
+    """Two seconds of mesh files with random damage: readers refuse them by name, or read a mesh that is whole."""
+    words = (suffix, case.random.randrange(2**31))
+    done = case.run(*words, codes=(OK,), target=f"{__spec__.name if __spec__ else __name__}:damage_and_read")
+    *crossings, count = done.said.splitlines() or ["0"]
+    case.crossings += crossings
+    case.tried = int(count) if count.isdecimal() else 1
+
+
+def damage_and_read() -> None:
+    """Read damaged files, a program of its own; prints a line for each kind of error, and a count."""
+    from benchmark.errors import ShapeError
+    from benchmark.geometry.io import read_mesh
+
+    suffix, draw = sys.argv[1], random.Random(int(sys.argv[2]))
+    memory = 2**30 + psutil.Process().memory_info().data  # a gibibyte for a file of a few kilobytes
+    resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.RLIM_INFINITY))
+    files = valid_files(rod(0.1, 0.5, rings=3, sides=4))
+    whole = [{suffix: content} for name, content in files.items() if name.endswith(suffix)]
+    if suffix == ".vert":  # its triangles lie beside
+        whole = [{part: files[f"a{part}"] for part in (".vert", ".tri")}]
+    end, count, crossings = time.monotonic() + 2.0, 0, dict[str, str]()
+    path = Path(f"shape{suffix}").absolute()
+    while time.monotonic() < end:
+        chosen = draw.choice(whole).items()
+        contents = {part: next(mutations(text, 1, seed=draw.randrange(2**31))) for part, text in chosen}
+        for part, content in contents.items():
+            path.with_suffix(part).write_bytes(content)
+        begun = time.monotonic()
+        try:
+            mesh = read_mesh(path)
+            inside = not mesh.faces.size or 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices)
+            if not inside or not np.isfinite(mesh.vertices).all():
+                crossings.setdefault("a mesh that is not whole", f"{contents!r:.300}")
+        except ShapeError as error:
+            if not error.hint or not any(path.with_suffix(part).name in str(error) for part in contents):
+                crossings.setdefault("neither file nor hint", f"{str(error)!r:.200}")
+        except BaseException as error:
+            crossings.setdefault(type(error).__name__, f"{str(error)!r:.100} for {contents!r:.300}")
+        if time.monotonic() - begun > 5.0:
+            crossings.setdefault("slow", f"{contents!r:.300}")
+        count += 1
+    print(*(f"reader: {kind}: {said}" for kind, said in crossings.items()), count, sep="\n", flush=True)
+
+
+# The program ---------------------------------------------------------------------------------------------------------
+
+
+def undisturbed(place: Path) -> dict[str, Any]:
+    """Scores by method of a run that nobody perturbs; its results are left for cases to begin with."""
+    for name, radius in RADII.items():
+        for number, bend in enumerate((0.0, 1.2)):
+            write_off(place / "rods" / f"{name}{number}.off", rod(radius, bend, rings=14, sides=8))
+    expected: dict[str, Any] = {}
+
+    def act(case: Case) -> None:
+        case.run_all(codes=(OK,), seconds=COMPILED)
+        expected.update({name: scores_of(record) for name, record in case.records().items()})
+        # Where no form was ever scored, that compiles kernels, which takes longer than any case allows.
+        elsewhere = ("-d", case.rods, "--input", "mesh", "-m", "identity", "--results", case.folder / "forms")
+        case.run("run", *elsewhere, "--executor", "serial", codes=(OK,), seconds=COMPILED)
+        shutil.copytree(case.results, place / "undisturbed")
+
+    case = Case("first-run", act)
+    case.attempt(0, place, {})
+    if case.crossings or not expected:  # results of edited code lie elsewhere
+        raise click.ClickException(f"an undisturbed run has {case.crossings or 'no records; run make golden'}")
+    return expected
+
+
+def report(cases: list[Case], seed: int) -> str:
+    """What was tried by section, and each crossing with the command that makes it again."""
+    lines = ["| section | cases | tried | crossed |", "| --- | --: | --: | --: |"]
+    for section in (*dict.fromkeys(case.name.partition("/")[0] for case in cases), "all"):
+        chosen = [case for case in cases if section in ("all", case.name.partition("/")[0])]
+        counts = len(chosen), sum(case.tried for case in chosen), sum(len(case.crossings) for case in chosen)
+        lines.append(f"| {section} | {' | '.join(map(str, counts))} |")
+    for case in cases:
+        again = f"python -m tools.faults --only {case.name} --seed {seed}"
+        lines += [f"\n{case.name}: {said}\n    {again}" for said in case.crossings]
+    return "\n".join(lines)
+
+
+def interrupt(*_: object) -> NoReturn:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def attempted(cases: list[Case], seed: int, seconds: float | None = None) -> list[Case]:
+    """Try cases in their order; an interrupt ends that, and what was tried until then is returned."""
+    preload()
+    place, tried = Path(tempfile.mkdtemp(prefix="faults-")), list[Case]()
+    try:
+        expected, begun = undisturbed(place), time.monotonic()
+        with suppress(KeyboardInterrupt):
+            for case in cases:
+                if seconds is not None and time.monotonic() - begun > seconds:
+                    break
+                tried.append(case)
+                case.attempt(seed, place, expected)
+                click.echo(f"{case.name:<40} {'; '.join(case.crossings) or 'ok'}", err=True)
+        return tried
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+@click.command()
+@click.option("--seed", type=int, default=0, show_default=True, help="Determines all that is drawn.")
+@click.option("--seconds", type=click.FloatRange(min=1), help="No further case begins after this time; all are mixed.")
+@click.option("--kills", type=click.IntRange(min=1), default=200, show_default=True, help="Kills to try at least.")
+@click.option("--only", "patterns", multiple=True, metavar="NAME", help="A case, a section, or a pattern with *.")
+@click.option("--list", "names_only", is_flag=True, help="Print the names of the cases.")
+def main(seed: int, seconds: float | None, kills: int, patterns: tuple[str, ...], names_only: bool) -> None:
+    """Try the suite with faults of every kind, and report what they cost."""
+    pin_threads()
+    signal.signal(signal.SIGTERM, interrupt)
+    names = [(case, case.name.partition("/")[0]) for case in all_cases(kills)]
+    cases = [c for c, section in names if not patterns or any(fnmatch(c.name, p) or section == p for p in patterns)]
+    if not cases:
+        raise click.UsageError(f"no such case; choose from {', '.join(SECTIONS)}, or see --list")
+    if names_only:
+        click.echo("\n".join(case.name for case in cases))
+        return
+    if seconds is not None:
+        random.Random(seed).shuffle(cases)
+    tried = attempted(cases, seed, seconds)
+    click.echo(report(tried, seed))
+    sys.exit(any(case.crossings for case in tried))
+
+
+if __name__ == "__main__":
+    main()
