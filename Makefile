@@ -113,13 +113,13 @@ publish: setup
 # The report, and the figures of README and docs; those of TOSCA need CANONICAL_FORMS_DATA.
 figures: setup
 	$(BIN)/python -m benchmark report -o results/report
-	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.pdf $(POSES)
-	$(BIN)/python -m benchmark report -d humans --figure results/figures/forms-humans.png $(POSES)
+	$(BIN)/python -m benchmark report -d humans --force --figure results/figures/forms-humans.pdf $(POSES)
+	$(BIN)/python -m benchmark report -d humans --force --figure results/figures/forms-humans.png $(POSES)
 	$(BIN)/python -m benchmark report -d humans -m constrained-mds -m gps -m deformation-field \
-	    -m "deformation-field[reach=0]" --input mesh --figure results/figures/field-humans.png $(BENT)
+	    -m "deformation-field[reach=0]" --input mesh --force --figure results/figures/field-humans.png $(BENT)
 	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
-	    --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
-	$(BIN)/python -m benchmark report --published -t III --of cost --figure results/figures/cost-table-III.pdf
+	    --force --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
+	$(BIN)/python -m benchmark report --published -t III --of cost --force --figure results/figures/cost-table-III.pdf
 
 # Leaves the records of finished jobs.
 clean:

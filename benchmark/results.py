@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,6 +30,7 @@ from benchmark.report.results import Result, Results
 from benchmark.storage.merging import told
 from benchmark.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
 from benchmark.storage.store import StorageError, Store
+from benchmark.system.text import DATA_VARIABLE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -242,10 +244,11 @@ def open_results(
         If a plugin file cannot be used.
     """
     path, files = Path(folder), tuple(map(Path, plugins))
+    root = data_root if data_root is not None else os.environ.get(DATA_VARIABLE)
     if not path.is_dir():
         raise StorageError(f"{path} is no folder", "name a results folder")
     inspect(files)
-    return ResultsFolder(path, Path(data_root) if data_root is not None else None, files, published)
+    return ResultsFolder(path, Path(root) if root else None, files, published)
 
 
 def _row(result: Result) -> dict[str, Any]:

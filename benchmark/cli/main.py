@@ -9,7 +9,7 @@ import sys
 import traceback
 from contextlib import suppress
 from types import FrameType
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import click
 
@@ -51,7 +51,26 @@ class Terminated(KeyboardInterrupt):
     """Somebody, or a queue system, ends the program by SIGTERM; all that heeds Ctrl-C heeds it."""
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _GroupedVerbs(click.Group):
+    """Shows the verbs of daily use first in ``--help``, and the others by what they are for."""
+
+    sections: ClassVar[dict[str, tuple[str, ...]]] = {
+        "Daily use": ("run", "plan", "tables", "report", "list", "describe", "canonicalise", "retrieve"),
+        "Own methods and data": ("new", "check", "train", "data"),
+        "Results": ("why", "compare", "paper", "merge", "prune", "submit", "verify", "leaderboard"),
+        "Set-up": ("compile", "completion"),
+    }
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        named = {name for names in self.sections.values() for name in names}
+        others = {"Others": tuple(name for name in self.list_commands(ctx) if name not in named)}
+        for title, names in (self.sections | others).items():
+            if names:
+                with formatter.section(title):
+                    formatter.write_dl([(name, self.commands[name].get_short_help_str(160)) for name in names])
+
+
+@click.group(cls=_GroupedVerbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="benchmark")
 def cli() -> None:
     """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, regenerate the tables."""

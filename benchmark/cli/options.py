@@ -74,11 +74,23 @@ def require_path(text: str, option: str) -> None:
 
 
 def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) -> Path | None:
-    """The folder of the official data sets; raises ``ConfigurationError`` if it is named and not there."""
-    if root is not None and not root.is_dir():
+    """The folder of the official data sets; ``ConfigurationError`` if it is absent or another one is meant.
+
+    A folder without sets is no error by itself: a run says which stand-ins it takes.
+    """
+    if root is None:
+        return None
+    if not root.is_dir():
         raise ConfigurationError(
             f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
         )
+    from benchmark.datasets.catalogue import has_official_sets
+
+    absolute = root.absolute()
+    near = [absolute, *absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
+    right = next(filter(has_official_sets, near), absolute)
+    if right != absolute:
+        raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
     return root
 
 

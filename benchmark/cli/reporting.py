@@ -41,13 +41,22 @@ def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> 
 
 
 def write_figure(
-    selection: RunOptions, path: Path, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
+    selection: RunOptions,
+    path: Path,
+    what: str,
+    subjects: tuple[str, ...],
+    shapes: tuple[str, ...],
+    timeout: float,
+    *,
+    force: bool = False,
 ) -> None:
     """Draw one figure of a selection; the forms that it lacks are made in a process of their own."""
-    from benchmark.report.pictures.forms import ENDINGS, effect_figure, forms_figure, save
+    from benchmark.report.pictures.forms import ENDINGS, SIGNATURE, effect_figure, forms_figure, save
 
     if path.suffix.lower() not in ENDINGS:
         raise ConfigurationError(f"{path} is not the name of a figure", f"use {', '.join(ENDINGS)}")
+    if path.is_file() and not force and SIGNATURE.encode() not in path.read_bytes():
+        raise ConfigurationError(f"{path} was not drawn by 'report'", "choose another file, or pass --force")
     if what == "cost":
         save(_cost_figure(selection), path)
     else:
@@ -78,6 +87,8 @@ def _cost_figure(selection: RunOptions) -> Figure:
     tables = contents(selection.recorded(store), selection.tables)
     if not tables:
         raise no_table(selection)
+    if len(tables) > 1:
+        say(f"only table {tables[0].identifier} is drawn of {len(tables)}; choose with -t and -d", err=True)
     return cost_figure(tables[0])
 
 

@@ -192,6 +192,11 @@ def is_present(name: str, data_root: Path | None) -> bool:
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
 
+def has_official_sets(data_root: Path) -> bool:
+    """Return whether a folder holds an official set."""
+    return any((data_root / source.folder).is_dir() for source in CATALOGUE.values() if source.folder)
+
+
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
     """Open a data set by name, or any folder by its path; with a perturbation in brackets, its perturbed shapes.
 

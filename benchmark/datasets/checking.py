@@ -14,7 +14,7 @@ from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.datasets.files import FolderDataset, file_digest
-from benchmark.datasets.folder import all_mesh_files, sub_folders
+from benchmark.datasets.folder import EXTENSIONS, all_mesh_files, sub_folders, unread_files
 from benchmark.datasets.inspection import Inspection, flaws, inspect
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, read_manifest
 from benchmark.datasets.official.sets import SETS
@@ -192,6 +192,9 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
 
 def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = False) -> Iterator[Anomaly]:
     used = {entry.path for entry in entries}
+    for path in unread_files(folder):
+        hint = f"convert it to one of {', '.join(EXTENSIONS)}"
+        yield Anomaly("warning", _relative(path, folder), "is skipped: this format is not read", hint)
     places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
     for place in places:
         files = all_mesh_files(place)

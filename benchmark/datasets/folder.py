@@ -19,6 +19,9 @@ from benchmark.errors import DatasetError
 #: Extensions in order of preference when one shape is there in several formats.
 EXTENSIONS = (".off", ".obj", ".ply", ".stl", ".mat", ".vert")
 
+#: Extensions of meshes and point clouds that are not read, so that a folder can name the files that it skips.
+UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".glb", ".gltf", ".pcd", ".pts", ".vtk", ".vtp", ".wrl", ".xyz"})
+
 
 def folder_dataset(folder: Path) -> FolderDataset:
     """Read the list of shapes of a folder.
@@ -56,8 +59,9 @@ def folder_dataset(folder: Path) -> FolderDataset:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     depth_entries = [] if entries else _from_depth_images(folder)
     if not entries and not depth_entries:
+        unread = ", ".join(sorted({path.suffix for path in unread_files(folder)}))
         raise DatasetError(
-            f"no meshes in {folder}",
+            f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}",
             f"expected files ending in {', '.join(EXTENSIONS)}, depth images of 16 bits, or sub-folders of such files",
         )
     entries = entries or depth_entries
@@ -116,6 +120,12 @@ def sub_folders(folder: Path) -> list[Path]:
     """Visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
     found = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
     return sorted(found, key=lambda path: natural_key(path.name))
+
+
+def unread_files(folder: Path) -> list[Path]:
+    """Meshes and point clouds of a folder and its sub-folders in formats that are not read."""
+    places = (folder, *sub_folders(folder))
+    return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in UNREAD)]
 
 
 def mesh_files(folder: Path) -> list[Path]:

@@ -55,7 +55,8 @@ def options(verb: str = "") -> dict[str, list[str]]:
     # The short form is that of the group, which click forgets where a verb was asked without it before.
     shown = [re.split(r"  +", head)[0].replace("-h, --help", "--help") for head in heads]
     found = {verb: [usage.strip(), *(each for each in shown if not _is_going(verb, each))]}
-    for name in re.findall(r"^  (\w+)  ", text.partition("\nCommands:\n")[2], re.MULTILINE):
+    verbs = text.partition("Show this message and exit.\n")[2]
+    for name in sorted(re.findall(r"^  (\w+)  ", verbs, re.MULTILINE)):
         if name not in GOING:
             found |= options(f"{verb} {name}".strip())
     return found

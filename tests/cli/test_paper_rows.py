@@ -19,7 +19,7 @@ def planned(tmp_path_factory):
     """Gallery, input and method of each job, and the states of the jobs."""
     folder = str(tmp_path_factory.mktemp("results"))
     lines = {
-        words: call("plan", *words, "--data-root", folder, "--results", folder).output.splitlines()
+        words: call("plan", *words, "--data-root", folder, "--results", folder, "--all-jobs").output.splitlines()
         for words in ((), ("--paper",))
     }
     states = ("missing", "unsupported", "unavailable")

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from benchmark.plugins.scorers import ScorerSpec
     from benchmark.storage.records import Record
 
-_SHORTEST_KEY = 6
+#: Characters of a key that name a job, and those more that tell apart some that begin alike.
+_SHORTEST_KEY, _FURTHER = 6, 6
 
 
 @click.command()
@@ -168,12 +169,20 @@ def why(target: str, everything: bool, **options: Any) -> None:
     store = Store.open(selection.results)
     is_key = len(target) >= _SHORTEST_KEY and set(target) <= set("0123456789abcdef")
     if is_key:
-        found = [
-            r for records in (store.records, store.published) for r in records if bare_key(r["key"]).startswith(target)
-        ]
+        found = {
+            record["key"]: record
+            for records in (store.published, store.records)
+            for record in records
+            if bare_key(record["key"]).startswith(target)
+        }
         name_skipped(store)
+        if len(found) > 1:
+            keys = ", ".join(bare_key(key)[: len(target) + _FURTHER] for key in found)
+            raise ConfigurationError(
+                f"{len(found)} jobs have keys that begin with {target}: {keys}", "write more of it"
+            )
         if found:
-            _explain_record(found[0])
+            _explain_record(*found.values())
             return
     jobs = RunOptions.of(options | {"methods": (target,)}).jobs(store)
     made = [store.records.read(job.key) or store.published.read(job.key) for job in jobs]

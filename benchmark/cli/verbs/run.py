@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from benchmark.cli.options import NOT_OK, OK, RunOptions, name_skipped, plan_options, run_options
 from benchmark.errors import ConfigurationError
 from benchmark.system.text import brief, clean, say, say_lines
+
+if TYPE_CHECKING:
+    from benchmark.jobs.job_specs import Job
+
+#: Most jobs that have a line each, unless somebody asks for all.
+_SCREEN = 100
+
+#: Reasons that are named where jobs have no line each.
+_REASONS = 5
 
 #: What tells the place of a record.
 _PLACE = ("gallery", "input", "method")
@@ -28,6 +40,7 @@ def run(**given: Any) -> None:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     store = Store.open(options.results)
     plan = options.jobs(store)
+    _announce(plan, options.data_root)
 
     # What runs need takes a second to import: a name that is not known is told before.
     from benchmark.cli.run_plan import run_plan
@@ -62,9 +75,26 @@ def run(**given: Any) -> None:
     sys.exit(OK if ok else NOT_OK)
 
 
+def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
+    """Say which data sets stand in for others, and which files of a folder are skipped."""
+    from benchmark.datasets.catalogue import CATALOGUE, is_known
+    from benchmark.datasets.folder import unread_files
+
+    stand_ins = {job.facts["data"]["name"]: job.facts["data"]["stand_in_for"] for job in jobs}
+    for name, official in stand_ins.items():
+        if official in CATALOGUE and name in CATALOGUE:
+            where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
+            say(f"{name}: generated stand-in for {official}, which is not at {where}; see --data-root", err=True)
+    for folder in dict.fromkeys(job.dataset for job in jobs if not is_known(job.dataset)):
+        if Path(folder).is_dir() and (unread := unread_files(Path(folder))):
+            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+            say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
+
+
 @click.command()
 @plan_options
-def plan(**given: Any) -> None:
+@click.option("--all-jobs", is_flag=True, help="A line for each job, however many there are.")
+def plan(all_jobs: bool, **given: Any) -> None:
     """Show what would run, why, and how long it would take."""
     from benchmark.jobs.estimates import estimate
     from benchmark.storage.store import Store
@@ -73,10 +103,29 @@ def plan(**given: Any) -> None:
     options = RunOptions.of(given)
     store = Store.open(options.results)
     jobs = options.jobs(store)
-    width = max((len(clean(job.name)) for job in jobs), default=0)
-    for job in jobs:
-        say(f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}")
+    for line in _job_lines(jobs) if all_jobs or len(jobs) <= _SCREEN else _gallery_lines(jobs):
+        say(line)
     n_to_run = sum(job.to_run for job in jobs)
     for line in estimate(jobs, store).lines(n_to_run, available_cores()):
         say(line)
     say(f"{n_to_run} of {len(jobs)} jobs to run")
+
+
+def _job_lines(jobs: Sequence[Job]) -> list[str]:
+    width = max((len(clean(job.name)) for job in jobs), default=0)
+    return [f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}" for job in jobs]
+
+
+def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
+    """Count the jobs of each table and input by state, where a line for each would fill several screens."""
+    states: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for job in jobs:
+        states[f"{job.table} {job.input}"][job.state] += 1
+    width = max(len(clean(name)) for name in states)
+    lines = [
+        f"{clean(name):<{width}}  {', '.join(f'{count} {state}' for state, count in counts.most_common())}"
+        for name, counts in states.items()
+    ]
+    reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.to_run or job.state == "failed")
+    lines += [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
+    return [*lines, "--all-jobs lists each job with its reason"]

@@ -155,6 +155,6 @@ def report(
 
     selection = RunOptions.of(options)
     if figure is not None:
-        write_figure(selection, figure, what, subjects, shapes, timeout)
+        write_figure(selection, figure, what, subjects, shapes, timeout, force=force)
     else:
         write_pages(selection, output, force=force)
