@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.canonicalise import FormRequest, canonicalise_file, plain_form, write_form
 from benchmark.cli.main import cli
-from benchmark.errors import ConfigurationError, InvalidForm
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.system.calls import BrokenCall
 from tests.geometry.surfaces import sphere
@@ -24,18 +24,6 @@ from benchmark.api.contracts import CanonicalForm, canonical_form
 def noting(shape):
     return CanonicalForm(shape.mesh.vertices, shape.mesh.faces, {"note": NOTE})
 """
-
-
-@pytest.fixture
-def form_with(tmp_path):
-    """The form of a method with a note, given as source."""
-    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
-
-    def make(note):
-        (tmp_path / "noting.py").write_text(PLUGIN.replace("NOTE", note))
-        return plain_form(tmp_path / "rod.off", FormRequest("noting", (tmp_path / "noting.py",)))
-
-    return make
 
 
 def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
@@ -86,24 +74,6 @@ def test_on_a_full_disk_the_old_form_stays(tmp_path):
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("form.off", "old")]
     write_form(target, rod(0.1, 0.5))
     assert target.read_text().startswith("OFF")
-
-
-def test_notes_that_cannot_be_told_are_the_fault_of_the_method(form_with):
-    with pytest.raises(
-        InvalidForm, match="method 'noting' returned object as note 'note'; note numbers and strings only"
-    ):
-        form_with("object()")
-
-
-@pytest.mark.parametrize(("source", "told"), [("'so'", "so"), ("3", 3.0)])
-def test_notes_are_told_as_plain_values(form_with, source, told):
-    assert form_with(source)[2] == {"note": told}
-
-
-def test_numbers_that_are_none_are_the_fault_of_the_method_and_not_of_the_mesh(form_with):
-    with pytest.raises(InvalidForm, match="method 'noting' returned no canonical form: .* vertices are NaN") as caught:
-        form_with("shape.form(shape.mesh.vertices * float('nan'))")
-    assert "export" not in caught.value.hint
 
 
 SHEARED = """

@@ -93,14 +93,6 @@ def test_the_same_run_again_computes_nothing(finished):
 
 
 @pytest.mark.slow
-def test_in_this_process_the_scores_are_the_same(finished, tmp_path):
-    arguments, _ = finished
-    other = (*arguments[:-1], tmp_path / "serial")
-    assert benchmark("run", *other, "--executor", "serial").returncode == 0
-    assert scores(other) == scores(arguments)
-
-
-@pytest.mark.slow
 def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
     arguments, _ = finished
     other = (*arguments[:-1], tmp_path / "killed")

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import click
 import pytest
-from matplotlib.figure import Figure
 
 from benchmark.cli.main import cli, main
 from benchmark.cli.options import _inspected
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import ConfigurationError
 from benchmark.plugins import inspection
-from benchmark.report.pictures.forms import save
 from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
 from tests.records import record
@@ -95,11 +93,6 @@ LONG = "x" * 5000
 def test_an_argument_that_cannot_be_is_refused_in_one_line(call, arguments, message, tmp_path):
     assert message in refused(call(*arguments))
     assert {path.name for path in tmp_path.iterdir()} <= {"results"}
-
-
-def test_results_without_a_name_do_not_go_into_this_folder(call, tmp_path):
-    refused(call("plan", "--results", ""))
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "x"])
@@ -244,15 +237,6 @@ def test_a_copy_of_the_process_that_a_method_makes_and_forgets_does_not_go_on(pl
     assert (done.returncode, done.stdout, done.stderr) == (0, "I go on.", "")
 
 
-def test_what_a_thread_of_a_method_raises_is_one_line(call, tmp_path):
-    write_off(tmp_path / "data" / "rod.off", rod(0.1, 1.0))
-    act = "thread = threading.Thread(target=lambda: 1 / 0); thread.start(); thread.join()"
-    done = call(
-        "canonicalise", "-m", "tried", "data/rod.off", "--plugin", write_plugin(tmp_path / "tried.py", at_work=act)
-    )
-    assert done[::2] == (0, "a thread raises ZeroDivisionError: division by zero\n")
-
-
 def test_the_file_of_a_form_has_a_name_that_fits(call, tmp_path):
     write_off(tmp_path / "data" / "rod.off", rod(0.1, 1.0))
     plugin = write_plugin(tmp_path / "tried.py", name="tried-path", field="start: str = ''")
@@ -307,12 +291,6 @@ def test_a_report_runs_no_method(call, rods, tmp_path):
     assert code == 0
     assert output.rstrip().endswith("0 forms, distances of 0 of 1 jobs")
     assert "python -m benchmark run -d" in (tmp_path / "report" / "table-rods-forms.html").read_text()
-
-
-def test_a_figure_that_cannot_be_written_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(BenchmarkError, match="cannot write .*; choose another folder with -o"):
-        save(Figure(), tmp_path / "file" / "forms.png")
 
 
 @pytest.mark.parametrize(

@@ -129,29 +129,10 @@ def test_other_weights_make_the_job_stale(trained, results, root, tmp_path):
     assert "models changed: tosca-III" in told
 
 
-def test_other_weights_make_other_forms_of_the_same_images(root, tmp_path):
-    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
-    for value in (0.7, 0.9):
-        write_model(folder, value)
-        run("III-held-out", tmp_path, root)
-    first, second = Store.open(tmp_path).records
-    assert first["models"][0]["digest"] != second["models"][0]["digest"]
-    # The frame of the camera and the prepared shapes; not the forms, nor the distances of three codebooks.
-    assert len(first["artefacts"]) == len(second["artefacts"]) == 1 + 6 + 6 + 3
-    assert len(set(first["artefacts"]) & set(second["artefacts"])) == 1 + 6
-
-
 def test_a_seen_shape_is_an_error_where_all_must_be_unseen(root, tmp_path):
     write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, ("cat1", "dog0"), ("dog",))
     text = run("III-held-out", tmp_path, root, fails=True)
     assert "Mean target, view: failed: 1 shapes were seen in training: cat1; test on shapes" in text.replace("\n", " ")
-
-
-def test_names_of_another_known_set_mean_other_shapes(root, tmp_path):
-    folder = tmp_path / "models" / "animals-III" / "plain-seed0"
-    write_model(folder, 0.7, ("cat1",), ("cat",))
-    text = run("III-held-out", tmp_path, root, "mean-target[training=animals-III]")
-    assert "seen" not in text.partition("Mean target (training")[2]
 
 
 def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp_path):
@@ -212,16 +193,6 @@ def test_a_card_that_says_too_little_or_nonsense_is_named_before_any_shape_is_tr
     assert said in told
 
 
-def test_the_list_of_models_names_one_that_cannot_be_used_and_shows_the_others(tmp_path):
-    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7)
-    write_model(tmp_path / "models" / "tosca-III" / "plain-seed1", 0.7, subjects=())
-    rows = json.loads(call("list", "models", "--json", "--results", tmp_path))
-    good, bad = (row for row in rows if row["training"] == "tosca-III")
-    assert (good["schedule"], len(good["digest"])) == ("one pass", 12)
-    assert bad["digest"] == ""
-    assert "does not list the subjects" in bad["schedule"]
-
-
 def test_other_weights_or_another_card_are_another_model(root, tmp_path):
     folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
     arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
@@ -253,11 +224,6 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     )
     assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, training the model again")
     assert read_card(local)["data"] == "tosca-III"
-
-
-def test_an_unknown_training_is_an_error_of_the_command_line(root, tmp_path):
-    selection = ("-t", "III", "-m", "mean-target[training=tosca-IV]", "--results", tmp_path, "--data-root", root)
-    assert "unknown training 'tosca-IV'; did you mean tosca-III" in call("plan", *selection, fails=True)
 
 
 def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
@@ -292,16 +258,6 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
 )
 def test_what_cannot_be_trained_is_named(arguments, message, tmp_path):
     assert message in call("train", *arguments, "--results", tmp_path, fails=True)
-
-
-def test_subjects_are_held_back_from_a_training(root, tmp_path):
-    said = call(
-        "train", "mean-target", "-t", "III", "--validation", 2, "--results", tmp_path, "--data-root", root
-    ).splitlines()  # fmt: skip
-    folder = tmp_path / "models" / "tosca-III-validation-2" / "plain-seed0"
-    # Of centaur, dog, gorilla and wolf the first and the last are held back; two of the four are there.
-    assert said[:2] == ["mean-target, tosca-III-validation-2", "3 of 3 pairs, 3 unseen, []"]
-    assert json.loads((folder / "card.json").read_text())["subjects"] == ["dog"]
 
 
 def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, monkeypatch):

@@ -12,9 +12,3 @@ def test_every_source_is_told_as_text(name):
     told = source_of(cite)
     assert (told != cite) or not cite
     assert not set("\\{}") & set(told)
-
-
-def test_accents_and_missing_entries():
-    assert source_of("sahillioglu2015constrained").startswith("Yusuf Sahillioğlu (2015). A Shape Deformation")
-    assert source_of("nobody1900") == "nobody1900"
-    assert source_of("") == ""

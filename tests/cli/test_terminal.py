@@ -50,15 +50,6 @@ def test_a_table_is_as_wide_as_the_terminal_and_loses_no_figure(table):
         assert re.findall(r"\d\.\d\d|--", "\n".join(lines)) == figures
 
 
-def test_a_group_of_columns_can_be_drawn_alone(table):
-    lines = shown(table, 60, only=1)
-    assert max(map(len, lines)) <= 60
-    heading = next(line for line in lines if line.startswith("Method"))
-    assert heading.split() == ["Method", "NN", "FT", "ST", "DCG"]
-    row = next(line for line in lines if line.startswith("GPS"))
-    assert row.split()[-4:] == ["0.83", "0.60", "0.86", "0.84"]
-
-
 @pytest.mark.slow
 def test_a_terminal_gets_a_drawn_table_and_a_pipe_markdown():
     command = [sys.executable, "-m", "benchmark", "tables", "-t", "III", "-m", "gps", "-d", "tosca", "--published"]
@@ -90,11 +81,6 @@ def test_a_terminal_gets_a_drawn_table_and_a_pipe_markdown():
 
 def rows(*methods, **more):
     return [row.method for row in published(*methods, **more)[0].rows]
-
-
-def test_without_names_every_row_of_the_paper_is_there():
-    assert "learned" in rows()
-    assert rows("all") == rows()
 
 
 def test_a_named_method_has_its_row_and_no_other_has_a_blank_one():

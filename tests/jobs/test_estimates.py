@@ -36,30 +36,10 @@ def test_what_methods_share_counts_once():
     assert found.unknown == 0
 
 
-def test_other_inputs_and_finished_jobs_count_for_themselves():
-    costs = [record("a", prepare=1.0), record("a", input_="view", prepare=5.0)]
-    assert estimate([job("a"), job("a", input_="view")], store(*costs)).seconds == pytest.approx(60)
-    assert estimate([job("a", to_run=False)], store(*costs)).seconds == 0
-
-
-def test_the_same_gallery_tells_more_than_others_and_others_by_their_median():
-    costs = [record("a", f"other {number}", canonicalise=value) for number, value in enumerate((1.0, 2.0, 9.0))]
-    assert estimate([job("a")], store(*costs)).seconds == pytest.approx(20)
-    assert estimate([job("a[x=1]")], store(*costs)).seconds == pytest.approx(20)
-    assert estimate([job("a")], store(*costs, record("a", canonicalise=7.0))).seconds == pytest.approx(70)
-
-
 def test_what_never_finished_is_told_apart():
     found = estimate([job("a"), job("new")], store(record("a", canonicalise=1.0)))
     assert (found.seconds, found.unknown) == (pytest.approx(10), 1)
     assert found.lines(2, 1)[1] == "1 of them cannot be estimated: no job of their method has finished"
-
-
-def test_room_is_that_of_forms_and_prepared_shapes_of_the_size_of_others():
-    costs = (record("a"), record("b"))
-    found = estimate([job("a"), job("b")], store(*costs, sizes=[2**20, 3 * 2**20]))
-    assert found.mebibytes == pytest.approx((20 + 10) * 2)
-    assert estimate([job("a")], store(*costs)).mebibytes is None
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -19,7 +18,7 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.jobs.execution import pools
-from benchmark.jobs.job_specs import LARGEST_BATCH, Job, shape_batches
+from benchmark.jobs.job_specs import Job, shape_batches
 from benchmark.plugins.registry import methods, select
 from benchmark.storage.store import Store
 from tests.toy import write_rods
@@ -188,20 +187,6 @@ def start(place, *arguments):
 
 
 @pytest.mark.slow
-def test_a_worker_that_somebody_kills_is_tried_again(place):
-    arguments = only(place, "waits-once")
-    process = start(place, *arguments, "-j", 1)
-    wait_until((place / "notes" / "waits-once").exists)
-    os.kill(int((place / "notes" / "waits-once").read_text().split()[0]), signal.SIGKILL)
-    output, error = process.communicate(timeout=120)
-    assert process.returncode == 0, error
-    assert {name: r["status"] for name, r in records(place / "results").items()} == {
-        "waits-once": "ok", "surface-area": "ok",
-    }  # fmt: skip
-    assert "Traceback" not in output + error
-
-
-@pytest.mark.slow
 def test_a_worker_that_is_killed_twice_costs_its_job_and_no_other(place):
     arguments = only(place, "hang")
     process = start(place, *arguments, "-j", 1)
@@ -248,17 +233,6 @@ def test_an_interrupt_keeps_finished_jobs_and_exits_130(place, executor):
     assert "Traceback" not in output + error
     assert {name: r["status"] for name, r in records(place / "results").items()} == {"surface-area": "ok"}
     assert alive(place / "notes", "hang") == []
-
-
-@pytest.mark.slow
-def test_an_interrupt_while_workers_start_is_as_quiet(place):
-    process = start(place, *selection(place, "surface-area", "identity"), "-j", 2)
-    harness = psutil.Process(process.pid)
-    wait_until(lambda: len(harness.children()) >= 2)  # the first is the reaper
-    os.killpg(process.pid, signal.SIGINT)
-    output, error = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in output + error
 
 
 @pytest.mark.slow
@@ -329,25 +303,6 @@ def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods"
     ]  # fmt: skip
 
 
-def test_every_shape_of_every_job_is_in_one_batch(tmp_path):
-    identifiers = [f"shape{number}" for number in range(103)]
-    made = orders(tmp_path, datasets=("rods", "cones"), identifiers=identifiers)
-    cut = shape_batches(made)
-    for job in made:
-        found = [shape for batch in cut if job in batch.jobs for shape in batch.identifiers]
-        assert found == identifiers
-    assert all(len(batch.identifiers) <= LARGEST_BATCH for batch in cut)
-    assert all(len({job.dataset for job in batch.jobs}) == 1 for batch in cut)
-
-
-def test_large_files_come_first_each_in_a_batch_of_its_own(tmp_path):
-    sizes = {"b": 2**24, "d": 2**26}
-    jobs = orders(tmp_path, ("identity", "pca", "learned"), identifiers="abcd")
-    made = [replace(job, large_files=sizes) for job in jobs]
-    found = [(batch.identifiers, len(batch.jobs)) for batch in shape_batches(made)]
-    assert found == [(("d",), 1), (("b",), 1), (("a", "c"), 1), (("a", "b", "c", "d"), 2)]
-
-
 def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path):
     (tmp_path / "mine.py").write_text(
         "from benchmark.api.contracts import canonical_form\n\n\n"
@@ -370,13 +325,6 @@ def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
     (one,), (other,) = shape_batches(made), shape_batches(made)
     assert sorted(one.identifiers) == sorted(other.identifiers) == sorted(names)
     assert one.identifiers != other.identifiers
-
-
-def test_galleries_that_overlap_are_treated_together(tmp_path):
-    one, two = orders(tmp_path, ("identity", "pca"))
-    two = Job(**{**vars(two), "identifiers": ("b", "c", "d")})
-    (batch,) = shape_batches([one, two])
-    assert batch.identifiers == ("a", "b", "c", "d")
 
 
 @pytest.mark.parametrize(

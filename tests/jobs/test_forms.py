@@ -5,9 +5,9 @@ import types
 import numpy as np
 import pytest
 
-from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, UnsupportedShape, canonical_form
+from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
-from benchmark.jobs.stages.form import canonicalise, describe, form_mesh
+from benchmark.jobs.stages.form import canonicalise, describe
 from benchmark.plugins.output_checks import distances_of
 from tests.toy import rod
 
@@ -77,23 +77,6 @@ def test_a_function_that_returns_no_numbers_is_told_by_its_name():
         canonicalise(nan(), SHAPE)
 
 
-@pytest.mark.parametrize("kind", ["f4", "f8", "i4", "u2"])
-def test_real_numbers_of_any_type_are_a_form(kind):
-    positions = np.round(100 * np.abs(V)).astype(kind)
-    for result in (CanonicalForm(positions, F.astype(np.int64)), SHAPE.form(positions, steps=np.float32(3), why="so")):
-        arrays = canonicalise(method(result), SHAPE)
-        np.testing.assert_array_equal(form_mesh(arrays, ROD).vertices, positions.astype(float))
-        assert "faces" not in arrays
-
-
-def test_a_refusal_stays_one():
-    def refuse(shape):
-        raise UnsupportedShape("it is open")
-
-    with pytest.raises(UnsupportedShape, match="it is open"):
-        canonicalise(method(refuse), SHAPE)
-
-
 @pytest.mark.parametrize(
     ("descriptor", "message"),
     [
@@ -111,11 +94,6 @@ def test_what_is_no_descriptor_is_told_as_the_fault_of_the_method(descriptor, me
     odd = types.SimpleNamespace(info=MethodInfo(name="odd", title="Odd"), describe=lambda shape: descriptor)
     with pytest.raises(InvalidForm, match=f"method 'odd' returned {message}"):
         describe(odd, SHAPE)
-
-
-def test_a_vector_is_a_descriptor():
-    good = types.SimpleNamespace(info=MethodInfo(name="good", title="Good"), describe=lambda shape: [1, 2])
-    np.testing.assert_array_equal(describe(good, SHAPE)["descriptor"], [1.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -136,8 +114,3 @@ def test_what_are_no_distances_is_told_as_the_fault_of_the_method(distances, mes
     odd = types.SimpleNamespace(info=MethodInfo(name="odd", title="Odd"), distances=lambda descriptors: distances)
     with pytest.raises(InvalidForm, match=f"method 'odd' returned {message}.*; return the distances of all pairs"):
         distances_of(odd, [np.ones(1)] * 3)
-
-
-def test_distances_may_be_whole_numbers_in_lists():
-    good = types.SimpleNamespace(info=MethodInfo(name="good", title="Good"), distances=lambda found: [[0, 1], [1, 0]])
-    np.testing.assert_array_equal(distances_of(good, [np.ones(1)] * 2), [[0.0, 1.0], [1.0, 0.0]])

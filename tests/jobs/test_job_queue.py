@@ -9,7 +9,7 @@ from benchmark.jobs.execution.claims import Claims
 from benchmark.jobs.execution.pools import LocalPool
 from benchmark.jobs.execution.queue import JobQueue
 from benchmark.jobs.execution.runner import failure, keep
-from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch, task_of, to_json
+from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch
 from benchmark.storage.records import outcome
 from benchmark.storage.store import Store
 from tests.jobs.test_executors import orders
@@ -26,46 +26,6 @@ def queue(tmp_path, monkeypatch):
             made.finish(task)
         made.put_back(task)
         yield made
-
-
-def names(task):
-    return [job.method.name for job in task.jobs]
-
-
-@pytest.mark.parametrize(("workers", "sizes"), [(1, [40, 40, 23]), (2, [40, 20, 20, 12, 6, 5])])
-def test_parts_of_batches_grow_smaller_towards_the_end(tmp_path, workers, sizes):
-    identifiers = [f"shape{number}" for number in range(103)]
-    jobs = orders(tmp_path, identifiers=identifiers)
-    with Claims(tmp_path / "claims") as claims:
-        queue = JobQueue(jobs, Store.open(tmp_path), claims)
-        taken = []
-        while isinstance(task := queue.take(workers, workers), ShapeBatch):
-            assert list(queue.ended(busy=())) == []
-            taken.append(task)
-            queue.finish(task)
-    assert [shape for task in taken for shape in task.identifiers] == identifiers
-    assert [len(task.identifiers) for task in taken] == sizes
-
-
-def test_draws_are_compared_apart_once_fewer_jobs_wait_than_workers(queue):
-    assert [names(queue.take(2, 2)) for _ in range(2)] == [["pca"], ["surface-area"]]
-    tasks = [queue.take(2, 2) for _ in range(3)]
-    assert all(isinstance(task, ComparisonTask) and names(task) == ["identity"] for task in tasks)
-    assert [task.draw for task in tasks] == [0, 1, 2]
-    assert task_of(to_json(tasks[2])) == tasks[2]
-    assert queue.take(2, 2) is None
-    for task in tasks:
-        assert queue.take(2, 2) is None, "it is not ranked before all draws are compared"
-        queue.finish(task)
-    ranking = queue.take(2, 2)
-    assert isinstance(ranking, ScoringTask)
-    assert names(ranking) == ["identity"]
-    assert queue.take(2, 2) is None
-
-
-@pytest.mark.parametrize(("free", "workers"), [(1, 1), (1, 2), (2, 2)])
-def test_while_there_is_work_for_all_each_job_is_ranked_as_a_whole(queue, free, workers):
-    assert isinstance(queue.take(free, workers), ScoringTask)
 
 
 def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(queue):
@@ -103,18 +63,3 @@ def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
     assert outcome(two) == outcome(one)
     assert two["digests"] == one["digests"]
     assert two["artefacts"] == one["artefacts"]
-
-
-def test_shapes_that_are_treated_again_alone_are_counted_once(tmp_path):
-    first, _ = jobs = orders(tmp_path, ("identity", "pca"))
-    with Claims(tmp_path / "claims") as claims:
-        queue = JobQueue(jobs, Store.open(tmp_path), claims)
-        queue.set_apart(queue.take(1, 1), 1, first.key)
-        counts, tasks = [queue.shapes_done], []
-        while task := queue.take(1, 1):
-            tasks.append((type(task), names(task)))
-            queue.finish(task)
-            counts.append(queue.shapes_done)
-    treated = [(ShapeBatch, ["identity"]), (ScoringTask, ["identity"]), (ShapeBatch, ["pca"]), (ScoringTask, ["pca"])]
-    assert tasks == treated
-    assert counts == [1, 1, 1, 3, 3]

@@ -2,7 +2,6 @@
 
 import importlib.util
 from dataclasses import fields, replace
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,6 @@ from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
 from benchmark.storage.keys import plain
 from benchmark.storage.store import Store
-from tests.toy import write_rods
 
 NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
 
@@ -56,14 +54,6 @@ def test_methods_and_scorers_of_plugins_are_written_so_that_a_worker_does_not_im
     own = ScorerSpec("own", f"{plugin}:Own")
     after = job_of(to_json(replace(jobs[0], method=mine, scorer=own)))
     assert (after.method, after.scorer) == (mine, own)
-
-
-def test_paths_of_a_job_are_absolute(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    chosen = galleries((), ["./rods"], Path())
-    (job,) = make_plan(chosen, ["mesh"], select(["surface-area"], methods()), Store.open(Path("results")))
-    assert [job.dataset, job.results, job.data_root] == [str(tmp_path / "rods"), tmp_path / "results", tmp_path]
 
 
 def test_without_dask_the_hint_is_told(tmp_path, monkeypatch):

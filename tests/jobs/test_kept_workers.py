@@ -59,12 +59,6 @@ def test_a_process_does_the_tasks_of_its_package_in_turn_and_ends_with_the_pool(
     assert not is_alive(other)
 
 
-def test_what_has_run_foreign_code_does_nothing_else(do):
-    first = do("identity", ForeignJob)
-    assert not is_alive(first)
-    assert do("pca", ForeignJob) != first
-
-
 def test_processes_that_are_over_hold_no_file_open(do):
     for _ in range(2):
         do("identity", ForeignJob)

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from benchmark.datasets import humans
-from benchmark.datasets.animals import Animals
 from benchmark.datasets.base import Entry
 from benchmark.datasets.parts import Part
-from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
-from benchmark.jobs.pairs import animals, synthetic, training_data
+from benchmark.jobs.pairs import synthetic, training_data
 from benchmark.jobs.preparation import Preparation
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.storage.store import Store
@@ -144,17 +143,6 @@ def test_sampled_bodies_stream_in_the_frame_of_the_data_set(store):
     assert not set(data.subjects) & {entry.subject for entry in humans.Humans().entries}
 
 
-def test_sampled_pairs_go_on_anywhere(store):
-    data = training_data(TRAININGS["humans-sampled"], store, None, lambda _: None, n_sampled=2)
-    whole = list(data.pairs())
-    for start in (0, 3, 7, 12, 14):
-        rest = list(data.pairs(start))
-        assert [pair.identifier for pair in rest] == list(data.identifiers[start:])
-        for mine, theirs in zip(rest, whole[start:], strict=True):
-            assert np.array_equal(mine.image, theirs.image)
-            assert np.array_equal(mine.target, theirs.target)
-
-
 def test_a_sampled_body_that_leaves_the_frame_is_drawn_again_and_told(monkeypatch, store):
     first, again = humans.sample_human(1, 6, seed=0), humans.sample_human(1, 6, seed=0, draw=1)
     assert first[0] != again[0]
@@ -175,74 +163,3 @@ def test_a_sampled_body_that_leaves_the_frame_is_drawn_again_and_told(monkeypatc
 def pose_of(sample, place):
     body, poses = sample
     return body, (humans.POSES[humans.CANONICAL_POSE], *poses)[place]
-
-
-def test_a_body_leaves_the_frame_exactly_where_it_cannot_be_rendered():
-    mesh = rod(0.1, 0.0, rings=8, sides=8)
-    half_width = float(np.abs(mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2).max())
-    for factor, leaves in ((1.001, False), (1.0, True), (0.999, True)):
-        assert synthetic._leaves_frame(mesh, FRONT, half_width * factor) == leaves
-        if leaves:
-            with pytest.raises(UnsupportedShape, match="the shape extends to"):
-                render_depth(mesh, FRONT, half_width * factor)
-        else:
-            render_depth(mesh, FRONT, half_width * factor)
-
-
-@pytest.fixture(scope="module")
-def coarse():
-    """Make animals of fewer triangles, in less time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.datasets.varied_animals.sampler.N_VERTICES", 1200)
-        yield
-
-
-@pytest.mark.usefixtures("coarse")
-def test_animals_and_people_come_by_turns_in_the_frame_of_their_set(store):
-    data = training_data(TRAININGS["animals-sampled"], store, None, lambda _: None, n_sampled=3)
-    got = list(data.pairs())
-    assert data.n_pairs == len(got) == len(data.identifiers) == 3 * 13
-    assert [pair.identifier for pair in got] == list(data.identifiers)
-    assert {pair.target_identifier for pair in got} == {f"sample-{number}_0" for number in range(3)}
-    for place in 0, 13, 26:
-        assert np.array_equal(got[place].image, got[place + 5].target), "the canonical pose of the same body"
-    assert np.array_equal(next(iter(data.pairs(30))).image, got[30].image)
-    camera, meshes = animals.made_body(1, 0)
-    assert np.array_equal(got[13 + 4].image, render_depth(meshes[4], camera, Animals().half_width))
-    wide = [extent(got[place].image) for place in (0, 13)]
-    assert wide[0][0] > wide[0][1], "a person is taller than wide"
-    assert wide[1][1] > wide[1][0], "a cat is longer than tall"
-    assert not set(data.identifiers) & {entry.identifier for entry in Animals().entries}
-
-
-def extent(image):
-    rows, columns = np.nonzero(image)
-    return np.ptp(rows), np.ptp(columns)
-
-
-def test_people_among_animals_are_adults_in_centimetres():
-    for number in 0, 2, 4:
-        _, (standing, *_) = animals.made_body(number, 0)
-        assert 145 <= np.ptp(standing.vertices[:, 2]) < 240
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(DatasetError, match="none of 2 bodies is an adult"):
-        patch.setattr(animals, "SHORTEST_ADULT", 3.0)
-        patch.setattr(animals, "MOST_DRAWS", 2)
-        animals.made_body(0, 0)
-
-
-@pytest.mark.usefixtures("coarse")
-def test_a_body_in_a_pose_is_turned_about_the_vertical_and_the_canonical_one_is_not():
-    def before(patch):
-        patch.setattr(animals, "TURN", 0.0)
-        return animals.made_body(1, 0)[1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        straight = before(patch)
-    turned = animals.made_body(1, 0)[1]
-    assert np.array_equal(straight[0].vertices, turned[0].vertices)
-    for left, right in zip(straight[1:], turned[1:], strict=True):
-        assert np.array_equal(left.vertices[:, 2], right.vertices[:, 2])
-        np.testing.assert_allclose(
-            np.hypot(*left.vertices[:, :2].T), np.hypot(*right.vertices[:, :2].T), rtol=0, atol=1e-9
-        )
-        assert not np.allclose(left.vertices, right.vertices)

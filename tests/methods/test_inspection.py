@@ -1,6 +1,5 @@
 """Plugin files are looked at from a safe distance before they are imported."""
 
-import sys
 import time
 
 import numpy as np
@@ -53,19 +52,6 @@ def test_what_a_method_cannot_be_is_named_with_its_hint(faults, message, tmp_pat
         describe(str(write_plugin(tmp_path / "tried.py", **faults)))
 
 
-def test_a_right_plugin_is_described_in_plain_values(tmp_path):
-    path = write_plugin(tmp_path / "tried.py", field="factors: tuple[float, ...] = (1, 2.5)")
-    assert describe(str(path)) == [
-        {"name": "tried", "title": "Tried", "inputs": ["mesh", "view"], "parameters": {"factors": [1.0, 2.5]}}
-    ]
-
-
-def test_a_method_whose_packages_are_missing_need_not_be_made(tmp_path):
-    info = "title='T', requires=('no_such_package',)"
-    (facts,) = describe(str(write_plugin(tmp_path / "tried.py", on_making="import no_such_package", info=info)))
-    assert facts["parameters"] == {}
-
-
 @pytest.mark.parametrize(
     ("faults", "said"),
     [
@@ -99,13 +85,3 @@ def test_a_look_that_somebody_ends_is_taken_again(tmp_path):
 def test_packages_of_others_may_be_imported(tmp_path):
     imports = "import numba, torch, trimesh, igl, pymeshlab, sklearn.cluster, pandas, matplotlib.pyplot, scipy.optimize"
     inspect([write_plugin(tmp_path / "tried.py", on_import=imports)])
-
-
-def test_a_plugin_is_looked_at_once(tmp_path, monkeypatch):
-    path = write_plugin(tmp_path / "tried.py")
-    modules.import_plugin(str(path))
-    monkeypatch.setattr(inspection, "call_apart", None)
-    inspect([path])
-    with pytest.raises(ConfigurationError, match="none.py is not there"):
-        inspect([tmp_path / "none.py"])
-    del sys.modules[modules._module_name(str(path))]

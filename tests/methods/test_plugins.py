@@ -86,17 +86,6 @@ def test_a_module_brings_further_ones_and_packages(tmp_path):
     assert form(path) == 5.0
 
 
-def test_a_module_on_the_path_of_python_can_be_imported(tmp_path, monkeypatch):
-    write(tmp_path / "lib", toy_helper="FACTOR = 7.0")
-    monkeypatch.syspath_prepend(tmp_path / "lib")
-    assert form(write(tmp_path / "mine")) == 7.0
-
-
-def test_two_plugins_of_one_file_name_are_two(tmp_path):
-    paths = [write(tmp_path / name, before="", factor=name) for name in ("1", "2")]
-    assert [form(path) for path in (*paths, *paths)] == [1.0, 2.0, 1.0, 2.0]
-
-
 def test_two_plugins_may_share_a_module_or_have_copies_of_one(tmp_path):
     first = write(tmp_path / "a", toy_helper="FACTOR = 3.0")
     second = write(tmp_path / "a", "two")
@@ -119,24 +108,11 @@ def test_two_plugins_that_bring_other_modules_of_one_name_are_refused(tmp_path, 
     assert caught.value.hint == "rename one of them"
 
 
-def test_a_module_that_the_second_plugin_does_not_import_does_no_harm(tmp_path):
-    first = write(tmp_path / "a", toy_helper="FACTOR = 3.0")
-    second = write(tmp_path / "b", "two", before="", factor="4.0", toy_helper="FACTOR = 4.0")
-    assert [form(first), form(second)] == [3.0, 4.0]
-
-
 @pytest.mark.parametrize("name", ["json", "click", "math"])
 def test_a_module_named_like_one_that_is_installed_is_refused(tmp_path, name):
     path = write(tmp_path, before=f"import {name}", factor="1", **{name: ""})
     with pytest.raises(ConfigurationError, match=f"brings a module '{name}' .* name is taken by .*; rename one"):
         registry.methods([path])
-
-
-def test_folders_named_like_ours_hide_nothing(tmp_path):
-    path = write(
-        tmp_path, before="from learned.paired.methods import Learned", factor="1", __init___in_learned="raise OSError"
-    )
-    assert form(path) == 1.0
 
 
 def test_a_module_that_is_nowhere_is_named(tmp_path):

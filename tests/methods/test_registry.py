@@ -65,11 +65,6 @@ def test_of_a_plugin_file_with_a_named_method_the_others_stay_out(tmp_path):
     assert {"gps", "flatten", "second", "other"} <= set(chosen("all", "second"))
 
 
-def test_two_methods_of_one_name_are_an_error(tmp_path):
-    with pytest.raises(ConfigurationError, match="two methods are called 'gps'.*rename one"):
-        registry.methods([write_plugin(tmp_path, name="gps")])
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -83,11 +78,6 @@ def test_a_broken_plugin_is_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=message):
         registry.methods([path])
-
-
-def test_a_missing_plugin_is_named(tmp_path):
-    with pytest.raises(ConfigurationError, match="is not there"):
-        registry.methods([tmp_path / "nothing.py"])
 
 
 def test_a_class_without_behaviour_is_refused(tmp_path):
@@ -131,16 +121,6 @@ def test_a_wrong_parameter_is_named(name, message):
         registry.select([name], registry.methods())
 
 
-def test_all_methods_and_some_more():
-    known = registry.methods()
-    plain = [spec.name for spec in registry.select([], known)]
-    more = registry.select(["all", "least-squares-mds[start=classic]"], known)
-    place = plain.index("least-squares-mds") + 1
-    assert [spec.name for spec in more] == [*plain[:place], "least-squares-mds[start=classic]", *plain[place:]]
-    assert not [spec.name for spec in more if spec.named]
-    assert [spec.name for spec in registry.select(["all", "gps"], known)] == plain
-
-
 @pytest.mark.parametrize(
     ("base", "ways"),
     [
@@ -178,11 +158,6 @@ def test_every_way_to_write_a_variant_is_one_method():
     again = registry.variant(spec.name, known)
     assert [registry.variant(f"least-squares-mds[{way}]", known) for way in ways] == [again] * len(ways)
     assert pickle.loads(pickle.dumps(again)) == again  # noqa: S301
-
-
-def test_a_number_is_written_by_what_it_is():
-    spec = registry.variant("learned[smoothing=3]", registry.methods())
-    assert (spec.name, spec.title) == ("learned[smoothing=3.0]", "Our (smoothing=3.0)")
 
 
 LEARNED = {
@@ -273,13 +248,6 @@ def test_a_value_outside_of_the_constraint_is_refused_before_anything_runs(name,
     assert "\n" not in str(caught.value)
     with pytest.raises(ConfigurationError):
         known[name].load()(**{parameter: text})
-
-
-@pytest.mark.parametrize("name", [name for name, unfit in UNFIT.items() if not unfit])
-def test_a_method_without_parameters_says_so(name):
-    with pytest.raises(ConfigurationError) as caught:
-        registry.variant(f"{name}[solver=heat]", registry.methods())
-    assert str(caught.value) == f"unknown parameter of {name} 'solver'; leave it out: {name} has no parameters"
 
 
 PARAMETERS = """

@@ -85,13 +85,6 @@ def test_a_name_that_cannot_be_used_is_refused_with_a_better_one(name, message, 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["a", "my-method-2", "mesh", "geodesic-ball-of-radius-2"])
-def test_other_names_make_python_files(name, tmp_path):
-    for path in new_plugin("method", name, tmp_path):
-        compile(path.read_text(), path.name, "exec")
-    assert registry.plugin_methods(tmp_path / f"{name.replace('-', '_')}.py")[0].name == name
-
-
 @pytest.mark.parametrize("existing", ["mine_too.py", "test_mine_too.py"])
 def test_nothing_is_overwritten_and_nothing_half_written(existing, tmp_path):
     (tmp_path / existing).write_text("dear to me")
@@ -99,9 +92,3 @@ def test_nothing_is_overwritten_and_nothing_half_written(existing, tmp_path):
         new_plugin("method", "mine-too", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [existing]
     assert (tmp_path / existing).read_text() == "dear to me"
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="cannot be written to.*choose another folder"):
-        new_plugin("method", "mine-too", tmp_path / "file" / "folder")

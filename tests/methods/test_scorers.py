@@ -6,8 +6,7 @@ from click.testing import CliRunner
 
 from benchmark.api.scoring import Scorer
 from benchmark.cli.main import cli
-from benchmark.errors import ConfigurationError, InvalidForm, InvalidSignature
-from benchmark.jobs import recipes
+from benchmark.errors import ConfigurationError, InvalidSignature
 from benchmark.plugins.inspection import describe
 from benchmark.plugins.output_checks import form_distances, signature_of
 from benchmark.plugins.registry import plugin_methods
@@ -67,15 +66,6 @@ def test_a_name_with_parameters_has_one_spelling_and_wrong_ones_are_refused():
             scorer_of(wrong, scorers())
 
 
-def test_the_recipe_names_the_scorer_but_for_the_default_one():
-    default, other = (recipes.scorer_recipe(scorer_of(name, scorers())) for name in BUILT_IN)
-    assert "name" not in default
-    assert default == {"codebooks": [0, 1, 2]}
-    assert other == {"name": "spherical-harmonics", "codebooks": [0]}
-    chosen = recipes.scorer_recipe(scorer_of("cm-bof[n_words=900]", scorers()))
-    assert chosen == {"n_words": 900, "codebooks": [0, 1, 2]}
-
-
 def test_a_plugin_file_may_hold_a_scorer_alone(plugin):
     assert plugin_methods(plugin) == []
     (spec,) = plugin_scorers(plugin)
@@ -102,13 +92,6 @@ def test_what_is_no_signature_is_the_fault_of_the_scorer(plugin, answer, monkeyp
     monkeypatch.setattr(spec.load(), "signature", lambda self, form: answer)
     with pytest.raises(InvalidSignature, match="scorer 'extent' returned"):
         signature_of(spec.create(), rod(0.1, 0.5))
-
-
-def test_distances_of_the_wrong_shape_are_refused(plugin, monkeypatch):
-    (spec,) = plugin_scorers(plugin)
-    monkeypatch.setattr(spec.load(), "compare", lambda self, signatures, draw: np.zeros(2))
-    with pytest.raises(InvalidForm, match="scorer 'extent' returned an array of shape"):
-        form_distances(spec.create(), [{}, {}], 0)
 
 
 @pytest.mark.slow

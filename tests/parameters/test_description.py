@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import pytest
 
 from benchmark.api.contracts import Interval, Matches, OneOf
-from benchmark.plugins.parameters.description import described, explained
+from benchmark.plugins.parameters.description import described
 from benchmark.plugins.registry import BUILT_IN, methods
 
 
@@ -56,12 +56,6 @@ def test_each_parameter_is_told_in_the_order_of_the_fields():
         "name": ("x or y", "x", ""),
     }
     assert list(told) == ["first", "second", "word", "third", "sizes", "flag", "name"]
-
-
-@pytest.mark.parametrize("text", ["", "One line.", "Parameters\n", "Title\n-----\nno parameters"])
-def test_a_docstring_without_the_section_says_nothing(text):
-    assert explained(text) == {}
-    assert described(int) == []
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.parameters.grid import combinations, quoted, split_name
+from benchmark.plugins.parameters.grid import combinations, split_name
 from benchmark.plugins.registry import methods, select, variant, variants
 
 
@@ -41,11 +41,6 @@ def test_what_cannot_be_read_is_named(text, message):
         combinations(text)
 
 
-@pytest.mark.parametrize("text", ["plain", "a|b", "a,b", "it's", 'say "so"', "(1", "two words", ""])
-def test_a_quoted_text_is_read_as_itself(text):
-    assert combinations(f"name={quoted(text)},other=1") == [{"name": text, "other": "1"}]
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -70,11 +65,6 @@ def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in
     grid = variants("least-squares-mds[start=mesh|classic,rtol=1e-3|1e-4|1e-3]", known)
     assert len(grid) == 4
     assert len({spec.name for spec in grid}) == 4
-
-
-def test_a_bad_value_of_a_grid_is_named():
-    with pytest.raises(ConfigurationError, match="unknown metric of classic-mds 'biharmonik'; did you mean biharmonic"):
-        variants("classic-mds[metric=geodesic|biharmonik]", methods())
 
 
 def test_where_one_method_is_wanted_a_grid_is_refused():

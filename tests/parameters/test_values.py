@@ -172,32 +172,9 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("ways", [("2", "2.0", " 2 ", 2), ("2e0", 2.0)])
-def test_ways_to_write_a_default_are_the_default(ways: tuple[Any, ...]) -> None:
-    assert [non_default_values(Sample, {"whole": way}) for way in ways] == [{}] * len(ways)
-
-
 def test_non_default_settings_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
     given = {"solver": DEFAULT_SOLVER, "share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
     assert list(non_default_values(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
-
-
-def test_all_values_are_told_and_normalised() -> None:
-    values = parameter_values(Sample(colour="green"))
-    assert list(values) == list(Sample.__dataclass_fields__)
-    assert (values["solver"], values["colour"], values["path"]) == (DEFAULT_SOLVER, "green", Path("a"))
-    assert parameter_values(object()) == {}
-
-
-def test_a_default_is_not_doubted() -> None:
-    @dataclass
-    class Odd:
-        limit: Annotated[int, Interval(1)] = None  # type: ignore[assignment]
-        least: Annotated[int, Interval(1)] = 0
-        of_any_kind: object = math.sin
-
-    assert parameter_values(Odd()) == {"limit": None, "least": 0, "of_any_kind": math.sin}
-    assert non_default_values(Odd, {"limit": 3}) == {"limit": 3}
 
 
 def test_a_class_may_check_itself() -> None:
@@ -246,17 +223,3 @@ def test_what_is_written_is_read_again(name: str, value: Any) -> None:
 )
 def test_assignments_are_read(texts: str | list[str], found: dict[str, str]) -> None:
     assert assignments(texts) == found
-
-
-@pytest.mark.parametrize(
-    ("texts", "message"),
-    [
-        ("jitter", "'jitter' has no value; write NAME=VALUE"),
-        ("=3", "'=3' has no name; write NAME=VALUE"),
-        ("a=1,", "'' has no name"),
-        ("a=1,a=1", "'a' is given twice; leave one of them out"),
-    ],
-)
-def test_half_an_assignment_is_refused(texts: str, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=message):
-        assignments(texts)

@@ -56,12 +56,6 @@ def test_means_and_deviation_by_hand():
     assert cell.record["peak_mib"] == 120
 
 
-def test_a_single_job_is_its_record():
-    (only,) = results(record(nn=0.5))
-    cell = cell_of([only], 1)
-    assert (cell.record, cell.deviation, cell.n_averaged, cell.n_wanted) == (only.record, None, 1, 1)
-
-
 def test_a_job_that_failed_counts_zero_and_is_told():
     cell = cell_of(results(of_fold(0, 0.5), of_fold(1, 0, make=failed, reason="ate memory"), of_fold(2, 0.7)), 3)
     assert cell.scores["NN"] == pytest.approx(0.4)
@@ -70,11 +64,6 @@ def test_a_job_that_failed_counts_zero_and_is_told():
     assert cell.record["reason"] == "humans fold 1: ate memory"
     assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).status == "crashed"
     assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).scores is None
-
-
-def test_what_is_outdated_in_one_job_marks_the_mean():
-    found = [Result(of_fold(0, 0.5)), Result(of_fold(1, 0.6), "seed changed"), Result(of_fold(2, 0.6), "seed changed")]
-    assert cell_of(found, 3).outdated == "seed changed"
 
 
 def test_in_the_ablation_trainings_with_other_seeds_share_a_row():
@@ -157,21 +146,6 @@ def test_a_missing_fold_is_told():
     assert told in notes(table)
     table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6))["I"]
     assert "Our, view: mean of 2 instead of 3 (not run)" in notes(table)
-
-
-def test_a_quick_table_is_one_fold_and_no_mean():
-    quick = record(
-        method="learned", input_="view", gallery="humans fold 0 (quick)", title="Our", data=HUMANS | {"quick": True}
-    )
-    (table,) = contents(results(quick))
-    assert (table.identifier, table.file_stem, table.n_galleries) == ("I", "table-I-humans-quick", 1)
-    assert "±" not in markdown(table)
-
-
-def test_extra_training_data_is_marked():
-    extra = [[MODEL | {"digest": digest, "extra_data": True}] for digest in "abc"]
-    table = tables_of(*(of_fold(k, 0.5, models=extra[k]) for k in range(3)))["IV"]
-    assert next(row for row in table.rows if row.method == "learned").label == "Our (extra training data, 3 models)"
 
 
 @pytest.mark.parametrize(("most", "told"), [(0.25, True), (0.011, True), (0.01, False), (0.0, False)])

@@ -7,7 +7,7 @@ from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.report.comparison import compare_folders, compare_methods, lines
 from benchmark.storage.records import Records
-from tests.records import MEASURES, failed, record
+from tests.records import failed, record
 
 LATER = "2026-02-01T00:00:00+00:00"
 
@@ -46,24 +46,6 @@ def test_a_record_equals_itself_and_its_like():
     assert lines(again, "a", "b") == ["1 of 1 pairs are equal"]
 
 
-def test_the_newest_scores_of_a_place_are_compared():
-    later = failed(code="3", finished="2027-01-01T00:00:00+00:00")
-    (found,) = compare_folders([FIRST, SECOND], [SECOND, later]).differences
-    assert found.changed == 0
-
-
-def test_only_shapes_that_both_have_are_compared_whatever_their_order():
-    fewer = scored([1.0, 1.0, 0.0], [1.0, 0.9, 0.5], shapes=("dog1", "cat0", "cat1"))
-    (found,) = compare_folders([FIRST], [fewer]).differences
-    assert (found.n_queries, found.changed) == (3, 0)
-
-
-def test_the_only_one_of_a_class_has_no_query():
-    alone = scored([1.0, 0.0, 1.0, None], [0.9, 0.5, 0.8, None])
-    (found,) = compare_folders([alone], [alone]).differences
-    assert found.changed == 0
-
-
 def test_two_methods_are_compared_wherever_both_have_scores():
     records = [
         FIRST,
@@ -75,15 +57,6 @@ def test_two_methods_are_compared_wherever_both_have_scores():
     assert [pair.where for pair in found.differences] == ["rods mesh"]
     assert found.differences[0].changed == 2
     assert (found.only_first, found.only_second) == ((), ("cones mesh",))
-
-
-def test_galleries_of_one_method_alone_are_named_if_they_are_few():
-    records = [FIRST, {**SECOND, "method": "gps", "key": "9" * 32}]
-    records += [{**FIRST, "key": f"{n}" * 32, "gallery": f"gallery {n}"} for n in range(4)]
-    found = compare_methods(records, "classic-mds", "gps")
-    told = "only classic-mds: 4 more, the first is gallery 0 mesh; --all names them"
-    assert told in lines(found, "classic-mds", "gps", everything=False)
-    assert sum(line.startswith("only classic-mds: gallery") for line in lines(found, "classic-mds", "gps")) == 4
 
 
 def test_seeds_are_compared_each_with_itself():
@@ -118,9 +91,3 @@ def test_the_verb_compares_folders_and_methods(tmp_path):
     none = CliRunner().invoke(cli, ["compare", "classic-mds", "random", "--results", str(tmp_path / "a")])
     assert isinstance(none.exception, ConfigurationError)
     assert "no gallery has scores of both" in str(none.exception)
-
-
-def test_measures_of_made_up_records_are_those_that_tables_print():
-    from retrieval.measures import PRINTED
-
-    assert MEASURES == PRINTED

@@ -15,8 +15,8 @@ from markdown_it import MarkdownIt
 
 from benchmark.protocols.tables import Table
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.content import contents, file_stem
-from benchmark.report.escaping import csv_cell, html_line, html_text, latex_text, markdown_line, markdown_text
+from benchmark.report.content import contents
+from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
 from benchmark.report.grid import grid_of
 from benchmark.report.html.folder import data_script
@@ -90,12 +90,6 @@ def test_a_sentence_is_one_item_of_a_list_in_markdown(text):
         assert inline(first.children) == plain(f"{clean(text).strip()} end")
 
 
-def test_a_command_between_backticks_stays_code():
-    text = "run `train learned_x --only a|b`; *then* again"
-    assert markdown_line(text) == "run `train learned_x --only a|b`; \\*then\\* again"
-    assert markdown_line("one ` and a_b *c*") == "one \\` and a_b \\*c\\*"
-
-
 def unescaped(latex):
     """Text that LaTeX would show, after asserting that nothing in it is a command of its author."""
     shown = {
@@ -142,17 +136,6 @@ def test_a_name_is_text_in_html(text):
     assert [tag for tag, _ in reader.tags] == ["p"]
     assert reader.tags[0][1] == {"title": clean(text)}
     assert "".join(reader.text) == clean(text)
-
-
-@given(TEXT)
-@example(HOSTILE)
-@example("run `a <b>`; `` ` c")
-def test_a_sentence_is_text_in_html_and_a_command_in_it_code(text):
-    reader = Reader()
-    reader.feed(f"<p>{html_line(text)}</p>")
-    reader.close()
-    assert {tag for tag, _ in reader.tags} <= {"p", "code"}
-    assert "".join(reader.text).replace("`", "") == clean(text).replace("`", "")
 
 
 @given(TEXT)
@@ -265,15 +248,6 @@ def test_a_long_reason_is_cut_in_tables_and_whole_in_the_record():
 def test_a_folder_that_is_called_like_a_table_of_the_paper_is_none():
     (table,) = hostile_tables("I")
     assert (table.table.caption, table.has_paper, len(table.rows)) == ("Retrieval on I", False, 2)
-
-
-def test_two_names_never_share_a_file_and_ordinary_ones_stay():
-    assert file_stem("III", "humans", quick=True) == "table-III-humans-quick"
-    assert file_stem("I-whole", "my.set_2", quick=False) == "table-I-whole-my.set_2"
-    odd = ["a b", "a-b", "a/b", "a\nb", "a\x00b", "a:b", "a;b", "../b", "é\udcff", "x" * 300, "x" * 301]
-    stems = [file_stem(name, name, quick=False) for name in odd]
-    assert len(set(stems)) == len(odd)
-    assert all(re.fullmatch(r"[\w.-]{1,80}", stem) for stem in stems)
 
 
 def test_files_are_written_whole_with_the_rights_of_the_umask_and_compared(tmp_path):

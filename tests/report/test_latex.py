@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from benchmark.report.content import contents
-from benchmark.report.escaping import latex_text
 from benchmark.report.floats import Block, Line, table_floats
 from benchmark.report.latex import latex_files
 from benchmark.report.results import Result
@@ -53,18 +52,6 @@ def test_each_input_has_a_file_and_so_has_the_paper_beside_it(files):
     assert all(r"\begin{table*}" in text for text in files.values())
 
 
-def test_a_table_that_fits_one_column_of_two_stays_there():
-    (own,) = contents([Result(record("gps"))])
-    (text,) = latex_files([own]).values()
-    assert r"\begin{table}" in text
-
-
-def test_nothing_is_smaller_than_footnotes(files):
-    for size in ("tiny", "scriptsize"):
-        assert not any(rf"\{size}" in text for text in files.values())
-    assert all(text.count(r"\footnotesize") > 1 for text in files.values())
-
-
 def test_data_and_scorer_are_cited_and_a_job_without_scores_says_so(files):
     caption = re.search(r"\\caption{(.*)}", files["table-III-tosca-view.tex"])[1]
     assert r"TOSCA~\cite{bronstein2008tosca} (80 shapes, 9 classes)" in caption
@@ -105,23 +92,6 @@ def test_ours_stands_beside_the_paper_with_the_difference_of_what_is_printed(fil
     assert "rather long" not in files["paper-table-III-tosca-view.tex"]
     (chance,) = re.findall(r"Chance.*", files["paper-table-III-tosca-mesh.tex"])
     assert chance.count("--") == 4
-
-
-def test_a_row_that_has_nothing_under_an_input_stays_out_of_its_table(files):
-    assert "rather long" in files["table-III-tosca-view.tex"]
-    assert "rather long" not in files["table-III-tosca-mesh.tex"]
-    assert "skeleton" in files["table-III-tosca-mesh.tex"].lower()
-
-
-def test_notes_are_a_block_and_leave_out_what_changed(files):
-    text = files["table-III-tosca-mesh.tex"]
-    assert r"\tablenotes{" in text
-    assert r"\dag{} Made before the last change" in text
-    assert "baselines" not in text
-
-
-def test_two_hyphens_of_a_command_are_no_dash():
-    assert latex_text("run --only x") == "run -{}-only x"
 
 
 def test_all_sources_are_in_the_list(files):

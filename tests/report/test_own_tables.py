@@ -52,18 +52,6 @@ def test_seeds_of_a_training_have_a_row_each_and_another_base_seed_is_told():
     assert markdown(other).startswith("**Table rods. Retrieval on rods, seed 3: rods (4 shapes")
 
 
-@pytest.mark.parametrize(
-    ("galleries", "words"),
-    [
-        (["humans fold 0"], "Retrieval of synthetic humans, one fold of five subjects"),
-        (["humans fold 0", "humans fold 2"], "Retrieval of synthetic humans, mean over two folds of five subjects"),
-    ],
-)
-def test_a_mean_over_folds_is_told_where_it_is_one(galleries, words):
-    table = table_of(*(Result(record("gps", "mesh", name, data=HUMANS)) for name in galleries), tables=["I"])
-    assert table.caption == words
-
-
 def test_rows_of_the_ablation_are_in_other_tables_of_the_paper_where_they_are_named():
     seeded = [
         learned("learned[training_seed=1]", "Our (training_seed=1)", f"humans fold {k}", data=HUMANS,

@@ -6,14 +6,10 @@ import json
 
 import pytest
 
-from benchmark.plugins.registry import methods
 from benchmark.report.cell import cell_of
-from benchmark.report.comparison import compare_folders, compare_methods
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, as_json, markdown
-from benchmark.report.results import Result, Results
-from benchmark.results import open_results
-from benchmark.storage.store import Store
+from benchmark.report.results import Result
 from tests.records import record
 
 SHAPES = [f"{animal}{number}" for animal in ("cat", "dog") for number in range(20)]
@@ -52,11 +48,6 @@ def test_a_row_of_several_galleries_is_repeated_as_a_whole():
     assert cell_of([fold(0, 0.5, 0.4, 0.6), fold(1, 0.5, 0.6)], 2).preparation_sd is None  # one is no spread
 
 
-def test_without_repeats_a_table_reads_as_before():
-    table = of_rows(Result(row("gps", 0.5)), Result(row("pca", 0.5)))
-    assert "reparation" not in as_json([table]) + as_csv([table]) + markdown(table)
-
-
 def test_json_csv_and_notes_have_the_spread_of_rows_that_were_repeated():
     table = of_rows(with_repeats("gps", 0.75, 0.5, 0.6, 0.7), Result(row("pca", 0.5)))
     gps, pca = json.loads(as_json([table]))
@@ -68,36 +59,7 @@ def test_json_csv_and_notes_have_the_spread_of_rows_that_were_repeated():
     assert "Gps 0.100 0.000 0.000 0.000" in markdown(table)
 
 
-@pytest.fixture
-def folder(tmp_path):
-    store = Store.open(tmp_path / "results")
-    made = [row("gps", 0.75), *(row("gps", nn, jitter=k) for k, nn in ((1, 0.5), (2, 0.7)))]
-    made += [row("gps", 0.9, jitter=3, code="2"), row("pca", 0.5, jitter=1)]
-    for each in made:
-        store.records.write(each)
-    return tmp_path / "results"
-
-
-def test_repeats_go_with_the_row_that_they_repeat_and_stand_nowhere_else(folder):
-    (only,) = Results(Store.open(folder), methods()).all()
-    assert (only.record["gallery"], sorted(only.repeats)) == ("rods", [1, 2])  # the third is of other code
-    frame = open_results(folder).records()
-    assert len(frame) == 1
-    assert frame["NN_preparation_sd"].iloc[0] == pytest.approx(0.02**0.5)
-
-
 def test_intervals_and_tests_are_those_of_the_shapes_as_they_are():
     plain = of_rows(Result(row("gps", 1.0)), Result(row("pca", 0.65)))
     repeated = of_rows(with_repeats("gps", 1.0, 0.7, 1.0), with_repeats("pca", 0.65, 0.5, 0.8))
     assert repeated.significance == plain.significance
-
-
-def test_a_comparison_takes_repeats_for_no_pairs():
-    def records(*results):
-        return [each for result in results for each in (result.record, *result.repeats.values())]
-
-    noisy = records(with_repeats("gps", 1.0, 0.7, 1.0), with_repeats("pca", 0.65, 0.5, 0.8))
-    steady = compare_methods(records(Result(row("gps", 1.0)), Result(row("pca", 0.65))), "gps", "pca")
-    assert compare_methods(noisy, "gps", "pca") == steady
-    assert [difference.where for difference in steady.differences] == ["rods mesh"]
-    assert len(compare_folders(noisy, noisy).differences) == 2

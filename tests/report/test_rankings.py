@@ -7,10 +7,7 @@ from hypothesis import strategies as st
 
 from benchmark.report.statistics.rankings import (
     RECALLS,
-    attraction,
     confusion,
-    expected_attraction,
-    mean_distances,
     ranking,
 )
 from benchmark.report.statistics.table_significance import pareto_front
@@ -34,12 +31,6 @@ def test_the_nearest_are_those_of_the_scores_and_a_query_is_none_of_its_own():
     assert np.mean(hits[:5]) == pytest.approx(evaluate(matrix, LABELS).means["NN"])
 
 
-def test_of_equal_distances_the_first_shape_comes_first():
-    assert ranking(np.ones((4, 4)) - np.eye(4), ["a", "a", "b", "b"]).nearest.tolist() == [
-        [1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2],
-    ]  # fmt: skip
-
-
 def test_precision_is_interpolated_and_absent_for_the_only_shape_of_its_class():
     """The query "a" finds its class at ranks 1 and 4: precision 1 up to half of them, then 2/4."""
     place = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -57,30 +48,6 @@ def test_confusion_counts_each_query_once():
     counts = confusion(ranking(distances(), LABELS).nearest, LABELS)
     assert sum(counts.values()) == len(LABELS)
     assert {who: sum(n for (a, _), n in counts.items() if a == who) for who in "abc"} == {"a": 3, "b": 2, "c": 1}
-
-
-def test_a_method_that_keeps_the_pose_is_drawn_to_it():
-    subjects, poses = np.repeat(["x", "y", "z"], 3).tolist(), ["stand", "sit", "run"] * 3
-    by_pose = np.array([[0.0 if p == q else 1.0 for q in poses] for p in poses])
-    by_subject = np.array([[0.0 if p == q else 1.0 for q in subjects] for p in subjects])
-    assert attraction(ranking(by_pose, subjects).nearest, subjects, poses).pose == 1
-    assert attraction(ranking(by_subject, subjects).nearest, subjects, poses).subject == 1
-    assert attraction(ranking(by_pose, subjects).nearest, subjects, list("abcdefghi")) is None
-
-
-@given(st.lists(st.tuples(st.sampled_from("ab"), st.sampled_from("pq")), min_size=3, max_size=9))
-def test_the_expected_attraction_is_the_mean_over_all_pairs(shapes):
-    subjects, poses = zip(*shapes, strict=True)
-    pairs = [(a, b) for k, a in enumerate(shapes) for n, b in enumerate(shapes) if k != n]
-    found = expected_attraction(subjects, poses)
-    assert found.subject == pytest.approx(np.mean([a[0] == b[0] and a[1] != b[1] for a, b in pairs]))
-    assert found.pose == pytest.approx(np.mean([a[0] != b[0] and a[1] == b[1] for a, b in pairs]))
-    assert found.subject + found.pose + found.neither + found.both == pytest.approx(1)
-
-
-def test_distances_of_codebooks_are_averaged_and_none_stay_none():
-    np.testing.assert_allclose(mean_distances([np.zeros((2, 2)), np.full((2, 2), 4.0)]), 2.0)
-    assert mean_distances([]) is None
 
 
 @given(st.dictionaries(st.text(max_size=3), st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=8))

@@ -139,21 +139,6 @@ def test_a_job_that_cannot_be_done_here_hides_no_scores(rods, store):
     assert chosen(store)["identity"].record["scores"]["NN"] == 0.5
 
 
-def test_of_an_unknown_plugin_nobody_can_tell(rods, store):
-    (job,) = jobs(rods, store, ["identity"])
-    store.write_record({**of_job(job), "method": "somebodys"})
-    assert chosen(store)["somebodys"].outdated == ""
-
-
-def test_other_seeds_are_other_places(rods, store):
-    (job,) = jobs(rods, store, ["identity"])
-    other = of_job(job)
-    other["recipe"]["seed"] = 1
-    store.write_record({**other, "key": keys.digest(other["recipe"])})
-    assert chosen(store) == {}
-    assert set(chosen(store, seed=1)) == {"identity"}
-
-
 def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -228,16 +213,6 @@ def test_each_verb_names_each_alien_once_on_stderr(rods, store):
     assert said_of_files("prune", *results) == told[1:]
 
 
-def test_of_many_aliens_ten_are_named_and_the_others_counted(rods, store):
-    (job,) = jobs(rods, store, ["identity"])
-    store.write_record(of_job(job))
-    for number in range(40):
-        (store.records.folder / f"{number:02}.json").write_text("[]")
-    told = said_of_files("tables", "--results", store.root.parent)
-    assert len(told) == 11
-    assert told[-1].startswith(f"skipped 30 further files in {store.records.folder}; remove")
-
-
 def test_a_key_that_its_recipe_does_not_give_is_refused_wherever_it_lies(rods, store, tmp_path):
     """A score under a forged key would stand in a table as made by this code."""
     (job,) = jobs(rods, store, ["identity"])
@@ -256,20 +231,6 @@ def test_a_key_that_its_recipe_does_not_give_is_refused_wherever_it_lies(rods, s
     assert call("plan", "-d", rods, "-m", "identity", "--input", "mesh", "--results", store.root.parent).startswith(
         "missing"
     )
-
-
-def test_a_quick_run_is_a_place_of_its_own(store):
-    """Records of all shapes are shown after a quick run into the same folder, and the quick ones only when asked."""
-    humans = {"name": "humans", "title": "Humans", "source": "humans"}
-    for number in range(3):
-        store.write_record(made_up.record("identity", gallery=f"humans fold {number}", data=humans, nn=0.75))
-    full = call("tables", "--results", store.root.parent, "-m", "identity")
-    quick = made_up.record("identity", gallery="humans fold 0 (quick)", data=humans | {"quick": True}, nn=0.25)
-    store.write_record({**quick, "finished": LATER})
-    assert call("tables", "--results", store.root.parent, "-m", "identity") == full
-    told = call("tables", "--results", store.root.parent, "-m", "identity", "--quick")
-    assert "0.25" in told
-    assert "Quick run" in told
 
 
 def test_a_selection_without_records_is_named(store):

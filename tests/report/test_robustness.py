@@ -2,11 +2,7 @@
 
 import csv
 import io
-import json
-import re
-from dataclasses import replace
 
-import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
@@ -62,17 +58,6 @@ def test_what_survives_is_told_apart_from_what_was_not_run_or_could_not_fall():
     assert "| n/a |" in markdown(hopeless)
 
 
-def test_the_name_of_a_data_set_is_escaped_once_and_fit_for_a_label():
-    found = replace(collected(record(nn=1.0), *noisy(1, 1)), data="my 100%[a=1]")
-    assert r"my 100\%[a=1], " in latex(found)
-    assert re.search(r"label\{tab:robustness-my-100--a-1--mesh-[0-9a-f]{8}\}", latex(found))
-    assert r"my 100%\[a=1\], " in markdown(found)
-
-
-def test_without_a_clean_record_there_is_no_curve():
-    assert robustness([Result(each) for each in noisy(1, 1, 1, 1, 1)]) == []
-
-
 def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have_none_of_their_own(tmp_path):
     folder = tmp_path / "results" / "runs" / "records"
     folder.mkdir(parents=True)
@@ -106,28 +91,3 @@ def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_
     assert {
         line.removeprefix("missing").split("  never")[0].strip() for line in lines if line.startswith("missing")
     } == expected
-
-
-@pytest.mark.slow
-def test_the_table_of_robustness_of_a_folder_through_the_command_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmark.protocols.galleries.STRENGTHS", (4,))  # one will do
-    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    common = ["-d", str(rods), "-m", "pca", "--scorer", "spherical-harmonics", "--results", str(tmp_path / "results")]
-    options = [*common, "-t", "robustness", "--executor", "serial"]
-    n_mesh = sum("mesh" in known.inputs for known in PERTURBATIONS.values())
-    done = CliRunner().invoke(cli, ["run", *options, "--input", "mesh"])
-    assert "What breaks the methods: rods" in done.output, done.output
-    again = CliRunner().invoke(cli, ["plan", *options[:-2], "--input", "mesh"]).output
-    assert f" 0 of {n_mesh + 1} jobs to run" in f" {again.splitlines()[-1]}"
-    written = CliRunner().invoke(cli, ["tables", *common, "-t", "robustness", "-o", str(tmp_path / "out")])
-    assert written.exit_code == 0, written.output
-    stem = "robustness-rods-mesh-spherical-harmonics"
-    assert {f"{stem}.md", f"{stem}.tex", f"{stem}.png", "robustness.csv"} <= {
-        p.name for p in (tmp_path / "out").iterdir()
-    }
-    rows = json.loads((tmp_path / "out" / "robustness.json").read_text())
-    assert {row["perturbation"] for row in rows} == {
-        name for name, known in PERTURBATIONS.items() if "mesh" in known.inputs
-    }
-    # A straight rod has no two parts to be glued: such shapes are counted.
-    assert all(row["unsupported"] >= 2 for row in rows if row["perturbation"] == "shortcuts" and row["strength"] == 4)

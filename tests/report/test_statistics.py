@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from scipy import stats
 from benchmark.report.content import contents
 from benchmark.report.files import render
 from benchmark.report.results import Result
-from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import holm, intervals, permutation_test
 from tests.records import MEASURES, record
 
@@ -30,15 +28,6 @@ def column(*values):
 def test_of_two_classes_of_which_one_is_found_the_interval_is_everything():
     # Means of two draws are 0, 1/2 and 1 in a quarter, a half and a quarter of the samples.
     assert intervals(column(1, 1, 0, 0), "aabb").tolist() == [[0, 1]]
-
-
-def test_queries_of_one_class_are_drawn_together():
-    assert intervals(column(1, 0, 1, 0), "aabb").tolist() == [[0.5, 0.5]]
-
-
-def test_a_large_class_counts_more():
-    # With both classes drawn once, two of three; the ends are those of one class drawn twice.
-    assert intervals(column(1, 1, 0.5), "aab").tolist() == [[0.5, 1]]
 
 
 def test_intervals_are_those_of_scipy():
@@ -86,11 +75,6 @@ def test_probabilities_are_those_of_scipy():
     assert found[0] > 0.05 > found[2]
 
 
-def test_queries_that_a_pair_lacks_change_nothing_but_the_draw():
-    few = column(*[1, 1, 1, -1, 1, 0, 1, 1])
-    assert permutation_test(np.vstack([few, np.zeros((30, 1))])) == pytest.approx(permutation_test(few), abs=0.02)
-
-
 def test_a_figure_is_judged_alike_alone_and_beside_others():
     generator = np.random.default_rng(4)
     values = np.rint(ONE * generator.normal(0.03, 0.2, (40, 3)))
@@ -109,16 +93,6 @@ def test_holm_by_hand():
 
 
 # Queries -------------------------------------------------------------------------------------------------------------
-
-
-def test_trainings_are_averaged_and_galleries_joined():
-    queries = {name: [1.0, 0.0, 0.25, None] for name in MEASURES}
-    again = {name: [0.0, 0.0, 0.5, None] for name in MEASURES}
-    records = [record(per_query=queries), record(per_query=again), record(gallery="cones", per_query=queries)]
-    found = queries_of(records, ["NN"])
-    assert found.values["NN"].tolist() == [500_000, 0, 375_000, 1_000_000, 0, 250_000]
-    assert found.names[3] == ("cones", "cat0")
-    assert found.labels == ("cat", "cat", "dog") * 2
 
 
 # Tables --------------------------------------------------------------------------------------------------------------
@@ -173,9 +147,3 @@ def test_json_and_the_table_of_intervals_tell_the_same(table):
         near["p_best"]["NN"] == float(flat["p_best_NN"]) == table.significance["near", "mesh", "NN"].rounded_probability
     )
     assert near["interval"]["DCG"] == [float(flat["low_DCG"]), float(flat["high_DCG"])] == [0.75, 0.75]
-
-
-def test_a_table_without_scores_has_no_intervals(table):
-    blank = replace(table, rows=tuple(replace(row, cells={}) for row in table.rows))
-    assert blank.significance == {}
-    assert "intervals-table-rods.md" not in render([blank], ["markdown"])

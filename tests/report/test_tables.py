@@ -1,6 +1,5 @@
 """Golden tables from made-up records."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -93,21 +92,6 @@ def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
     assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
 
 
-def test_two_rows_of_one_title_are_told_apart_by_where_they_were_run():
-    content = table()
-    seen, blank, *others = content.rows
-    rows = (
-        replace(seen, cells={**seen.cells, "mesh": Cell()}),
-        replace(blank, title=seen.title, cells=dict.fromkeys(blank.cells, Cell())),
-    )
-    said = notes(replace(content, rows=(*rows, *others)).of("mesh"))
-    assert {"Run on the view input alone: Classic MDS.", "Not run: Classic MDS."} <= set(said)
-
-
-def test_real_data_is_named_as_such():
-    assert "Animals: Beasts & Co (4 shapes" in markdown(table(stand_in=""))
-
-
 def test_latex_is_booktabs_escaped_and_stable():
     text = latex(table())
     assert text == latex(table())
@@ -143,14 +127,6 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
     lines = as_csv([table()]).splitlines()
     assert len(lines) == 7
     assert lines[0].startswith("table,dataset,stand_in,input,method,title,NN,FT,ST,DCG,paper_NN")
-
-
-def test_files_of_all_formats():
-    files = render([table()], ("latex", "markdown", "csv", "json"))
-    alone = [f"{prefix}table-III-beasts-{name}.tex" for prefix in ("", "paper-") for name in ("mesh", "view")]
-    both = ["table-III-beasts.md", "table-III-beasts.tex"]
-    assert sorted(files) == sorted([*alone, *both, "references.bib", "tables.csv", "tables.json", "reproduction.md"])
-    assert json.loads(files["tables.json"]) == rows_as_json([table()])
 
 
 def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):

@@ -8,10 +8,8 @@ from click.testing import CliRunner
 
 from benchmark.cli import run_plan
 from benchmark.cli.main import cli
-from benchmark.storage.environment import in_words
 from benchmark.storage.records import Records
 from benchmark.storage.store import StorageError, Store
-from benchmark.system.text import LONGEST_REASON
 from tests.records import record
 from tests.toy import files_of_at_most, write_rods
 
@@ -111,16 +109,6 @@ def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_pat
     assert "vanished during the run; bring it back or choose another --results DIR" in str(done.exception)
 
 
-def test_opening_a_store_does_not_look_through_its_records(tmp_path, monkeypatch):
-    """Every worker opens it, several times; what killed writers left is swept once a run."""
-    store = Store.open(tmp_path)
-    left = store.records.folder / ".99999999-ab.tmp"
-    left.write_text("half")
-    monkeypatch.setattr("benchmark.system.files.leftovers", lambda *_, **__: pytest.fail("swept"))
-    Store.open(tmp_path)
-    assert left.exists()
-
-
 def test_what_a_killed_merge_left_is_swept_by_the_next_run(rods, tmp_path):
     published = Records(tmp_path / "records")
     published.write(record("gps"))
@@ -130,33 +118,3 @@ def test_what_a_killed_merge_left_is_swept_by_the_next_run(rods, tmp_path):
         path.write_text("half")
     assert run(rods, tmp_path).exit_code == 0
     assert [path for path in left if path.exists()] == []
-
-
-def test_jobs_that_cannot_be_done_tell_their_environment_as_all_others_do(tmp_path):
-    selection = ("-t", "I", "-m", "learned[training_seed=99]", "--input", "view", "--executor", "serial")
-    assert CliRunner().invoke(cli, ["run", *selection, "--results", str(tmp_path)]).exit_code == 1
-    made = [found["environments"] for found in Store.open(tmp_path).records if found["status"] == "unavailable"]
-    assert made
-    for (each,) in made:
-        assert set(each) == {"environment", "artefacts"}
-        assert each["artefacts"] == 0
-        assert "numpy" in json.loads(each["environment"])
-
-
-@pytest.mark.parametrize(
-    ("made", "told"),
-    [
-        ('{"python": "3.11.7", "numpy": "2.0"}', "python 3.11.7, numpy 2.0"),
-        ({"python": "3.11.7"}, "python 3.11.7"),
-        ("no JSON {", "no JSON {"),
-        ("[1, 2]", "[1, 2]"),
-    ],
-)
-def test_an_environment_is_told_in_words_and_what_is_none_as_it_is(made, told):
-    assert in_words(made) == told
-
-
-def test_a_long_environment_that_is_none_is_cut():
-    told = in_words("[" * 100_000)
-    assert told.startswith("[[[[")
-    assert len(told) <= LONGEST_REASON

@@ -1,12 +1,10 @@
 """Records in files of lines: nothing is lost, whatever they lie in, whoever reads meanwhile."""
 
-import multiprocessing
 import os
 import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -17,11 +15,9 @@ from benchmark.storage.lines import KINDS
 from benchmark.storage.merging import publish
 from benchmark.storage.records import Records, as_text
 from benchmark.storage.store import Store
-from benchmark.system.files import locked, write_text
+from benchmark.system.files import write_text
 from tests.records import SHAPES, copy_published, failed, published, record
 from tests.storage.test_records import put_aliens
-
-ROOT = Path(__file__).parents[2]
 
 MADE = (
     record("gps", environments=[{"environment": "{}"}, {"python": "3"}]),
@@ -83,16 +79,6 @@ def test_what_is_gathered_again_is_the_same_file_and_a_later_record_changes_one_
     assert len(set(before["rods.jsonl"].splitlines()) - set(now["rods.jsonl"].splitlines())) == 1
 
 
-def test_gathered_records_can_be_removed_with_what_they_alone_have(records):
-    records.gather()
-    before = files(records.folder)
-    records.remove(MADE[2]["key"])
-    assert MADE[2]["key"] not in records
-    assert {each["key"] for each in Records(records.folder)} == {each["key"] for each in MADE} - {MADE[2]["key"]}
-    assert set(before) - set(files(records.folder)) == {"balls.jsonl"}
-    assert len(files(records.folder)["parts/galleries.jsonl"]) < len(before["parts/galleries.jsonl"])
-
-
 def test_what_is_no_record_stays_where_it_is_and_is_told(records):
     put_aliens(records.folder)
     aliens = {path.name for path in records.folder.glob("*.json")} - {f"{each['key']}.json" for each in MADE}
@@ -151,32 +137,6 @@ def test_a_damaged_part_stays_for_whoever_can_repair_it(records):
     again.remove(MADE[0]["key"])
     path.write_bytes(path.read_bytes().replace(b'"bills[', b'"balls['))
     assert Records(records.folder).read(MADE[2]["key"]) == MADE[2]
-
-
-@pytest.mark.parametrize("name", ["balls.jsonl", "parts/code.jsonl"])
-def test_nothing_is_written_anew_where_a_file_cannot_be_read(records, name, monkeypatch):
-    records.gather()
-    before = files(records.folder)
-    again = Records(records.folder)
-    whole = Records._bytes
-
-    def blocked(self, path, most):
-        if path == self.folder / name:
-            self.skipped[path.name] = "it cannot be read: Permission denied"
-            return None
-        return whole(self, path, most)
-
-    monkeypatch.setattr(Records, "_bytes", blocked)
-    with pytest.raises(OSError, match=f"{Path(name).name} cannot be written anew: it cannot be read"):
-        again.remove(MADE[0]["key"])
-    assert files(records.folder) == before
-
-
-def test_a_changed_part_is_none(records):
-    records.gather()
-    path = records.folder / "parts" / "galleries.jsonl"
-    path.write_bytes(path.read_bytes().replace(b'"balls[', b'"bills['))
-    assert {each["data"]["name"] for each in Records(records.folder)} == {"rods"}
 
 
 def test_publishing_writes_lines_and_drops_what_they_replace(tmp_path):
@@ -273,26 +233,3 @@ def test_published_records_come_back_from_either_form_key_for_key(tmp_path):
     assert before == {each["key"]: each for each in published() if each["key"] in before}
     records.gather()
     assert texts(Records(tmp_path)) == texts(sorted(before.values(), key=lambda each: (each["finished"], each["key"])))
-
-
-def test_processes_that_open_at_once_see_the_same_while_others_write(records):
-    wanted = {each["key"] for each in MADE}
-    with multiprocessing.get_context("fork").Pool(3) as pool:
-        requests = [pool.apply_async(keys_in, (records.folder,)) for _ in range(12)]
-        for _ in range(6):
-            records.write(MADE[0])
-            records.gather()
-        assert all(request.get(60) == wanted for request in requests)
-
-
-def test_a_reader_waits_for_a_writer(records):
-    with multiprocessing.get_context("fork").Pool(1) as pool:
-        with locked(records.folder, alone=True):
-            request = pool.apply_async(keys_in, (records.folder,))
-            request.wait(0.3)
-            assert not request.ready()
-        assert len(request.get(60)) == 4
-
-
-def keys_in(folder):
-    return {each["key"] for each in Records(folder)}

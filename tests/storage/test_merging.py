@@ -9,9 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.merging import merge_records, publish, records_under
+from benchmark.storage.merging import merge_records, publish
 from benchmark.storage.records import Records
-from benchmark.storage.store import StorageError, Store
 from tests.records import failed, record
 from tests.storage.test_records import put_aliens
 
@@ -88,11 +87,6 @@ def test_what_means_nothing_to_others_is_not_published(target, private):
     assert list(target) == []
 
 
-def test_a_results_folder_without_records_is_named(tmp_path):
-    with pytest.raises(StorageError, match="holds no records"):
-        records_under(Store(tmp_path / "runs"))
-
-
 def test_the_verb_joins_folders_and_shows_conflicts(tmp_path):
     for name, nn in ("a", 0.5), ("b", 0.75):
         Records(tmp_path / name / "runs" / "records").write(record(nn=nn))
@@ -139,10 +133,3 @@ def test_a_merge_that_is_killed_or_terminated_says_so_and_another_one_clears_up(
     assert again.stdout == "1 records added, 0 known, 0 conflicts\n"
     assert sorted(path.name for path in there.iterdir()) == ["parts", "rods.jsonl"]
     assert [each["key"] for each in Records(there)] == [record()["key"]]
-
-
-def test_the_verb_publishes(tmp_path):
-    Records(tmp_path / "a" / "runs" / "records").write(record())
-    done = CliRunner().invoke(cli, ["merge", "--published", str(tmp_path / "a"), "--results", str(tmp_path / "all")])
-    assert done.exit_code == 0
-    assert [r["method"] for r in Records(tmp_path / "all" / "records")] == ["classic-mds"]

@@ -78,9 +78,3 @@ def test_the_verb_frees_what_it_announces_and_a_run_computes_nothing_again(tmp_p
     # Another method needs no more than its own artefacts: the shapes are still prepared.
     call("run", *arguments, "-m", "shape-dna[count=6]", "--executor", "serial")
     assert len(there(store) - kept) == 4 + 1
-
-
-def test_a_failed_job_keeps_nothing(store):
-    artefact(store, "form")
-    store.write_record(failed())
-    assert len(list(unneeded(store))) == 1

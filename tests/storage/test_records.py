@@ -23,7 +23,7 @@ from benchmark.report.paper.document import paper_files
 from benchmark.report.results import Result
 from benchmark.storage.keys import digest
 from benchmark.storage.record_schema import fault_of
-from benchmark.storage.records import Records, as_text, by_place, outcome, portable
+from benchmark.storage.records import Records, as_text, outcome, portable
 from benchmark.storage.store import Store
 from tests.records import MEASURES, failed, record
 
@@ -45,23 +45,6 @@ def test_a_record_comes_back_as_it_was_and_a_later_one_replaces_it(records):
     records.remove(first["key"])
     assert first["key"] not in records
     assert records.read(first["key"]) is None
-
-
-def test_what_json_does_not_have_is_refused_and_the_old_record_stays(records):
-    records.write(record(nn=0.5))
-    with pytest.raises(ValueError, match="JSON"):
-        records.write(record(nn=0.5, peak_mib=float("nan")))
-    assert list(records) == [record(nn=0.5)]
-    assert len(list(records.folder.iterdir())) == 1
-
-
-def test_the_order_is_that_of_their_ends_wherever_they_lie(records, tmp_path):
-    made = [record(m, finished=f"2026-01-0{k}T00:00:00+00:00") for k, m in ((3, "pca"), (1, "gps"), (2, "random"))]
-    other = Records(tmp_path / "other")
-    for one, two in zip(made, reversed(made), strict=True):
-        records.write(one)
-        other.write(two)
-    assert [r["method"] for r in records] == [r["method"] for r in other] == ["gps", "random", "pca"]
 
 
 def without(found, *path):
@@ -305,23 +288,6 @@ def test_the_outcome_is_what_came_out_wherever_and_whenever():
     assert outcome(same) == outcome(record())
     assert outcome(record(nn=0.5)) != outcome(record(nn=0.75))
     assert outcome(record(labels=["a", "a", "b", "b"])) != outcome(record())
-
-
-def test_what_travels_does_not_name_files_of_this_machine():
-    assert set(record()) - set(portable(record())) == {"artefacts"}
-
-
-def test_the_file_has_one_part_a_line_and_no_place_depends_on_the_order_of_writing(records):
-    records.write(dict(reversed(GOOD.items())))
-    lines = (records.folder / f"{GOOD['key']}.json").read_text().splitlines()
-    assert len(lines) == len(GOOD) + 2
-    assert [line.partition(":")[0] for line in lines] == ["{", *(f'"{name}"' for name in sorted(GOOD)), "}"]
-
-
-def test_records_of_one_place_share_gallery_input_method_and_seed():
-    old, new = record(code="1"), record(code="2")
-    assert old["key"] != new["key"]
-    assert list(by_place([old, new, record("pca")]).values()) == [[old, new], [record("pca")]]
 
 
 def test_a_folder_that_this_user_may_not_read_is_named(records, monkeypatch):

@@ -1,4 +1,3 @@
-import json
 import resource
 import time
 
@@ -7,7 +6,6 @@ import pytest
 
 from benchmark.storage.store import StorageError, Store
 from benchmark.system.arrays import save_arrays
-from tests.records import record
 
 
 @pytest.fixture
@@ -77,51 +75,3 @@ def test_a_results_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="choose another --results"):
         Store.open(tmp_path / "file")
-
-
-def test_what_a_run_needs_for_a_while_is_kept_apart_and_goes_at_its_end(store):
-    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)}, scratch=True)
-    store.get_or_compute({"b": 1}, lambda: {"x": np.arange(3)})
-    assert store.find({"a": 1}) is None
-    assert store.find({"a": 1}, scratch=True) is not None
-    store.drop_scratch()
-    assert store.find({"a": 1}, scratch=True) is None
-    assert store.find({"b": 1}) is not None
-    assert not store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)}, scratch=True).was_cached
-
-
-def test_only_the_arrays_that_are_wanted_are_read(store):
-    store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3), "note:y": np.asarray(2)})
-    found = store.find({"a": 1}, wanted=lambda name: name.startswith("note:"))
-    assert set(found.arrays) == {"note:y"}
-    assert found.cost == store.find({"a": 1}).cost
-
-
-def test_an_artefact_can_be_forgotten(store):
-    made = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
-    store.discard(made.key)
-    store.discard(made.key)
-    assert store.find({"a": 1}) is None
-
-
-def test_an_artefact_tells_where_it_was_made(store):
-    made = store.get_or_compute({"a": 1}, lambda: {"x": np.arange(3)})
-    environment = json.loads(store.find({"a": 1}).environment)
-    assert json.loads(made.environment) == environment
-    assert environment["numpy"] == np.__version__
-
-
-def test_records_made_here_and_those_of_the_suite_lie_apart(store, tmp_path):
-    store.write_record(record())
-    store.published.write(record("gps"))
-    assert [found["method"] for found in store.records] == ["classic-mds"]
-    assert [found["method"] for found in store.published] == ["gps"]
-    assert (tmp_path / "records").is_dir()
-    assert (tmp_path / "runs" / "records").is_dir()
-
-
-def test_a_record_that_cannot_be_written_is_named(store):
-    store.records.folder.rmdir()
-    store.records.folder.write_text("in the way")
-    with pytest.raises(StorageError, match="free some space or choose another --results"):
-        store.write_record(record())

@@ -4,7 +4,6 @@ import os
 import stat
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -71,25 +70,3 @@ def test_only_what_dead_writers_left_is_swept(tmp_path):
     assert seen == [[dead]]
     assert sweep(tmp_path) == 1
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted([*kept, "other"])
-
-
-def test_what_is_an_hour_old_is_swept_whoever_has_the_number_of_its_writer(tmp_path):
-    for name, age in (("old", 4000), ("new", 3000)):
-        path = tmp_path / f".{os.getpid()}-{name}.tmp"
-        path.write_text("")
-        os.utime(path, (time.time() - age,) * 2)
-    assert sweep(tmp_path) == 1
-    assert [path.name for path in tmp_path.iterdir()] == [f".{os.getpid()}-new.tmp"]
-
-
-def test_a_number_that_no_process_has_is_dead(tmp_path):
-    (tmp_path / f".{10**30}-x.tmp").write_text("")
-    assert sweep(tmp_path) == 1
-
-
-def test_a_folder_alone_is_swept_without_those_below_it(tmp_path):
-    (tmp_path / "below").mkdir()
-    for folder in (tmp_path, tmp_path / "below"):
-        (folder / ".99999999-x.tmp").write_text("")
-    assert sweep(tmp_path, deep=False) == 1
-    assert [path.name for path in (tmp_path / "below").iterdir()] == [".99999999-x.tmp"]

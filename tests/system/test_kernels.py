@@ -1,11 +1,9 @@
 """Compiled kernels go when a module is newer whose kernels or constants are part of them."""
 
 import os
-import time
 
 import pytest
 
-from benchmark.system import kernels
 from benchmark.system.kernels import compiled_files, drop_stale_kernels
 
 KERNEL = """from numba import njit
@@ -58,34 +56,3 @@ def test_what_was_compiled_from_older_code_goes(suite, edited, expected):
     os.utime(suite / "baselines" / edited, (3000, 3000))
     drop_stale_kernels(suite)
     assert kept(suite) == expected
-
-
-def test_a_caller_may_say_what_changed(suite):
-    drop_stale_kernels(suite, changed=frozenset({suite / "baselines" / "inner.py"}))
-    assert kept(suite) == {"alone"}
-
-
-def test_nothing_is_parsed_where_nothing_was_edited(suite, monkeypatch):
-    monkeypatch.setattr(kernels, "_callees", lambda *_: pytest.fail("a source was parsed"))
-    assert drop_stale_kernels(suite) == 0
-
-
-def test_what_an_edit_left_alone_is_looked_at_once(suite, monkeypatch):
-    os.utime(suite / "baselines" / "alone.py", (3000, 3000))
-    assert drop_stale_kernels(suite) == 2
-    assert kept(suite) == {"inner", "outer"}
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "_callees", lambda *_: pytest.fail("a source was parsed"))
-        assert drop_stale_kernels(suite) == 0
-    os.utime(suite / "baselines" / "inner.py", (4000, 4000))
-    assert drop_stale_kernels(suite) == 4
-
-
-def test_an_edit_that_seems_to_come_hides_no_other(suite):
-    ahead = time.time() + 1000
-    os.utime(suite / "baselines" / "alone.py", (ahead, ahead))
-    drop_stale_kernels(suite)
-    now = time.time() + 1
-    os.utime(suite / "baselines" / "inner.py", (now, now))
-    drop_stale_kernels(suite)
-    assert kept(suite) == set()

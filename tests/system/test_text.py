@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.system.text import LONGEST_REASON, brief, clean, say, say_lines
+from benchmark.system.text import clean
 
 ANY = st.text(st.characters(codec=None, exclude_categories=()))
 
@@ -20,11 +20,6 @@ def test_whatever_it_was_it_can_be_printed_on_one_line(text):
     assert told.splitlines() in ([told], [])
     told.encode("utf-8")
     assert clean(told) == told
-
-
-@given(st.text(st.characters(min_codepoint=32, max_codepoint=126)))
-def test_plain_text_stays_what_it_is(text):
-    assert clean(text) == text
 
 
 @pytest.mark.parametrize(
@@ -47,22 +42,6 @@ def test_plain_text_stays_what_it_is(text):
 )
 def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
     assert clean(text) == told
-
-
-@given(ANY)
-def test_a_reason_has_at_most_five_hundred_characters(text):
-    assert len(brief(text * 50)) <= LONGEST_REASON
-    assert brief("x" * 500) == "x" * 500
-    assert brief("x" * 501) == "x" * 496 + " ..."
-
-
-def test_a_line_is_one_line_and_a_block_has_its_own(capsys):
-    say("one\nline")
-    say_lines("two\nlin\x07es\n")
-    say("told\x1b[2J", err=True)
-    out, err = capsys.readouterr()
-    assert out == "one line\ntwo\nlin\\x07es\n"
-    assert err == "told\n"
 
 
 @pytest.mark.parametrize(

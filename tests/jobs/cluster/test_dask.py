@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -292,19 +291,6 @@ def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, t
     assert node.is_ready == (not problem)
     assert problem in str(node.refusal or "")
     assert ("worker tcp://a has distributed 1, this machine 2" in capsys.readouterr().err) == told
-
-
-@pytest.mark.slow
-def test_a_method_that_takes_too_long_is_stopped_and_its_place_is_told(place, cluster):
-    cluster.worker()
-    (place / "notes" / "trap").write_text("")
-    done = run(*selection(place, "results"), *on(cluster), "--timeout", "20s")
-    assert done.exit_code == 1, done.output
-    found = {record["method"]: record for record in Store.open(place / "results").records}
-    assert {name: record["status"] for name, record in found.items()} == {"noted": "timeout", "surface-area": "ok"}
-    assert re.match(r"thi(ck|n)\d: stopped after 20 s", found["noted"]["reason"])
-    assert "in describe" in found["noted"]["traceback"]
-    assert list((place / "results" / "runs" / "progress").iterdir()) == []
 
 
 @pytest.mark.slow

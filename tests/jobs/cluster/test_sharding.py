@@ -39,18 +39,6 @@ def test_every_job_is_in_exactly_one_shard_and_the_shards_are_even(described, co
     assert max(loads) - min(loads) <= max((len(j.identifiers) for j in jobs), default=0)
 
 
-def test_the_cut_looks_at_no_state_and_takes_a_job_of_two_tables_once():
-    missing = [job(key, 5) for key in "abcdef"] + [job("", 5, name="animals view smooth")]
-    done = [job(j.key, 5, j.name, "cached") for j in missing]
-    twice = [*missing, missing[1]]
-    for number in (1, 2, 3):
-        shard = Shard(number, 3)
-        assert [j.key for j in shard.of(missing)] == [j.key for j in shard.of(done)]
-        assert shard.told(missing) == shard.told(done) == shard.told(twice)
-    assert sum(j is missing[1] for n in (1, 2, 3) for j in Shard(n, 3).of(twice)) == 2
-    assert Shard(1, 3).told(missing).partition(":")[0] != Shard(1, 3).told(missing[1:]).partition(":")[0]
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -109,11 +97,3 @@ def test_three_shards_and_merge_are_one_run(tmp_path):
     ]
     assert rows[0] == rows[1]
     assert {record["status"] for record in Store.open(tmp_path / "joined").records} == {"ok", "unavailable"}
-
-
-@pytest.mark.slow
-def test_a_shard_without_jobs_is_fine(tmp_path):
-    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    text = call("run", "-d", rods, "-m", "surface-area", "--input", "mesh", "--shard", "2/2", "--results", tmp_path)
-    assert text.splitlines()[1] == "0 of 0 jobs to run, 0 finished before"
-    assert list(Store.open(tmp_path).records) == []

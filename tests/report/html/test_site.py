@@ -9,19 +9,14 @@ from PIL import Image
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import Mesh
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html import gallery, site
-from benchmark.report.html import queries as browser
 from benchmark.report.html.folder import CONTENTS, Folder, data_script, script_json
-from benchmark.report.html.measured import Ranked, measured, poses_of
+from benchmark.report.html.measured import Ranked, measured
 from benchmark.report.html.queries import write_queries
 from benchmark.report.html.site import write_report
-from benchmark.report.html.surfaces import REACH, packed, quantised, thinned
 from benchmark.report.html.thumbnails import ACROSS, DOWN, SIDE
 from benchmark.report.results import Result
-from benchmark.report.statistics.rankings import ranking
 from benchmark.storage.store import Store
 from benchmark.system.files import write_text
 from retrieval.measures import PRINTED
@@ -61,33 +56,6 @@ def test_no_string_ends_its_script_and_every_one_is_read_back_as_it_is_shown():
 
 def script_json_text(text):
     return json.loads(script_json(text))
-
-
-def test_coordinates_and_faces_are_packed_for_the_page():
-    points = np.array([[-REACH, 0.0, REACH], [2 * REACH, -9.0, 0.1]])
-    steps = quantised(points, REACH)
-    assert steps.tolist() == [[0, 32768, 65535], [65535, 0, 34815]]
-    assert packed(np.array([1, 258], dtype=">u2")) == "AQACAQ=="  # little-endian whatever the machine
-
-
-def test_a_surface_is_thinned_to_vertices_that_it_has():
-    mesh = rod(0.1, 1.0, rings=80, sides=20)
-    found = thinned(mesh, 400)
-    assert 350 < len(found.chosen) < 450
-    assert len(set(found.chosen.tolist())) == len(found.chosen)
-    assert found.faces.max() < len(found.chosen)
-    assert (found.values == found.all_values[found.chosen]).all()
-    assert len(thinned(mesh, 5000).chosen) == mesh.n_vertices
-
-
-def test_a_form_with_triangles_of_its_own_is_drawn_with_them_however_many_vertices_it_has():
-    shape = rod(0.1, 1.0, rings=20, sides=10)
-    other = Mesh(shape.vertices[::-1], shape.n_vertices - 1 - shape.faces)
-    column = gallery._Column(Entry("rod0", "rod", "bent"), shape, thinned(shape))
-    column.meshes = {"same": shape.with_vertices(2 * shape.vertices), "other": other}
-    assert gallery._thinned(column, gallery.INPUT_ROW) is column.thin
-    assert gallery._thinned(column, "same") is column.thin
-    assert (gallery._thinned(column, "other").faces == other.faces).all()
 
 
 # A whole report ------------------------------------------------------------------------------------------------------
@@ -175,15 +143,6 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
     assert outside.read_text() == "kept"
 
 
-def test_a_report_that_was_killed_at_once_is_none_that_stands_in_the_way(tmp_path):
-    write_text(tmp_path / "parts" / f".{2**22 + 1}-ab.tmp", "half")
-    Folder(tmp_path).claim(["index.html", "parts"])
-    assert [path.name for path in (tmp_path / "parts").iterdir()] == ["contents.json"]
-    (tmp_path / "other" / "parts" / "own").mkdir(parents=True)
-    with pytest.raises(ConfigurationError, match="parts is not of a report"):
-        Folder(tmp_path / "other").claim(["index.html", "parts"])
-
-
 def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
     folder = tmp_path / "site"
     write_text(folder / "index.html", "a home page")
@@ -219,45 +178,7 @@ def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts, tmp_path):
     assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
 
 
-def test_the_forms_of_a_large_report_are_thinned_and_it_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(site, "MOST_SMALL_FORMS", 6)
-    write_made_up(tmp_path, (2, 3, 2))
-    _, told = received((tmp_path / "parts" / "data" / "table-rods-queries.js").read_text())
-    (why,) = (why for why in told["galleries"][0]["methods"][0]["missing"] if why.startswith("not drawn"))
-    assert told["galleries"][0]["methods"][0]["missing"][why] == [1, 3, 4]
-
-
 # Large and damaged ----------------------------------------------------------------------------------------------------
-
-
-def test_many_queries_are_split_and_too_many_are_thinned(artefacts, tmp_path, monkeypatch):
-    names = [f"s{k}" for k in range(350)]
-    labels = [f"c{k % 7}" for k in range(350)]
-    points = np.random.default_rng(0).random((350, 3))
-    matrix = np.linalg.norm(points[:, None] - points[None], axis=2)
-    large = record("gps", shapes=names, labels=labels, per_query={name: [0.5] * 350 for name in PRINTED})
-    ranked = [Ranked("mesh", "gps", large, ranking(matrix, labels))]
-    folder = Folder(tmp_path)
-    told = write_queries("t", ranked, {"gps": "GPS"}, {}, artefacts, folder)
-    assert len(folder.sizes) == 4
-    assert told["galleries"][0]["queries"] is None
-    _, last = received((tmp_path / "parts" / "data" / "queries-t-0-3.js").read_text())
-    assert len(last["gps"]["nearest"]) == 50
-    assert last["gps"]["nearest"][-1] == ranking(matrix, labels).nearest[349].tolist()
-    monkeypatch.setattr(browser, "MOST_BYTES", 120 * browser._EACH)
-    fewer = write_queries("few", ranked, {"gps": "GPS"}, {}, artefacts, Folder(tmp_path / "few"))
-    chosen = fewer["galleries"][0]["queries"]
-    assert (len(chosen), chosen[0], chosen[-1]) == (120, 0, 349)
-
-
-@pytest.mark.parametrize("n_methods", [1, 30, 300])
-def test_the_more_methods_the_fewer_shapes_are_drawn(n_methods):
-    sets = {
-        f"set-{k}": [record(f"m{n}", input_) for n in range(n_methods) for input_ in ("mesh", "view")] for k in range(4)
-    }
-    shapes = site._shapes_per_set(sets)
-    assert 2 <= shapes <= site.MOST_SHAPES
-    assert shapes == 2 or shapes * n_methods * 2 * 4 <= site.MOST_FORMS
 
 
 def test_damaged_distances_cost_their_job_alone(artefacts):
@@ -300,17 +221,3 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
     assert told["gps"]["classes"]["NN"] == [1.0, 0.5]
     assert told["gps"]["seconds"] == 2.0
     assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["pca", "gps"]}
-
-
-def test_numbers_are_no_poses_unless_every_subject_takes_them(artefacts):
-    class Data:
-        def __init__(self, shapes):
-            self.entries = [type("Entry", (), {"identifier": a + b, "subject": a, "pose": b})() for a, b in shapes]
-
-    def told(shapes):
-        artefacts._datasets["rods"] = Data(shapes)
-        return poses_of(record("gps"), artefacts)
-
-    assert told([("a", "1"), ("a", "2"), ("a", "3"), ("b", "1")]) == {}
-    assert told([(a, b) for a in "ab" for b in "123"])["a2"] == "2"
-    assert len(SHAPES) == 4

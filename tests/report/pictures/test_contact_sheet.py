@@ -10,9 +10,8 @@ from benchmark.cli.verbs.data import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.official.tosca import tosca
-from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.geometry.camera import FRONT, SIDE
-from benchmark.geometry.mesh import Mesh
+from benchmark.errors import BenchmarkError, UnreadableMesh
+from benchmark.geometry.camera import FRONT
 from benchmark.report.pictures import contact_sheet as sheets
 from benchmark.report.pictures.contact_sheet import WIDTH, contact_sheet, select
 from tests.toy import rod, write_rods
@@ -52,10 +51,6 @@ class Rods:
         return FRONT
 
 
-def identifiers(rows):
-    return [[entry.identifier for entry in row] for row in rows]
-
-
 def pixels(sheet):
     return np.asarray(sheet.image.convert("RGB"))
 
@@ -70,16 +65,6 @@ def chunks(content):
     return names
 
 
-def test_shapes_are_spread_evenly():
-    rows = select(Rods(n_subjects=7, n_poses=10), 3, 4)
-    assert identifiers(rows) == [[f"{s}-{p}" for p in (0, 3, 6, 9)] for s in (0, 3, 6)]
-    assert identifiers(select(Rods(), None, 1)) == [["0-0"], ["1-0"]]
-
-
-def test_more_than_there_is_shows_all_once():
-    assert identifiers(select(Rods(n_subjects=2, n_poses=3), 9, 9)) == [["0-0", "0-1", "0-2"], ["1-0", "1-1", "1-2"]]
-
-
 def test_the_canonical_pose_leads(tmp_path):
     write_rods(tmp_path)
     (tmp_path / "dataset.toml").write_text('canonical_pose = { thick = "2" }\n')
@@ -88,63 +73,12 @@ def test_the_canonical_pose_leads(tmp_path):
     assert [pose[-1] for pose in shown["thin"]] == ["0", "1", "2"]
 
 
-@pytest.mark.parametrize(("subjects", "poses"), [(0, 3), (2, 0), (-1, 3)])
-def test_a_sheet_of_nothing_is_refused(subjects, poses):
-    with pytest.raises(ConfigurationError, match="positive"):
-        select(Rods(), subjects, poses)
-
-
-def test_an_empty_set_is_refused():
-    with pytest.raises(DatasetError, match="no meshes"):
-        select(Rods(n_subjects=0), None, 3)
-
-
-def test_too_many_poses_are_refused():
-    with pytest.raises(ConfigurationError, match="fewer poses"):
-        contact_sheet(Rods(n_subjects=1, n_poses=60), None, 60)
-
-
 @pytest.mark.parametrize(("subjects", "poses"), [(1, 1), (3, 4), (2, 12)])
 def test_the_sheet_fits_the_width_and_is_white_around(subjects, poses):
     image = pixels(contact_sheet(Rods(subjects, poses), None, poses))
     assert image.shape[1] <= WIDTH
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
         assert (edge == 255).all()
-
-
-def test_white_borders_are_all_that_is_cropped():
-    for dataset in (Rods(3, 6), Rods(2, 12)):
-        rows = select(dataset, None, 12)
-        sights = {e.identifier: sheets._Sight(dataset.load(e), FRONT, 1.0) for row in rows for e in row}
-        layout = sheets._Layout.of(rows, sights)
-        assert layout.aside == (dataset.n_poses == 6)
-        for i, row in enumerate(rows):
-            for j, entry in enumerate(row):
-                pictures = sights[entry.identifier].pictures(layout.aside, layout.size)
-                for picture, width in zip(pictures, layout.widths[j], strict=True):
-                    whole = np.round(255 * picture) < 255
-                    kept = np.asarray(sheets._cropped(picture, width, layout.heights[i])) < 255
-                    assert kept.sum() == whole.sum() > 0
-
-
-def test_the_three_quarter_view_looks_down_from_where_the_head_is():
-    # An animal that faces -y has its head on the right of the side camera's picture.
-    direction = np.array(sheets._three_quarter(SIDE).direction)
-    assert direction @ SIDE.direction > 0.5
-    assert direction[1] > 0.3
-    assert direction[2] < 0
-
-
-def test_depth_pictures_share_the_scale_of_the_set_and_surfaces_fill_theirs():
-    small, large = (sheets._Sight(Mesh(s * rod(0.1, 0).vertices, rod(0.1, 0).faces), FRONT, 2.0) for s in (1, 2))
-    widths = [[np.ptp(np.nonzero((p < 1).any(axis=(0, 2)))[0]) for p in s.pictures(False, 100)] for s in (small, large)]
-    assert widths[0][0] == widths[1][0] > 85
-    assert widths[1][1] == pytest.approx(2 * widths[0][1], abs=3)
-
-
-def test_poses_are_named_once_where_all_rows_share_them():
-    same, own = contact_sheet(Rods()), contact_sheet(Rods(own_poses=True))
-    assert own.image.height - same.image.height == sheets._LINE
 
 
 def test_a_shape_that_cannot_be_read_is_crossed_out_and_reported():
@@ -162,27 +96,12 @@ def test_shapes_beyond_the_frame_are_crossed_out_and_reported():
     assert all("of the half width 0.3 of the camera's frame" in problem for problem in problems)
 
 
-def test_a_set_without_a_frame_gets_the_one_that_fits_all_shapes():
-    # The straight rod is the longest, so the sheet of one bent pose must know the others.
-    fitted = contact_sheet(Rods(half_width=None, n_subjects=1), None, 2)
-    extent = np.ptp(rod(0.05, 0).vertices[:, 0]) / 2
-    declared = contact_sheet(Rods(half_width=float(extent / 0.9), n_subjects=1), None, 2)
-    assert (pixels(fitted) == pixels(declared)).all()
-
-
 def test_the_same_sheet_is_the_same_file(tmp_path):
     for name in ("a.png", "sub/b.PNG"):
         contact_sheet(Rods()).save(tmp_path / name)
     first = (tmp_path / "a.png").read_bytes()
     assert first == (tmp_path / "sub" / "b.PNG").read_bytes()
     assert set(chunks(first)) <= {b"IHDR", b"PLTE", b"IDAT", b"IEND"}
-
-
-def test_the_palette_changes_shades_by_little(monkeypatch):
-    few = pixels(contact_sheet(Rods())).astype(int)
-    monkeypatch.setattr(Image.Image, "quantize", lambda self, *_, **__: self)
-    assert np.abs(few - pixels(contact_sheet(Rods()))).max() <= 8
-    assert (few == 255).all(axis=2).mean() > 0.5
 
 
 def test_other_names_and_places_that_cannot_be_written_are_refused(tmp_path):
@@ -192,14 +111,6 @@ def test_other_names_and_places_that_cannot_be_written_are_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BenchmarkError, match="-o"):
         sheet.save(tmp_path / "file" / "sheet.png")
-
-
-def test_long_names_are_shortened():
-    short = sheets._shortened("an-exceedingly-long-name-of-a-pose", 80)
-    assert short.startswith("an-ex")
-    assert short.endswith("…")
-    assert sheets._text_width(short) <= 80
-    assert sheets._shortened("pose", 80) == "pose"
 
 
 def test_the_verb_writes_the_sheet_of_a_folder(tmp_path):
