@@ -449,7 +449,7 @@ def try_plugin(case: Case, kind: str, template: str, listed: Any) -> None:
 
 
 def try_plugin_file(
-    case: Case, source: bytes, statuses: str = "", says: str = "", hangs: bool = False, method: str = "bad"
+    case: Case, source: bytes, statuses: str = "", says: str = "", method: str = "bad", *, hangs: bool = False
 ) -> None:
     """In a run the innocent method keeps its scores, unless the file is refused before; other verbs end well."""
     path, stuck = case.folder / "plugin.py", hangs or statuses == "timeout"

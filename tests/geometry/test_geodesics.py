@@ -15,8 +15,6 @@ from benchmark.geometry.preparation import prepare
 from benchmark.geometry.shortest_paths import shortest_paths
 from tests.geometry.surfaces import joined, limbed_body, relabelled, sphere
 
-pytestmark = pytest.mark.kernels
-
 GRAPHS = ("geodesic-graph", "dijkstra")
 BODY = prepare(limbed_body(), 500).mesh
 TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -64,6 +62,7 @@ def test_great_circles():
 # --- against independent implementations -------------------------------------------------------------------------
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("build", [edge_graph, geodesic_graph])
 def test_shortest_paths_agree_with_scipy(build):
     graph = build(BODY)
@@ -141,6 +140,7 @@ def test_scale_and_rigid_motion(exponent, seed):
         )
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("solver", GRAPHS)
 def test_a_few_sources_give_the_rows_of_the_matrix(solver):
     sources = np.array([7, 400, 7, 0])

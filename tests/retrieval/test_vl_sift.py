@@ -21,8 +21,6 @@ from retrieval.views import BACKGROUND, render, view_sphere
 from tests.retrieval.figures import figure
 from tools.golden import inputs
 
-pytestmark = pytest.mark.kernels
-
 Keypoints = Mapping[str, NDArray[Any]]
 
 #: Keypoints of vl_sift of VLFeat 0.9.21, written by ``python -m tests.retrieval.test_vl_sift``.

@@ -35,16 +35,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--only", nargs="+", metavar="NAME", help="run these alone; edited: those whose code was edited"
     )
-    parser.add_argument("--coverage", action="store_true", help="list the lines that no golden input runs")
     chosen = parser.parse_args(arguments)
     only = list(components()) if chosen.only is None else chosen.only
     names = sorted({*only, *(unchecked() if "edited" in only else [])} - {"edited"})
     if unknown := {*names, *chosen.accept} - {*components(), "all"}:
         parser.error(f"unknown component {min(unknown)}; there are {', '.join(components())}")
-    if chosen.coverage:
-        from tools.golden.coverage import report
-
-        return report(names)
     moved = [
         name for name, arrays, differences in _run(names) if not _settled(name, arrays, differences, chosen.accept)
     ]

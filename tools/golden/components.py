@@ -40,7 +40,7 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "cm-bof": ("allow_mirror=true", "pose=pca"),
 }
 
-#: Shapes that are small enough to run without compilation, those that methods refuse among them, and larger ones.
+#: Small shapes, those that methods refuse among them, and larger ones.
 SMALL = ("small", "small-open", "pieces", "tetrahedron")
 LARGER = ("bridged", "closed", "open")
 SIGNED = ("closed", "small", "open", "bridged")
@@ -79,10 +79,9 @@ _STAGES, _SETS = "benchmark.jobs.stages.", "benchmark.datasets."
 
 
 class Part(NamedTuple):
-    """One call: its name, whether it takes seconds at most without compilation, what is called, and with what."""
+    """One call: its name, what is called, and with what."""
 
     name: str
-    small: bool
     make: Callable[..., Mapping[str, Any]]
     arguments: tuple[Any, ...] = ()
 
@@ -120,7 +119,7 @@ def _components() -> Iterator[tuple[str, Component]]:
         made_by = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
         yield f"data/{name}", Component(partial(_generated, name), tuple(sorted(made_by)), FORMS)
     for name, module in SAMPLERS.items():
-        parts = partial(_called, stages.sampled, {"bodies": (name,)}, small=False)
+        parts = partial(_called, stages.sampled, {"bodies": (name,)})
         yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)
     yield "data/files", Component(partial(_read, "files"), (f"{_SETS}folder", "benchmark.geometry.io"))
     yield (
@@ -137,7 +136,7 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "change/decimation", Component(partial(_called, stages.changed, decimations), (f"{_SETS}decimated",), FORMS)
     yield "measures", Component(_measures, (f"{_STAGES}measures",))
     called = tuple(f"{_STAGES}{name}" for name in ("complete", "form", "measures"))
-    parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")}, small=False)
+    parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")})
     yield "end-to-end", Component(parts, (modules["classic-mds"], modules["cm-bof"], *called))
 
 
@@ -146,80 +145,77 @@ def _of_method(name: str) -> Iterator[Part]:
     for variant in [name, *(f"{name}[{variant}]" for variant in VARIANTS.get(name, ()))]:
         if spec.learns and "view" in spec.info.inputs:
             for image in ("woman", "man", "nothing", "tiny"):
-                yield Part(f"{variant}/{image}", True, stages.learned_form, (variant, inputs.depth_shape(image)))
+                yield Part(f"{variant}/{image}", stages.learned_form, (variant, inputs.depth_shape(image)))
             continue
         witnesses = ("large",) if variant == name and not (spec.describes or name.startswith("scikit-learn")) else ()
         for shape in (*SMALL, *LARGER, *witnesses):
-            small = shape in SMALL and (variant == name or shape == "small")
             if spec.describes:
-                yield Part(f"{variant}/{shape}", small, stages.descriptors_of, (variant, (shape,)))
+                yield Part(f"{variant}/{shape}", stages.descriptors_of, (variant, (shape,)))
             elif spec.learns:
-                yield Part(f"{variant}/{shape}", small, stages.learned_form, (variant, inputs.shape(shape)))
+                yield Part(f"{variant}/{shape}", stages.learned_form, (variant, inputs.shape(shape)))
             else:
-                yield Part(f"{variant}/{shape}", small, stages.form_of, (variant, shape))
+                yield Part(f"{variant}/{shape}", stages.form_of, (variant, shape))
         if spec.describes:
-            yield Part(variant, False, stages.descriptors_of, (variant, SIGNED))
+            yield Part(variant, stages.descriptors_of, (variant, SIGNED))
 
 
 def _of_scorer(name: str) -> Iterator[Part]:
-    quick = name != "cm-bof"
     for shape in (*SIGNED, "tetrahedron", "flat", "line"):
-        yield Part(shape, quick, stages.signature, (name, shape))
+        yield Part(shape, stages.signature, (name, shape))
     if name == "cm-bof":
-        yield Part("few-pixels", True, stages.signature, (f"{name}[image_size=48]", "small"))
-        yield Part("few-words", True, stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
+        yield Part("few-pixels", stages.signature, (f"{name}[image_size=48]", "small"))
+        yield Part("few-words", stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
     for variant in VARIANTS.get(name, ()):
-        yield Part(variant, False, stages.signature, (f"{name}[{variant}]", "closed"))
-        yield Part(f"{variant}/compared", False, stages.compared, (f"{name}[{variant}]", SIGNED))
-    yield Part("compared", quick, stages.compared, (name, SIGNED))
+        yield Part(variant, stages.signature, (f"{name}[{variant}]", "closed"))
+        yield Part(f"{variant}/compared", stages.compared, (f"{name}[{variant}]", SIGNED))
+    yield Part("compared", stages.compared, (name, SIGNED))
 
 
 def _api() -> Iterator[Part]:
     for shape in (*SMALL, *LARGER):
         for solver in SOLVERS:
-            yield Part(f"{solver}/{shape}", shape in SMALL, stages.geodesics, (shape, solver))
+            yield Part(f"{solver}/{shape}", stages.geodesics, (shape, solver))
         if shape != "pieces":  # of several constant functions each combination is one
-            yield Part(f"laplacian/{shape}", True, stages.laplacian, (shape,))
-    yield Part("random", True, stages.draws)
+            yield Part(f"laplacian/{shape}", stages.laplacian, (shape,))
+    yield Part("random", stages.draws)
 
 
 def _generated(name: str) -> Iterator[Part]:
     dataset = open_dataset(name, None)
-    yield Part("all", True, stages.entries_of, (dataset,))
+    yield Part("all", stages.entries_of, (dataset,))
     for entry in (dataset.entries[place] for place in GENERATED[name]):
-        yield Part(entry.identifier, False, stages.mesh_of, (dataset, entry))
+        yield Part(entry.identifier, stages.mesh_of, (dataset, entry))
     if name in WHOLE:
-        yield Part(WHOLE[name], name == "humans-random", getattr(stages, WHOLE[name]))
+        yield Part(WHOLE[name], getattr(stages, WHOLE[name]))
 
 
 def _read(folder: str) -> Iterator[Part]:
     for path in sorted((inputs.INPUTS / folder).iterdir()):
-        yield Part(path.name, True, stages.file_of, (path,))
+        yield Part(path.name, stages.file_of, (path,))
     if folder == "files":
-        yield Part("folder", True, stages.folder_of, (inputs.INPUTS / folder,))
+        yield Part("folder", stages.folder_of, (inputs.INPUTS / folder,))
     else:
-        yield Part("object", True, stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
+        yield Part("object", stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
 
 
 def _changed(name: str) -> Iterator[Part]:
     of_frames, on_mesh = PERTURBATIONS[name].of_frames, PERTURBATIONS[name].on_mesh
     for strength in STRENGTHS:
-        small = not of_frames and strength > 2
-        yield Part(f"{strength}", small, stages.changed, (name, strength, 17 if of_frames else 0))
+        yield Part(f"{strength}", stages.changed, (name, strength, 17 if of_frames else 0))
     if on_mesh:
-        yield Part("scan", True, stages.changed, (name, 3, 1))
+        yield Part("scan", stages.changed, (name, 3, 1))
 
 
 def _measures() -> Iterator[Part]:
     for answered in (False, True):
         for name, matrices in {"plain": ("plain-0", "plain-1"), "tied": ("tied",), "constant": ("constant",)}.items():
-            yield Part(f"{name}{'-answered' if answered else ''}", True, stages.measured, (matrices, answered))
+            yield Part(f"{name}{'-answered' if answered else ''}", stages.measured, (matrices, answered))
     for size in (2, 4):
-        yield Part(f"split-{size}", True, stages.split, (size,))
+        yield Part(f"split-{size}", stages.split, (size,))
 
 
-def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]], small: bool = True) -> Iterator[Part]:
-    return (Part(name, small, call, given) for name, given in arguments.items())
+def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]]) -> Iterator[Part]:
+    return (Part(name, call, given) for name, given in arguments.items())
 
 
 @cache

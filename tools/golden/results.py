@@ -65,12 +65,10 @@ def version_of(arrays: Mapping[str, NDArray[Any]]) -> str:
     return digest_of_bytes(b"".join(parts))
 
 
-def run_component(name: str, small: bool = False) -> Arrays:
-    """Make the results of a component as they are kept; ``small`` leaves out what takes long without compilation."""
+def run_component(name: str) -> Arrays:
+    """Make the results of a component as they are kept."""
     arrays: Arrays = {}
     for part in components()[name].parts():
-        if small and not part.small:
-            continue
         try:
             made = part.make(*part.arguments)
         except ShapeError as error:
