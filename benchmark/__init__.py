@@ -1,3 +1,16 @@
 """The harness: what to run, running it, showing it."""
 
+from typing import Any
+
 __version__ = "0.2.0"
+
+#: What is offered here, and the module that has it: none is imported before it is asked for.
+_OFFERED = {"score": "benchmark.external.scoring"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _OFFERED:
+        raise AttributeError(f"module 'benchmark' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module(_OFFERED[name]), name)

@@ -29,19 +29,20 @@ def chance_levels(labels: ArrayLike) -> dict[str, float]:
     ConfigurationError
         If no class has two members.
     """
-    return _levels(np.asarray(labels))
+    names = np.asarray(labels)
+    n_relevant = (names[:, None] == names).sum(axis=1) - 1
+    return chance_of_queries(np.full(len(names), len(names) - 1), n_relevant)
 
 
-def _levels(labels: NDArray[Any]) -> dict[str, float]:
-    n_results = len(labels) - 1
-    n_relevant = (labels[:, None] == labels).sum(axis=1) - 1
+def chance_of_queries(n_results: NDArray[Any], n_relevant: NDArray[Any]) -> dict[str, float]:
+    """The same for queries that each have results of their own: how many, and how many of them are relevant."""
     if not (n_relevant > 0).any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
-    sizes, multiplicity = np.unique(n_relevant, return_counts=True)
+    sizes, multiplicity = np.unique(np.column_stack([n_results, n_relevant]), axis=0, return_counts=True)
     total, n_queries = np.zeros(len(MEASURES)), 0
-    for relevant, queries in zip(sizes.tolist(), multiplicity.tolist(), strict=True):
+    for (results, relevant), queries in zip(sizes.tolist(), multiplicity.tolist(), strict=True):
         if relevant:
-            order = RandomOrder(n_results, relevant)
+            order = RandomOrder(results, relevant)
             total += queries * np.array([measure.by_chance(order) for measure in MEASURES])
             n_queries += queries
     return dict(zip((measure.name for measure in MEASURES), (total / n_queries).tolist(), strict=True))

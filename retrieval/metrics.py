@@ -6,6 +6,7 @@ stands in :mod:`retrieval.measures`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,6 +20,23 @@ from retrieval.measures import MEASURES, FloatArray, RankedResults
 ASYMMETRY = 1e-6
 #: Rows of a distance matrix that are looked at together.
 ROWS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """Results of one query, in any order.
+
+    Parameters
+    ----------
+    distances, relevant
+        Distance of each result from the query, and whether it is relevant, shape (n,) each.
+    is_answered
+        Whether the query has a result at all; without one it has 0 in every measure.
+    """
+
+    distances: FloatArray
+    relevant: NDArray[np.bool_]
+    is_answered: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +94,29 @@ def evaluate(
         If the matrix is not square, finite and symmetric, does not fit the labels, or ``ties`` is unknown.
     """
     matrix, classes, has_result = with_missing(distances, labels, answered)
+
+    def queries() -> Iterator[Query]:
+        for query, has in enumerate(has_result):
+            others = np.delete(np.arange(len(matrix)), query)
+            yield Query(matrix[query, others], classes[others] == classes[query], bool(has))
+
+    return evaluate_queries(queries(), ties)
+
+
+def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"] = "expected") -> Scores:
+    """Score queries that each have results of their own; see :func:`evaluate`.
+
+    Raises
+    ------
+    ConfigurationError
+        If no query has a relevant result, or ``ties`` is unknown.
+    """
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
     rows, are_tied = [], []
-    for query, has in enumerate(has_result):
-        results, is_tied = _ranked(matrix[query], classes, query, ties)
+    for query in queries:
+        results, is_tied = _ranked(query, ties)
+        has = query.is_answered
         rows.append(_measured(results) if has or not results.n_relevant else [0.0] * len(MEASURES))
         are_tied.append(bool(has and results.n_relevant and is_tied))
     values = np.array(rows).reshape(-1, len(MEASURES))
@@ -170,17 +206,16 @@ def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray
     return matrix, np.unique(names, return_inverse=True)[1]
 
 
-def _ranked(row: FloatArray, classes: NDArray[np.intp], query: int, ties: str) -> tuple[RankedResults, bool]:
+def _ranked(query: Query, ties: str) -> tuple[RankedResults, bool]:
     """Return the results of a query in their order, and whether ties matter."""
-    others = np.delete(np.arange(len(row)), query)
-    order = others[np.argsort(row[others], kind="stable")]
-    relevant = (classes[order] == classes[query]).astype(np.float64)
+    order = np.argsort(query.distances, kind="stable")
+    relevant = query.relevant[order].astype(np.float64)
     n_relevant, n_results = int(relevant.sum()), len(order)
     if not n_relevant:
         return RankedResults(relevant, relevant, 0), False
 
     # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and before it.
-    starts = np.flatnonzero(np.diff(row[order], prepend=-np.inf) > 0)
+    starts = np.flatnonzero(np.diff(query.distances[order], prepend=-np.inf) > 0)
     sizes = np.diff(starts, append=n_results)
     group_hits = np.add.reduceat(relevant, starts)
     is_tied = bool(((group_hits > 0) & (group_hits < sizes)).any())

@@ -21,7 +21,7 @@ LAYERS = (
     ("benchmark.protocols",),
     ("benchmark.jobs",),
     ("benchmark.report",),
-    ("benchmark.bundles", "benchmark.depth_forms", "benchmark.results"),
+    ("benchmark.bundles", "benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli",),
     ("benchmark.__main__",),
 )

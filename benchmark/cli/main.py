@@ -26,6 +26,7 @@ from benchmark.cli.verbs.paper import paper
 from benchmark.cli.verbs.results import compare, merge, prune, why
 from benchmark.cli.verbs.retrieve import retrieve
 from benchmark.cli.verbs.run import plan, run
+from benchmark.cli.verbs.score import score
 from benchmark.cli.verbs.submit import submit
 from benchmark.cli.verbs.tables import report, tables
 from benchmark.cli.verbs.train import train
@@ -85,7 +86,7 @@ def completion_(shell: str) -> None:
 
 for verb in (
     run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
-    data, train, merge, compare, submit, verify, leaderboard, prune, why, compile_,
+    data, train, merge, compare, score, submit, verify, leaderboard, prune, why, compile_,
 ):  # fmt: skip
     cli.add_command(verb)
 

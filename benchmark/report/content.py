@@ -21,7 +21,7 @@ from benchmark.report.results import Result, tables_of
 from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import SignificanceTable, table_significance
 from benchmark.storage.keys import digest
-from benchmark.storage.records import chance_of
+from benchmark.storage.records import EXTERNAL, chance_of
 from benchmark.system.text import brief
 
 #: Parameter of learners that tells trainings of one row apart.
@@ -65,6 +65,7 @@ class Row:
         told += [
             f"{input_}: coverage {number(cell.coverage)}" for input_, cell in self.cells.items() if cell.is_partial
         ]
+        told += [EXTERNAL] if self.family == EXTERNAL else []
         marks = [TIED] if any(cell.n_tied for cell in self.cells.values()) else []
         marks += [OUTDATED] if any(cell.outdated for cell in self.cells.values()) else []
         return " ".join([brief(self.title), *([f"({', '.join(told)})"] if told else []), *marks])

@@ -114,7 +114,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "unsupported": len(record.get("unsupported", [])),
         "coverage": round(cell.coverage, 6) if scores else None,
         **_supported(cell),
-        "seconds": round(sum(record["cost"]["seconds_per_shape"].values()), 4) if "cost" in record else None,
+        "seconds": None if cell.seconds is None else round(cell.seconds, 4),
         "peak_mib": record.get("peak_mib"),
         "spread": {m: round(cell.deviation[m], 6) for m in PRINTED} if cell.deviation else None,
         "interval": {metric: [round(one.low, 6), round(one.high, 6)] for metric, one in judged.items()} or None,

@@ -21,7 +21,7 @@ from benchmark.protocols.tables import TABLES
 from benchmark.storage import keys
 from benchmark.storage.environment import changed_packages
 from benchmark.storage.lock import edited, key_of, read_lock, words_of_edit
-from benchmark.storage.records import Place, Record, by_place, models_proven_by, scorer_name
+from benchmark.storage.records import EXTERNAL, Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.storage.store import Store
 
 __all__ = ["Result", "Results", "with_repeats"]
@@ -178,7 +178,7 @@ class Results:
     def _gallery(self, record: Record) -> Gallery | None:
         """The gallery of a record, where it belongs to a table and its data is here."""
         name, quick = record["data"]["name"], bool(record["data"]["quick"])
-        if name not in CATALOGUE or not is_present(name, self.data_root):
+        if record["family"] == EXTERNAL or name not in CATALOGUE or not is_present(name, self.data_root):
             return None
         if (name, quick) not in self._galleries:
             tables = [t.identifier for t in TABLES if name in t.datasets and not (quick and t.ablation)]

@@ -53,6 +53,9 @@ LOCAL = frozenset({"artefacts", "files"})
 #: Scorer of a record that names none, and what the record of a descriptor says in its place.
 DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 
+#: Family of rows of which other programs computed the distances or the forms.
+EXTERNAL = "external"
+
 #: Skipped files of a folder that are named one by one.
 MOST_TOLD = 10
 

@@ -104,13 +104,13 @@ def load_arrays(
         parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
         if sum(part.file_size for part in parts.values()) > LARGEST:
             raise ValueError("the arrays are too large")
-        told = json.loads(str(_read(archive, parts.pop(_CONTENTS))))
+        told = json.loads(str(read_array(archive, parts.pop(_CONTENTS))))
         if told["key"] != key or told["arrays"].keys() != parts.keys():
             raise ValueError("the file holds something else than its name says")
         if sum(part.file_size * (2 if _is_half(told["arrays"][name]) else 1) for name, part in parts.items()) > LARGEST:
             raise ValueError("the arrays are too large once unfolded")
         chosen = {name: part for name, part in parts.items() if wanted is None or wanted(name)}
-        return {name: _as_told(_read(archive, part), told["arrays"][name]) for name, part in chosen.items()}
+        return {name: _as_told(read_array(archive, part), told["arrays"][name]) for name, part in chosen.items()}
 
 
 def _kind(array: NDArray[Any]) -> list[Any]:
@@ -159,7 +159,8 @@ def _unfolded(upper: NDArray[Any], count: int) -> NDArray[Any]:
     return matrix
 
 
-def _read(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
+def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
+    """Return the array of an archive; raises ``ValueError`` where it is not as large as is said of it."""
     with archive.open(part) as file:
         content = file.read(part.file_size)  # no more than was announced, whatever unfolds
         if len(content) != part.file_size or file.read(1):

@@ -106,8 +106,9 @@ def compare(first: str, second: str, everything: bool, **given: Any) -> None:
         found = compare_folders(*records)
     else:
         known = methods(options.plugins)
-        names = (variant(first, known).name, variant(second, known).name)
-        found = compare_methods(records[0], *names, scorer_of(options.scorer, known_scorers).name)
+        recorded = {record["method"] for record in records[0]}
+        one, other = (name if name in recorded else variant(name, known).name for name in (first, second))
+        found = compare_methods(records[0], one, other, scorer_of(options.scorer, known_scorers).name)
         if not found.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(found, first, second, everything=everything):

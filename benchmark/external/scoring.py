@@ -1,0 +1,201 @@
+"""Measures of distances from anywhere: every query ranks the gallery, and ties count as the mean over their orders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import ConfigurationError
+from benchmark.external.distances import DistanceMatrix, as_distances
+from benchmark.external.labels import Labels, as_labels
+from benchmark.report.statistics.queries import UNIT
+from benchmark.report.statistics.significance import intervals
+from retrieval.chance import chance_of_queries
+from retrieval.measures import MEASURES
+from retrieval.metrics import ASYMMETRY, Query, Scores, evaluate_queries
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Scores of a distance matrix.
+
+    Parameters
+    ----------
+    scores
+        One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
+        classes, and ``chance``.
+    queries
+        One row for each query: ``labels`` and each measure; NaN where the gallery has nothing relevant.
+    notes
+        What a reader must know: asymmetry, ties, queries that count in no mean.
+    """
+
+    scores: DataFrame
+    queries: DataFrame
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Distances with the labels of their rows and columns.
+
+    Parameters
+    ----------
+    values
+        Shape (queries, gallery).
+    queries, gallery
+        Labels of rows and columns.
+    """
+
+    values: NDArray[np.float64]
+    queries: Labels
+    gallery: Labels
+
+    @property
+    def is_square(self) -> bool:
+        """Return whether queries and gallery are the same shapes in the same order."""
+        return self.queries == self.gallery
+
+    @classmethod
+    def of(cls, distances: DistanceMatrix, labels: Labels, query_labels: Labels | None = None) -> Task:
+        """Join distances and labels.
+
+        Raises
+        ------
+        ConfigurationError
+            If they do not fit, or the numbers are no distances.
+        """
+        gallery = labels.of(distances.gallery, "the columns") if distances.gallery else labels
+        of_queries = query_labels or (labels if distances.queries else gallery)
+        queries = of_queries.of(distances.queries, "the rows") if distances.queries else of_queries
+        shape = (len(queries.classes), len(gallery.classes))
+        if distances.values.shape != shape:
+            raise ConfigurationError(
+                f"the distances have shape {distances.values.shape}, and the labels are of {shape[0]} queries and "
+                f"{shape[1]} shapes of the gallery",
+                "pass one label per row and column, and labels of the rows (--query-labels) where they are other ones",
+            )
+        found = cls(np.array(distances.values, dtype=np.float64), queries, gallery)
+        found._check()
+        return found
+
+    def _check(self) -> None:
+        values = self.values
+        if self.is_square:
+            own = values.diagonal()
+            if (own > 0).all() and (own >= values.max(axis=1)).all() and (own > values.min(axis=1)).any():
+                raise ConfigurationError("each shape is farthest from itself", "pass distances, not similarities")
+            np.fill_diagonal(values, 0.0)
+        wrong = np.argwhere(~np.isfinite(values))
+        if len(wrong):
+            row, column = (int(place) for place in wrong[0])
+            raise ConfigurationError(
+                f"{len(wrong)} distances are NaN or infinite, the first in row {row + 1}, column {column + 1}",
+                "write a distance larger than all others where a method has no result",
+            )
+        if values.min() < -ASYMMETRY * np.abs(values).max():
+            raise ConfigurationError(
+                f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest one"
+            )
+
+    @property
+    def asymmetry(self) -> float:
+        """Largest difference from the transpose, relative to the largest distance; 0 for a rectangular matrix."""
+        if not self.is_square or not self.values.any():
+            return 0.0
+        return float(np.abs(self.values - self.values.T).max() / self.values.max())
+
+    def answers(self) -> Iterator[Query]:
+        """Results of each query, without the query itself."""
+        known = {label: n for n, label in enumerate(dict.fromkeys(c for of in self.gallery.classes for c in of))}
+        members = np.zeros((len(self.gallery.classes), len(known)), dtype=np.bool_)
+        for place, classes in enumerate(self.gallery.classes):
+            members[place, [known[label] for label in classes]] = True
+        places = {name: place for place, name in enumerate(self.gallery.names)}
+        for number, classes in enumerate(self.queries.classes):
+            shared = members[:, [known[label] for label in classes if label in known]]
+            relevant = np.logical_or.reduce(shared, axis=1)
+            own = places.get(self.queries.names[number]) if self.queries.names else None
+            own = number if self.is_square else own
+            others = np.arange(len(relevant)) != (-1 if own is None else own)
+            yield Query(self.values[number, others], relevant[others])
+
+    def chance(self) -> dict[str, float]:
+        """Expected measures of a random order."""
+        sizes = np.array([(len(query.relevant), query.relevant.sum()) for query in self.answers()])
+        return chance_of_queries(sizes[:, 0], sizes[:, 1])
+
+    def notes(self, scores: Scores) -> Iterator[str]:
+        """Say what is unusual."""
+        if self.asymmetry > ASYMMETRY:
+            yield f"The matrix is not symmetric (by {self.asymmetry:.2g} of its largest distance): rows are queries."
+        if scores.tied_queries:
+            yield f"{scores.tied_queries} queries have ties that matter; scores are means over their orders."
+        if scores.lone_queries:
+            yield f"{scores.lone_queries} queries have no relevant shape and count in no mean."
+
+
+def score(distances: object, labels: object, query_labels: object = None) -> Evaluation:
+    """Score distances that any program computed.
+
+    Parameters
+    ----------
+    distances
+        Shape (N, N), or (queries, gallery); an array, a pandas frame whose index and columns name the shapes, or the
+        path of a file. In a square matrix the diagonal is ignored.
+    labels
+        Label of each shape of the gallery, or several in a list; a mapping from names; or the path of a ``.cla`` file,
+        a text file or a folder of shapes.
+    query_labels
+        Labels of the rows where they are not those of the gallery. A query whose name is in the gallery, too, is not
+        its own result.
+
+    Returns
+    -------
+    Evaluation
+        Measures with intervals and chance, of all queries and of each.
+
+    Raises
+    ------
+    ConfigurationError
+        If sizes or names do not fit, or a number is NaN, infinite or negative.
+
+    Examples
+    --------
+    >>> import benchmark
+    >>> distances = [[0, 1, 4, 3], [1, 0, 5, 2], [4, 5, 0, 1], [3, 2, 1, 0]]
+    >>> benchmark.score(distances, ["cat", "cat", "dog", "dog"]).scores.loc["NN", "score"]
+    1.0
+    """
+    task = Task.of(
+        as_distances(distances), as_labels(labels), None if query_labels is None else as_labels(query_labels)
+    )
+    return evaluated(task)
+
+
+def evaluated(task: Task, scores: Scores | None = None) -> Evaluation:
+    """Return measures, intervals and chance of a task."""
+    from pandas import DataFrame
+
+    found = evaluate_queries(task.answers()) if scores is None else scores
+    names = [measure.name for measure in MEASURES]
+    values = np.column_stack([found.per_query[name] for name in names])
+    ends = intervals(np.rint(values / UNIT), [tuple(sorted(classes)) for classes in task.queries.classes])
+    chance = task.chance()
+    table = {
+        "score": [found.means[name] for name in names],
+        "low": ends[:, 0],
+        "high": ends[:, 1],
+        "chance": [chance[name] for name in names],
+    }
+    index: Sequence[object] = task.queries.names or range(1, len(values) + 1)
+    labels = [";".join(classes) for classes in task.queries.classes]
+    queries = DataFrame({"labels": labels, **found.per_query}, index=list(index))
+    return Evaluation(DataFrame(table, index=names), queries.rename_axis("query"), tuple(task.notes(found)))
