@@ -22,15 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
+from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import methods
 from benchmark.plugins.scorers import scorers
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
-from benchmark.storage.merging import told
-from benchmark.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
-from benchmark.storage.store import StorageError, Store
-from benchmark.system.text import DATA_VARIABLE
+from benchmark.text import DATA_VARIABLE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -172,7 +172,7 @@ class ResultsFolder:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
         from pandas import DataFrame
 
-        from benchmark.jobs.preparation import require_arrays
+        from benchmark.pipeline.preparation import require_arrays
 
         record = self._scored(key)
         method_run = self._artefacts.method_run(record)

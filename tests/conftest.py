@@ -39,7 +39,7 @@ for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIG
 @pytest.fixture(scope="session", autouse=True)
 def _published_lines_are_checked_once() -> Iterator[None]:
     """Check each line of the published records once: they are a second's work, and most tests of tables read them."""
-    from benchmark.storage.records import Records
+    from benchmark.pipeline.storage.records import Records
 
     published, checked = Path(__file__).parents[1] / "results" / "records", Records._record
     known: dict[bytes, dict[str, Any]] = {}
@@ -70,7 +70,7 @@ def server_of_workers() -> Iterator[Any]:
 def forked_workers(server_of_workers: Any) -> Iterator[None]:
     """Fork the workers of all runs of a module, whose tests are not about processes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.system.processes._start", server_of_workers)
+        patch.setattr("benchmark.run.processes.process._start", server_of_workers)
         yield
 
 

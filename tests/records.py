@@ -7,9 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmark.storage.keys import digest
-from benchmark.storage.records import Records, as_text
-from benchmark.system.files import write_text
+from benchmark.files import write_text
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import Records, as_text
 from retrieval.chance import chance_levels
 
 MEASURES = ("NN", "FT", "ST", "DCG")

@@ -11,15 +11,16 @@ ROOT = Path(__file__).parents[1]
 #: the same layer. A module belongs to the longest name that fits.
 LAYERS = (
     ("benchmark.errors", "benchmark.cgroup"),
-    ("benchmark.threads",),
-    ("benchmark.system", "benchmark.plugins.parameters"),
+    ("benchmark.threads", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
+    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.run.processes", "benchmark.plugins.parameters"),
     ("benchmark.geometry", "benchmark.plugins.modules"),
     ("benchmark.api", "benchmark.depth"),
     ("baselines", "learned", "retrieval"),
-    ("benchmark.datasets", "benchmark.reference", "benchmark.storage"),
+    ("benchmark.datasets", "benchmark.reference", "benchmark.pipeline.storage"),
     ("benchmark.plugins",),
     ("benchmark.protocols",),
-    ("benchmark.jobs",),
+    ("benchmark.pipeline",),
+    ("benchmark.run", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.bundles", "benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli",),
@@ -71,9 +72,9 @@ def test_a_package_imports_only_from_layers_below(name, path):
 
 
 def test_an_arrow_from_the_store_to_the_runner_would_fail():
-    assert not may_import("benchmark.storage.store", "benchmark.jobs.execution.runner")
-    assert not may_import("benchmark.datasets.folder", "benchmark.storage.store")
-    assert may_import("benchmark.jobs.execution.runner", "benchmark.storage.store")
+    assert not may_import("benchmark.pipeline.storage.store", "benchmark.run.runner")
+    assert not may_import("benchmark.datasets.folder", "benchmark.pipeline.storage.store")
+    assert may_import("benchmark.run.runner", "benchmark.pipeline.storage.store")
 
 
 def test_every_module_has_a_layer():

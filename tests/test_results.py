@@ -11,10 +11,10 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
+from benchmark.files import write_text
+from benchmark.pipeline.storage.records import as_text
+from benchmark.pipeline.storage.store import StorageError
 from benchmark.results import open_results
-from benchmark.storage.records import as_text
-from benchmark.storage.store import StorageError
-from benchmark.system.files import write_text
 from retrieval.metrics import evaluate
 from tests.records import published as published_records
 from tests.toy import write_rods

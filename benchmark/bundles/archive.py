@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmark.arrays import load_arrays
 from benchmark.bundles.manifest import MANIFEST, NAMES, BundleError
-from benchmark.storage.record_schema import read_json
-from benchmark.system.arrays import load_arrays
+from benchmark.pipeline.storage.record_schema import read_json
 
 #: Bytes of the largest bundle, of all its files together, of one of them, and of the arrays that one unfolds to.
 LARGEST_BUNDLE, LARGEST_TOTAL, LARGEST_FILE, LARGEST_ARRAYS = 2**30, 2**31, 2**29, 2**30

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from benchmark.datasets.catalogue import catalogued, is_present
 from benchmark.errors import BenchmarkError
+from benchmark.pipeline.storage.records import Record, answered_shapes, place
+from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.tables import TABLES
-from benchmark.storage.records import Record, answered_shapes, place
-from benchmark.storage.store import Store
 
 
 @dataclass(frozen=True)

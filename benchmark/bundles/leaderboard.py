@@ -13,12 +13,12 @@ from jinja2 import ChoiceLoader, PackageLoader
 from benchmark.bundles.checking import Request, digest_of_file, verify
 from benchmark.bundles.outcome import Outcome, RowOutcome
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.pipeline.storage.environment import in_words
+from benchmark.pipeline.storage.keys import digest
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.pages import ENVIRONMENT
 from benchmark.report.rounding import number
-from benchmark.storage.environment import in_words
-from benchmark.storage.keys import digest
-from benchmark.system.code import text_of
+from benchmark.source_code import text_of
 from retrieval.measures import PRINTED
 
 #: Digits of a digest in the address of a row.

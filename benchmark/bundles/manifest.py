@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, get_args
 
 from benchmark.errors import BenchmarkError
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 #: First entry of every manifest.
 FORMAT = "canonical-forms bundle 1"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.arrays import Arrays, load_arrays
 from benchmark.bundles.archive import Archive
 from benchmark.bundles.manifest import Entry, Plugin
 from benchmark.bundles.outcome import Fault, claim, lie
@@ -19,9 +20,12 @@ from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.method_run import MethodRun
-from benchmark.jobs.preparation import Preparation, require_arrays
-from benchmark.jobs.recipes import method_components
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.recipes import method_components
+from benchmark.pipeline.storage.lock import versions_of
+from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.plugins.remote import close_to_plugins
@@ -31,12 +35,8 @@ from benchmark.plugins.shuffling import in_shuffled_order
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import Model, find_models
 from benchmark.report.content import own_table
-from benchmark.storage.lock import versions_of
-from benchmark.storage.records import Record, answered_shapes, scorer_name
-from benchmark.storage.store import Store
-from benchmark.system.arrays import Arrays, load_arrays
-from benchmark.system.calls import Guard, call_apart
-from benchmark.system.processes import ForeignError
+from benchmark.run.processes.calls import Guard, call_apart
+from benchmark.run.processes.process import ForeignError
 
 #: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
 #: in distances of the scorer, relative to their mean. Other processors move forms by 2e-4 at most.

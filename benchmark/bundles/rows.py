@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.arrays import Arrays, digest_of
 from benchmark.bundles.archive import Archive
 from benchmark.bundles.known import Known
 from benchmark.bundles.manifest import BundleError, Entry
@@ -17,9 +18,11 @@ from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import catalogued
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.plan import data_recipe
-from benchmark.jobs.recipes import scorer_recipe
-from benchmark.jobs.stages import measures
+from benchmark.pipeline.recipes import scorer_recipe
+from benchmark.pipeline.stages import measures
+from benchmark.pipeline.storage.keys import digest, plain
+from benchmark.pipeline.storage.lock import versions_of
+from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import BUILT_IN, methods, variant
 from benchmark.plugins.scorers import BUILT_IN as SCORERS
@@ -27,10 +30,7 @@ from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.rounding import number
-from benchmark.storage.keys import digest, plain
-from benchmark.storage.lock import versions_of
-from benchmark.storage.records import Record, answered_shapes, scorer_name
-from benchmark.system.arrays import Arrays, digest_of
+from benchmark.run.plan import data_recipe
 
 #: Largest difference between a score that is told and the one that is computed: half of a printed digit.
 SCORE_TOLERANCE = 0.005

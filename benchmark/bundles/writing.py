@@ -15,26 +15,26 @@ from typing import Any
 import numpy as np
 
 from benchmark import __version__
+from benchmark.arrays import Arrays, save_arrays
 from benchmark.bundles.manifest import LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.jobs.method_run import MethodRun
-from benchmark.jobs.preparation import require_arrays
-from benchmark.jobs.recipes import distances_recipe, draws_of, features_recipe, source_data
-from benchmark.jobs.stages import form
+from benchmark.files import write_atomically
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import require_arrays
+from benchmark.pipeline.recipes import distances_recipe, draws_of, features_recipe, source_data
+from benchmark.pipeline.stages import form
+from benchmark.pipeline.storage.environment import environment
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.records import Record, answered_shapes, as_text, portable, scorer_name
+from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.modules import helpers_of
 from benchmark.plugins.output_checks import signature_of
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.storage.environment import environment
-from benchmark.storage.keys import digest
-from benchmark.storage.merging import told
-from benchmark.storage.records import Record, answered_shapes, as_text, portable, scorer_name
-from benchmark.storage.store import StorageError
-from benchmark.system.arrays import Arrays, save_arrays
-from benchmark.system.files import write_atomically
 
 #: Array of a form that holds its faces where they are those of the shape; it counts to no digest.
 FACES = "about:faces"

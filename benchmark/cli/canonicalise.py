@@ -15,7 +15,7 @@ from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
 from benchmark.plugins.output_checks import form_of
 from benchmark.plugins.registry import methods, variant
-from benchmark.system.calls import Guard, call_apart
+from benchmark.run.processes.calls import Guard, call_apart
 
 #: A form in plain values: vertices, faces and notes.
 Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
@@ -128,9 +128,9 @@ def plain_form(source: Path, request: FormRequest, vertices: int | str | None = 
     """
     from benchmark.geometry.camera import FRONT
     from benchmark.geometry.io import read_mesh
-    from benchmark.jobs.preparation import shape_of
-    from benchmark.jobs.stages.complete import complete
-    from benchmark.jobs.stages.view import half_width_of, seen
+    from benchmark.pipeline.preparation import shape_of
+    from benchmark.pipeline.stages.complete import complete
+    from benchmark.pipeline.stages.view import half_width_of, seen
     from benchmark.protocols.models import with_model
 
     spec = variant(request.method, methods(request.plugins))
@@ -158,7 +158,7 @@ def _with_vertices(
     """The form of a mesh at a number of vertices, or at those of the mesh itself, and its notes."""
     from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
     from benchmark.geometry.preparation import prepare
-    from benchmark.jobs.stages.complete import N_VERTICES
+    from benchmark.pipeline.stages.complete import N_VERTICES
 
     prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
     shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from benchmark.cli.options import INTERRUPTED
 from benchmark.datasets.base import Entry, Watched
-from benchmark.system.text import clean, say
+from benchmark.text import clean, say
 
 #: Seconds between two lines where there is no terminal.
 INTERVAL = 10.0

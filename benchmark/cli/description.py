@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark.plugins.parameters.description import described
 from benchmark.plugins.parameters.values import format_value
 from benchmark.reference.bibliography import source_of
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 if TYPE_CHECKING:
     from benchmark.plugins.registry import MethodSpec

@@ -113,9 +113,9 @@ def _data_of(table: Table, data_root: Path | None) -> str:
 def models(results: Path) -> Rows:
     """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
     from benchmark.api.learning import CARD, Learner, read_card
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins import registry
     from benchmark.protocols.model_places import MODELS_VARIABLE, model_places
-    from benchmark.storage.store import Store
 
     folders = {Store(results / "runs").models: "trained here"}
     for spec in registry.methods().values():

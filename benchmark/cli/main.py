@@ -32,7 +32,7 @@ from benchmark.cli.verbs.tables import report, tables
 from benchmark.cli.verbs.train import train
 from benchmark.cli.verbs.verify import verify
 from benchmark.errors import BenchmarkError, one_line
-from benchmark.system.text import say
+from benchmark.text import say
 
 #: How the program is called in what it says.
 PROGRAM = "python -m benchmark"
@@ -93,7 +93,7 @@ for verb in (
 
 def program() -> None:
     """Run the command line as a program of its own; threads and exit handlers of a plugin have no say in its end."""
-    from benchmark.system import reaper
+    from benchmark.run.processes import reaper
 
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
@@ -125,7 +125,7 @@ def _exit_code(error: BaseException | None) -> int:
 
 def main() -> None:
     """Run the command line; problems that the user can correct are one line and exit code 2."""
-    from benchmark.system.kernel_cache import choose_kernel_cache
+    from benchmark.kernel_cache import choose_kernel_cache
     from benchmark.threads import pin_threads
 
     pin_threads()

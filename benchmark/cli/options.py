@@ -15,15 +15,15 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.completion import EVERY, FINISHED
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.system.text import DATA_VARIABLE, say
+from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
-    from benchmark.jobs.cluster.sharding import Shard
-    from benchmark.jobs.job_specs import Job
+    from benchmark.pipeline.storage.records import Record
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
-    from benchmark.storage.records import Record
-    from benchmark.storage.store import Store
+    from benchmark.run.job_specs import Job
+    from benchmark.run.sharding import Shard
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -284,7 +284,7 @@ class RunOptions:
             Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables,
             they are made from published records alone, where there are any.
         """
-        from benchmark.storage.store import Store
+        from benchmark.pipeline.storage.store import Store
 
         store = Store.open(self.results)
         is_published = self.published or (
@@ -310,10 +310,10 @@ class RunOptions:
         """Plan the run, or the shard of it; without tables and data sets, those of plugin files are meant."""
         from benchmark.datasets.catalogue import sources
         from benchmark.datasets.own import data_sets_of
-        from benchmark.jobs.plan import JobSettings, make_plan, require_jobs
         from benchmark.plugins.registry import methods, select
         from benchmark.protocols.galleries import galleries
         from benchmark.protocols.tables import INPUTS
+        from benchmark.run.plan import JobSettings, make_plan, require_jobs
 
         specs = select(self._methods(store), methods(self.plugins), self.plugins)
         if not self.methods or EVERY in self.methods:
@@ -470,7 +470,7 @@ class ShardOption(click.ParamType["Shard"]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
         """Parse a part."""
-        from benchmark.jobs.cluster.sharding import Shard
+        from benchmark.run.sharding import Shard
 
         return value if isinstance(value, Shard) else Shard.parse(str(value))
 

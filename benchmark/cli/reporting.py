@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say
+from benchmark.text import say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,7 +60,7 @@ def write_figure(
     if what == "cost":
         save(_cost_figure(selection), path)
     else:
-        from benchmark.storage.store import Store
+        from benchmark.pipeline.storage.store import Store
 
         store = Store.open(selection.results)
         planned = selection.jobs(store)

@@ -8,7 +8,7 @@ from pathlib import Path
 from benchmark.cli.depth_forms import FrameOptions
 from benchmark.cli.options import RunOptions
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.retrieval import Found, GallerySearch, input_for
+from benchmark.pipeline.retrieval import Found, GallerySearch, input_for
 
 
 def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, options: RunOptions) -> list[str]:
@@ -35,11 +35,11 @@ def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, op
         If the query cannot be treated.
     """
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.registry import methods, variant
     from benchmark.protocols.galleries import Gallery
     from benchmark.protocols.models import find_models
     from benchmark.report.content import own_table
-    from benchmark.storage.store import Store
 
     begun = time.perf_counter()
     (name,), (source,) = options.methods, options.datasets

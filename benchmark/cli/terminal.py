@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from benchmark.report.grid import Figure, Style, grid_of
 from benchmark.report.notes import notes
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 if TYPE_CHECKING:
     from rich.table import Table

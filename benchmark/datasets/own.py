@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from benchmark.api.datasets import DatasetInfo, ListsShapes
+from benchmark.arrays import Arrays
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import file_digest
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_line
@@ -18,9 +19,8 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.plugins.modules import classes_of, import_plugin, is_closed, sources_of
 from benchmark.plugins.parameters.values import parameter_values
-from benchmark.system.arrays import Arrays
-from benchmark.system.processes import Process, Requester
-from benchmark.system.text import LONGEST_NAME, clean, is_name
+from benchmark.run.processes.process import Process, Requester
+from benchmark.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.arrays import LARGEST, read_array
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.external.labels import Labels
-from benchmark.system.arrays import LARGEST, read_array
 
 _HINT = "write the matrix as text, CSV, .npy, .npz, .mat (-v7) or as PSB's .matrix"
 

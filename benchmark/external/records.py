@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from benchmark.api.contracts import Input
+from benchmark.arrays import digest_of
 from benchmark.errors import ConfigurationError
 from benchmark.external.labels import Labels
 from benchmark.external.scoring import Task
-from benchmark.storage.keys import digest
-from benchmark.storage.lock import key_of, versions_of
-from benchmark.storage.records import EXTERNAL, NO_SCORER, Record
-from benchmark.storage.store import Store
-from benchmark.system.arrays import digest_of
-from benchmark.system.text import LONGEST_NAME
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.lock import key_of, versions_of
+from benchmark.pipeline.storage.records import EXTERNAL, NO_SCORER, Record
+from benchmark.pipeline.storage.store import Store
+from benchmark.text import LONGEST_NAME
 from retrieval.chance import chance_levels
 from retrieval.metrics import Scores
 

@@ -7,7 +7,7 @@ from typing import Any, get_args, get_type_hints
 
 from benchmark.api.contracts import Input, MethodInfo
 from benchmark.api.scoring import ScorerInfo
-from benchmark.system.text import LONGEST_NAME, RESERVED, is_name
+from benchmark.text import LONGEST_NAME, RESERVED, is_name
 
 #: Random draws of a scorer, each of which ranks the whole gallery.
 _MOST_DRAWS = 100

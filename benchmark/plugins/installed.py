@@ -13,7 +13,7 @@ from benchmark.plugins.information import is_name
 from benchmark.plugins.inspection import inspect_package
 from benchmark.plugins.modules import unknown
 from benchmark.plugins.specs import S
-from benchmark.system.processes import is_child
+from benchmark.run.processes.process import is_child
 
 __all__ = ["Installed", "KnownPlugins", "entry_points_of", "installed"]
 

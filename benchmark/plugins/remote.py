@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
+from benchmark.arrays import Arrays
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.storage.costs import Cost
 from benchmark.plugins.modules import close_process
 from benchmark.plugins.serving import folded, serve
 from benchmark.plugins.specs import PluginSpec, ScorerSpec
-from benchmark.storage.costs import Cost
-from benchmark.system.arrays import Arrays
-from benchmark.system.processes import Process
+from benchmark.run.processes.process import Process
 
 Facts = dict[str, Any]
 

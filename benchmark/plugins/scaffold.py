@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
+from benchmark.files import write_text
 from benchmark.plugins.registry import methods
 from benchmark.plugins.scorers import scorers
-from benchmark.system.files import write_text
-from benchmark.system.text import LONGEST_NAME, RESERVED, is_name
+from benchmark.text import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
 

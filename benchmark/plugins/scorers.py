@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from benchmark.pipeline.storage.records import DEFAULT_SCORER
 from benchmark.plugins.installed import KnownPlugins, installed
 from benchmark.plugins.registry import variant
 from benchmark.plugins.specs import ScorerSpec, plugins_of
-from benchmark.storage.records import DEFAULT_SCORER
 
 __all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers", "unusable"]
 

@@ -19,6 +19,8 @@ from benchmark.api.contracts import Descriptor, Method, MethodInfo
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.pipeline.storage.keys import plain
+from benchmark.pipeline.storage.records import DEFAULT_SCORER
 from benchmark.plugins.information import problems_of
 from benchmark.plugins.modules import (
     classes_of,
@@ -30,11 +32,9 @@ from benchmark.plugins.modules import (
 )
 from benchmark.plugins.parameters.grid import quoted
 from benchmark.plugins.parameters.values import format_value, non_default_values, parameter_values
-from benchmark.storage.keys import plain
-from benchmark.storage.records import DEFAULT_SCORER
-from benchmark.system.code import FIRST_PARTY
-from benchmark.system.forks import one_of_us
-from benchmark.system.processes import adopt
+from benchmark.run.processes.forks import one_of_us
+from benchmark.run.processes.process import adopt
+from benchmark.source_code import FIRST_PARTY
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)
 Made = TypeVar("Made")

@@ -19,7 +19,7 @@ from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.model_places import model_places, where_else
 from benchmark.protocols.trainings import TRAININGS, set_of_subjects, trainings_by_shape
-from benchmark.system.text import say
+from benchmark.text import say
 
 __all__ = ["MissingModel", "Model", "TooNear", "find_models", "with_model"]
 

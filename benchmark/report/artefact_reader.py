@@ -17,16 +17,16 @@ from benchmark.datasets.own import is_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.jobs.method_run import MethodRun
-from benchmark.jobs.preparation import Preparation, require_arrays
-from benchmark.jobs.stages.form import form_mesh
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.stages.form import form_mesh
+from benchmark.pipeline.storage.records import Record, answered_shapes
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.modules import is_imported
 from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
-from benchmark.storage.records import Record, answered_shapes
-from benchmark.storage.store import Store
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import chance_of, coverage_of
 from benchmark.report.results import Result
 from benchmark.report.statistics.queries import UNIT
-from benchmark.storage.keys import digest
-from benchmark.storage.records import chance_of, coverage_of
 
 Figures = Mapping[str, float]
 

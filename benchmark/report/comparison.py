@@ -9,11 +9,11 @@ import numpy as np
 
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.rounding import number
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals, permutation_test
-from benchmark.storage.merging import told
-from benchmark.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.

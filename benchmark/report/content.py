@@ -12,6 +12,8 @@ from typing import Any, cast
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.rows import ONLY_ABLATED
 from benchmark.protocols.tables import INPUTS, TABLES, Table
@@ -20,9 +22,7 @@ from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
 from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import SignificanceTable, table_significance
-from benchmark.storage.keys import digest
-from benchmark.storage.records import EXTERNAL, chance_of
-from benchmark.system.text import brief
+from benchmark.text import brief
 
 #: Parameter of learners that tells trainings of one row apart.
 TRAINING_SEED = "training_seed"

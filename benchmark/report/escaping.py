@@ -13,7 +13,7 @@ from html import escape
 
 from markupsafe import Markup
 
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 #: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
 #: name or a number.

@@ -7,13 +7,13 @@ from importlib import resources
 from pathlib import Path
 
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.files import sweep, write_text
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import Notes, latex_files
 from benchmark.report.reproduction.document import reproduction_markdown
 from benchmark.report.reproduction.figures import paper_tables
 from benchmark.report.statistics.document import has_splits, intervals_markdown, splits_markdown
-from benchmark.system.files import sweep, write_text
 
 #: Characters by which a file of ours is known again: they tell its kind and name, and no figure.
 _HEAD = 16

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from benchmark.report.escaping import latex_prose
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 #: Points between two columns of figures.
 SEPARATION = 3.0

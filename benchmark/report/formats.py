@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmark.api.contracts import Input
+from benchmark.pipeline.storage.records import chance_of
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
@@ -15,7 +16,6 @@ from benchmark.report.grid import Style, grid_of
 from benchmark.report.notes import notes
 from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import FigureSignificance
-from benchmark.storage.records import chance_of
 from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")

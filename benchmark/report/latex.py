@@ -14,6 +14,7 @@ from typing import Any, Literal
 from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed
@@ -24,7 +25,6 @@ from benchmark.report.floats import SEPARATION, Block, Line, Page, head, points,
 from benchmark.report.grid import Grid, Group, Style, grid_of
 from benchmark.report.grid import Line as GridLine
 from benchmark.report.notes import notes
-from benchmark.storage.keys import digest
 
 Notes = Literal["table", "appendix", "none"]
 """Where notes stand: under their table, in a file beside that of the table, or nowhere."""

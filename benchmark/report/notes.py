@@ -9,7 +9,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, TIED, Row, TableContent
 from benchmark.report.rounding import number
-from benchmark.system.text import brief
+from benchmark.text import brief
 from retrieval.measures import PRINTED
 
 #: Share of the largest loss from which on a table tells how much was lost.

@@ -11,18 +11,18 @@ from typing import Any
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.jobs.plan import data_recipe, what_changed
+from benchmark.pipeline.storage import keys
+from benchmark.pipeline.storage.environment import changed_packages
+from benchmark.pipeline.storage.lock import edited, key_of, read_lock, words_of_edit
+from benchmark.pipeline.storage.records import EXTERNAL, Place, Record, by_place, models_proven_by, scorer_name
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.modules import is_imported, sources_of
 from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
-from benchmark.storage import keys
-from benchmark.storage.environment import changed_packages
-from benchmark.storage.lock import edited, key_of, read_lock, words_of_edit
-from benchmark.storage.records import EXTERNAL, Place, Record, by_place, models_proven_by, scorer_name
-from benchmark.storage.store import Store
+from benchmark.run.plan import data_recipe, what_changed
 
 __all__ = ["Result", "Results", "with_repeats"]
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
+from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
@@ -16,7 +17,6 @@ from benchmark.report.escaping import csv_text, latex_text, markdown_table, mark
 from benchmark.report.floats import SEPARATION, Block, Line, head, points, table_floats
 from benchmark.report.results import Result
 from benchmark.report.rounding import BLANK, millionths, number
-from benchmark.storage.records import Record, chance_of, coverage_of
 
 _LEGEND = (
     "Smallest tested amount of each perturbation at which NN is below half of its clean value; a shape that the "

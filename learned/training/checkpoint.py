@@ -14,7 +14,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from benchmark.errors import TrainingError
-from benchmark.system.files import write_atomically
+from benchmark.files import write_atomically
 from learned.training.average import Average
 
 CHECKPOINT = "checkpoint.safetensors"

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from click.testing import CliRunner
 
+from benchmark.arrays import digest_of, load_arrays, save_arrays
 from benchmark.cli.main import cli
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import as_text
 from benchmark.plugins.serving import folded, unfolded
-from benchmark.storage.keys import digest
-from benchmark.storage.records import as_text
-from benchmark.system.arrays import digest_of, load_arrays, save_arrays
 from tests.toy import write_rods
 
 #: A scorer that takes no time, and no kernel to compile.

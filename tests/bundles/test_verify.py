@@ -19,9 +19,9 @@ from benchmark.bundles.outcome import Outcome
 from benchmark.bundles.remaking import rigid_distance
 from benchmark.bundles.rows import _check_signature
 from benchmark.bundles.writing import Offer, _withheld
+from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.scorers import ScorerSpec
-from benchmark.storage.keys import digest
-from benchmark.system.code import digest_of_source
+from benchmark.source_code import digest_of_source
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
 from tests.toy import write_rods
 

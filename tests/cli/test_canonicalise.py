@@ -10,7 +10,7 @@ from benchmark.cli.canonicalise import FormRequest, canonicalise_file, plain_for
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.system.calls import BrokenCall
+from benchmark.run.processes.calls import BrokenCall
 from tests.geometry.surfaces import sphere
 from tests.toy import files_of_at_most, rod, write_off
 

@@ -13,7 +13,7 @@ from benchmark.cli.main import cli
 from benchmark.depth.errors import DepthError
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.geometry.io import read_mesh
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.store import Store
 from tests.datasets.test_depth_folder import write_frames
 from tests.depth.scenes import frame, in_millimetres
 

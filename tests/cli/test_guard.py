@@ -10,8 +10,8 @@ import pytest
 from benchmark.cli.main import cli, main
 from benchmark.cli.options import _inspected
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins import inspection
-from benchmark.storage.store import Store
 from tests.plugins import ACTS, write_plugin
 from tests.records import record
 from tests.system.test_processes import is_alive, wait_until
@@ -59,7 +59,7 @@ def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
     def denied(store):
         raise PermissionError(13, "Permission denied", "runs/claims")
 
-    monkeypatch.setattr("benchmark.jobs.execution.claims.Claims.of", denied)
+    monkeypatch.setattr("benchmark.run.claims.Claims.of", denied)
     said = refused(call("prune", "--results", tmp_path / "results"))
     assert said == "error: runs/claims: Permission denied; change its rights or choose another place"
 
@@ -186,7 +186,7 @@ def test_nothing_that_a_plugin_leaves_behind_on_import_outlives_or_holds_the_pro
 def test_an_exception_of_a_plugin_in_this_process_names_its_file(call, rods, tmp_path):
     """A property of a learner, say, that is right when it is looked at from outside."""
     plugin = write_plugin(tmp_path / "moody.py", name="moody-learner")
-    moody = "from benchmark.system.processes import is_child\nHOME = not is_child()\n"
+    moody = "from benchmark.run.processes.process import is_child\nHOME = not is_child()\n"
     moody += "Tried.model_name = property(lambda self: {}['mood'] if HOME else 'tried')\n"
     plugin.write_text(plugin.read_text() + LEARNER.format(act="pass") + moody)
     line = refused(call("plan", "-d", rods, "-m", "moody-learner", "--plugin", plugin))

@@ -13,9 +13,9 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import run_plan
 from benchmark.cli.verbs.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.trainings import find_training
-from benchmark.storage.store import Store
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
 
@@ -264,7 +264,7 @@ def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, m
     def made(*_):
         raise AssertionError("data was made")
 
-    monkeypatch.setattr("benchmark.jobs.pairs.training_data", made)
+    monkeypatch.setattr("benchmark.protocols.pairs.training_data", made)
     spec, training = methods()["learned-wide-extra"], find_training("humans-sampled")
     for schedule, told in (
         ({"device": "tpu"}, "unknown device"),

@@ -15,8 +15,8 @@ from benchmark.cli.main import cli
 from benchmark.cli.options import RunOptions
 from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.content import contents
-from benchmark.storage.store import Store
 from tests.records import copy_published
 from tests.records import published as published_records
 

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.store import Store
 from tests.toy import rod, write_off, write_rods
 
 ROOT = Path(__file__).parents[2]
@@ -149,8 +149,8 @@ def _records_without_work(suite, *selections):
     program = """
 import sys
 from benchmark.cli.options import RunOptions
-from benchmark.storage import keys
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage import keys
+from benchmark.pipeline.storage.store import Store
 import click
 from benchmark.cli.options import selection_options
 import records

@@ -11,7 +11,7 @@ from benchmark.datasets.decimated import DECIMATIONS, Decimated, decimated, deci
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.preparation import prepare
-from benchmark.jobs import recipes
+from benchmark.pipeline import recipes
 from benchmark.protocols.galleries import galleries
 from tests.geometry.surfaces import limbed_body
 from tests.toy import write_rods

@@ -17,7 +17,7 @@ from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs import recipes
+from benchmark.pipeline import recipes
 from benchmark.protocols.galleries import galleries
 from tests.toy import rod, write_rods
 
@@ -174,7 +174,7 @@ class Own:
     read = (
         "import json\n"
         "from benchmark.datasets.catalogue import open_dataset\n"
-        "from benchmark.jobs.recipes import source_recipe\n"
+        "from benchmark.pipeline.recipes import source_recipe\n"
         "for change in ('[noise=1]', '[jitter=1]', '[noise=1][jitter=1]'):\n"
         f"    dataset = open_dataset('{plugin}:Own' + change, None)\n"
         "    print(json.dumps(source_recipe(dataset, dataset.entries[0])))"

@@ -14,7 +14,7 @@ from benchmark.external.distances import as_distances
 from benchmark.external.labels import read_labels
 from benchmark.external.records import keep_distances
 from benchmark.external.scoring import Task
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.store import Store
 from retrieval.metrics import evaluate_queries
 from tests.cli.test_workflow import call
 from tests.records import record

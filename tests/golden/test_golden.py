@@ -11,10 +11,10 @@ import pytest
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
+from benchmark.pipeline.storage.lock import edited_folders, read_lock
 from benchmark.plugins import registry, scorers
 from benchmark.results import open_results
-from benchmark.storage.lock import edited_folders, read_lock
-from benchmark.system.code import ROOT
+from benchmark.source_code import ROOT
 from tools.golden import results
 from tools.golden.components import VARIANTS, components, folders_of
 from tools.golden.inputs import GOLDEN

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from benchmark.jobs.execution.claims import Claims
+from benchmark.run.claims import Claims
 
 ROOT = Path(__file__).parents[2]
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmark.jobs.execution.claims import Claims
+from benchmark.run.claims import Claims
 claims = Claims(Path(sys.argv[1]))
 assert claims.take(sys.argv[2])
 print("taken", flush=True)
@@ -56,7 +56,7 @@ def test_what_is_released_can_be_taken_by_another(tmp_path):
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
     from benchmark.cli.options import RunOptions
     from benchmark.cli.run_plan import run_plan
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.store import Store
 
     store = Store.open(tmp_path)
     (store.scratch / "needed.npz").write_text("")
@@ -78,7 +78,7 @@ def test_nothing_is_pruned_while_a_run_is_under_way(tmp_path):
     from click.testing import CliRunner
 
     from benchmark.cli.main import cli
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.store import Store
 
     store = Store.open(tmp_path)
     (store.scratch / "ab").mkdir()

@@ -4,14 +4,14 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs.execution import queue as module
-from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.pools import LocalPool
-from benchmark.jobs.execution.queue import JobQueue
-from benchmark.jobs.execution.runner import failure, keep
-from benchmark.jobs.job_specs import ComparisonTask, ScoringTask, ShapeBatch
-from benchmark.storage.records import outcome
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.records import outcome
+from benchmark.pipeline.storage.store import Store
+from benchmark.run import queue as module
+from benchmark.run.claims import Claims
+from benchmark.run.job_specs import ComparisonTask, ScoringTask, ShapeBatch
+from benchmark.run.pools import LocalPool
+from benchmark.run.queue import JobQueue
+from benchmark.run.runner import failure, keep
 from tests.jobs.test_executors import orders
 from tests.toy import write_rods
 

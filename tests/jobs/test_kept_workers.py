@@ -7,9 +7,9 @@ import time
 import psutil
 import pytest
 
-from benchmark.jobs.execution.pools import LocalPool
-from benchmark.jobs.job_specs import Job, ScoringTask
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.store import Store
+from benchmark.run.job_specs import Job, ScoringTask
+from benchmark.run.pools import LocalPool
 from tests.jobs.test_executors import orders
 
 

@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs import method_run
-from benchmark.storage import lock
-from benchmark.storage.store import Store
+from benchmark.pipeline import method_run
+from benchmark.pipeline.storage import lock
+from benchmark.pipeline.storage.store import Store
 from tests.toy import write_rods
 
 

@@ -3,10 +3,10 @@
 import pytest
 
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.jobs.method_run import RUNS_DIFFER, MethodRun
-from benchmark.jobs.preparation import Preparation
+from benchmark.pipeline.method_run import RUNS_DIFFER, MethodRun
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.specs import plugin_methods
-from benchmark.storage.store import Store
 from tests.toy import write_rods
 
 PLUGIN = """

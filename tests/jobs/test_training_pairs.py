@@ -11,10 +11,10 @@ from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
-from benchmark.jobs.pairs import synthetic, training_data
-from benchmark.jobs.preparation import Preparation
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.storage.store import Store
+from benchmark.protocols.pairs import synthetic, training_data
 from benchmark.protocols.trainings import TRAININGS
-from benchmark.storage.store import Store
 from tests.toy import rod
 
 
@@ -51,7 +51,7 @@ def store(tmp_path):
 
 
 def made(monkeypatch, store, name, dataset=None, say=None, **part):
-    monkeypatch.setattr("benchmark.jobs.pairs.protocol.open_dataset", lambda *_: dataset or Rods())
+    monkeypatch.setattr("benchmark.protocols.pairs.protocol.open_dataset", lambda *_: dataset or Rods())
     training = replace(TRAININGS[name], **part)
     return training_data(training, store, None, say or (lambda _: None))
 

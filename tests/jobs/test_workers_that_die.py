@@ -6,13 +6,13 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.jobs.execution import pools, scheduler
-from benchmark.jobs.execution.claims import Claims
-from benchmark.jobs.execution.pools import UNWRITTEN, Running, Status
-from benchmark.jobs.execution.scheduler import Scheduler
-from benchmark.jobs.job_specs import Job, ScoringTask, to_json
+from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.registry import methods, select
-from benchmark.storage.store import StorageError, Store
+from benchmark.run import pools, scheduler
+from benchmark.run.claims import Claims
+from benchmark.run.job_specs import Job, ScoringTask, to_json
+from benchmark.run.pools import UNWRITTEN, Running, Status
+from benchmark.run.scheduler import Scheduler
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -155,7 +155,7 @@ def test_a_disk_without_room_for_any_record_ends_the_run_with_its_name(run, tmp_
     def write(self, record):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("benchmark.storage.records.Records.write", write)
+    monkeypatch.setattr("benchmark.pipeline.storage.records.Records.write", write)
     with pytest.raises(StorageError, match=rf"under {tmp_path}.*: No space left on device; free some space"):
         run((Status(), UNWRITTEN))
 
@@ -170,7 +170,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     def leave(code):
         raise SystemExit(code)
 
-    monkeypatch.setattr("benchmark.jobs.execution.runner.work", work)
+    monkeypatch.setattr("benchmark.run.runner.work", work)
     monkeypatch.setattr(pools.os, "_exit", leave)
     monkeypatch.setattr(pools, "close_to_plugins", lambda starting: None)  # this process has further tests to run
     with pytest.raises(SystemExit) as left:

@@ -126,7 +126,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pyt
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("benchmark.system.files.os.fsync", full)
+    monkeypatch.setattr("benchmark.files.os.fsync", full)
     with pytest.raises(TrainingError, match="No space left on device; free some space and start again"):
         Checkpoint(tmp_path, *stepped(2)).keep(PROGRESS, RECIPE)
     assert (tmp_path / CHECKPOINT).read_bytes() == before

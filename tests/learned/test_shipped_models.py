@@ -24,9 +24,9 @@ from benchmark.datasets.humans import CANONICAL_POSE, Humans
 from benchmark.datasets.varied.bodies import AWAY_FROM, varied_body
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.datasets.varied_animals.proportions import drawn_species
-from benchmark.jobs.pairs import animals
+from benchmark.pipeline.storage.store import Store
+from benchmark.protocols.pairs import animals
 from benchmark.protocols.trainings import find_training
-from benchmark.storage.store import Store
 from learned.field.model import load_field
 from learned.paired.methods import Learned
 from learned.paired.model import load_model

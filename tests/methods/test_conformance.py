@@ -12,8 +12,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.plugins import conformance, registry
 from benchmark.plugins.conformance import checks
 from benchmark.plugins.registry import MethodSpec
-from benchmark.system import processes as system_processes
-from benchmark.system.text import DATA_VARIABLE
+from benchmark.run.processes import process as system_processes
+from benchmark.text import DATA_VARIABLE
 
 #: Starts processes afresh.
 START = system_processes._start

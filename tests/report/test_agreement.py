@@ -6,8 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.keys import digest
-from benchmark.storage.records import as_text
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import as_text
 from tests.records import record
 
 ORDER = ("classic-mds", "fast-mds", "gps", "pca", "identity")

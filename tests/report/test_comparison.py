@@ -5,8 +5,8 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.records import Records
 from benchmark.report.comparison import compare_folders, compare_methods, lines
-from benchmark.storage.records import Records
 from tests.records import failed, record
 
 LATER = "2026-02-01T00:00:00+00:00"

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.store import Store
+from benchmark.pipeline.storage.store import Store
 from tests.toy import RADII, rod, write_off
 
 pytestmark = pytest.mark.usefixtures("forked_workers")

@@ -13,6 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
+from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.tables import Table
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
@@ -25,8 +26,7 @@ from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import ENVIRONMENT, TablePages, forms_page, index_page, queries_page, table_page
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
-from benchmark.storage.store import Store
-from benchmark.system.text import LONGEST_REASON, clean
+from benchmark.text import LONGEST_REASON, clean
 from tests.records import failed, record
 
 ANY = st.text(st.characters(codec=None, exclude_categories=()), max_size=30)

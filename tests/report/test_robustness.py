@@ -7,10 +7,10 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, perturbed_name
+from benchmark.pipeline.storage.records import as_text
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.results import Result
 from benchmark.report.robustness import as_csv, latex, markdown, robustness
-from benchmark.storage.records import as_text
 from tests.records import failed, record
 from tests.toy import write_rods
 

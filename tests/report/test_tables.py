@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.jobs.plan import difference
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
@@ -13,6 +12,7 @@ from benchmark.report.files import render, write
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
+from benchmark.run.plan import difference
 from retrieval.chance import chance_levels
 from tests.records import record
 

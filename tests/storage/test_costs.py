@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmark.jobs.preparation import SharedStages
-from benchmark.storage import costs as costs_module
-from benchmark.storage.costs import _RESET, _STATUS, Meter
+from benchmark.pipeline.preparation import SharedStages
+from benchmark.pipeline.storage import costs as costs_module
+from benchmark.pipeline.storage.costs import _RESET, _STATUS, Meter
 
 MIB = 2**20
 measures_memory = pytest.mark.skipif(not (_STATUS.exists() and _RESET.exists()), reason="the system does not tell")

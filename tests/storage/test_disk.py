@@ -8,8 +8,8 @@ from click.testing import CliRunner
 
 from benchmark.cli import run_plan
 from benchmark.cli.main import cli
-from benchmark.storage.records import Records
-from benchmark.storage.store import StorageError, Store
+from benchmark.pipeline.storage.records import Records
+from benchmark.pipeline.storage.store import StorageError, Store
 from tests.records import record
 from tests.toy import files_of_at_most, write_rods
 

@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.jobs.execution.claims import Claims
-from benchmark.storage.lines import KINDS
-from benchmark.storage.merging import publish
-from benchmark.storage.records import Records, as_text
-from benchmark.storage.store import Store
-from benchmark.system.files import write_text
+from benchmark.files import write_text
+from benchmark.pipeline.storage.lines import KINDS
+from benchmark.pipeline.storage.merging import publish
+from benchmark.pipeline.storage.records import Records, as_text
+from benchmark.pipeline.storage.store import Store
+from benchmark.run.claims import Claims
 from tests.records import SHAPES, copy_published, failed, published, record
 from tests.storage.test_records import put_aliens
 

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.merging import merge_records, publish
-from benchmark.storage.records import Records
+from benchmark.pipeline.storage.merging import merge_records, publish
+from benchmark.pipeline.storage.records import Records
 from tests.records import failed, record
 from tests.storage.test_records import put_aliens
 

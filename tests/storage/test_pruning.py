@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.storage.store import Store, sweep_leftovers, unneeded
+from benchmark.pipeline.storage.store import Store, sweep_leftovers, unneeded
 from tests.records import failed, record
 from tests.toy import write_rods
 

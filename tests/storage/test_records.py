@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 
 from benchmark.cli.main import cli
 from benchmark.cli.verbs.results import _explain_record
-from benchmark.jobs.plan import difference
+from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.record_schema import fault_of
+from benchmark.pipeline.storage.records import Records, as_text, outcome, portable
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
@@ -21,10 +24,7 @@ from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, index_page, table_page
 from benchmark.report.paper.document import paper_files
 from benchmark.report.results import Result
-from benchmark.storage.keys import digest
-from benchmark.storage.record_schema import fault_of
-from benchmark.storage.records import Records, as_text, outcome, portable
-from benchmark.storage.store import Store
+from benchmark.run.plan import difference
 from tests.records import MEASURES, failed, record
 
 
@@ -219,7 +219,7 @@ def test_the_reason_says_what_is_wrong(records, content, why):
 
 
 def test_a_file_too_large_for_a_record_is_not_read(records, monkeypatch):
-    monkeypatch.setattr("benchmark.storage.records.LARGEST_FILE", 100)
+    monkeypatch.setattr("benchmark.pipeline.storage.records.LARGEST_FILE", 100)
     records.write(GOOD)
     assert list(records) == []
     assert records.skipped == {f"{GOOD['key']}.json": "it is too large"}

@@ -4,8 +4,8 @@ import time
 import numpy as np
 import pytest
 
-from benchmark.storage.store import StorageError, Store
-from benchmark.system.arrays import save_arrays
+from benchmark.arrays import save_arrays
+from benchmark.pipeline.storage.store import StorageError, Store
 
 
 @pytest.fixture

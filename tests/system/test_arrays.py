@@ -6,9 +6,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from benchmark.storage.store import Store
-from benchmark.system import arrays as module
-from benchmark.system.arrays import load_arrays, save_arrays
+from benchmark import arrays as module
+from benchmark.arrays import load_arrays, save_arrays
+from benchmark.pipeline.storage.store import Store
 
 KEY = "ab" * 16
 ARRAYS = {"vertices": np.arange(12.0).reshape(4, 3), "faces": np.array([[0, 1, 2], [1, 2, 3]]), "note:n": np.array(3)}

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from benchmark.system.files import leftovers, sweep, write_atomically, write_text
+from benchmark.files import leftovers, sweep, write_atomically, write_text
 
 
 def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
@@ -56,7 +56,7 @@ def test_rights_are_what_the_umask_leaves(tmp_path, mask, mode):
 def test_only_what_dead_writers_left_is_swept(tmp_path):
     """A process is killed in the middle of writing; another one, this, is still at it."""
     command = (
-        "import os, signal\nfrom pathlib import Path\nfrom benchmark.system.files import write_atomically\n"
+        "import os, signal\nfrom pathlib import Path\nfrom benchmark.files import write_atomically\n"
         f"write_atomically(Path({str(tmp_path / 'a' / 'file')!r}), lambda f: os.kill(os.getpid(), signal.SIGKILL))"
     )
     assert subprocess.run([sys.executable, "-c", command], check=False).returncode == -9

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from benchmark.system.kernels import compiled_files, drop_stale_kernels
+from benchmark.kernels import compiled_files, drop_stale_kernels
 
 KERNEL = """from numba import njit
 from baselines.{origin} import {name}

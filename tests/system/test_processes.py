@@ -23,11 +23,11 @@ import pytest
 
 from benchmark.errors import BenchmarkError, UnsupportedShape
 from benchmark.plugins.modules import close_process, import_plugin
-from benchmark.system import processes
-from benchmark.system.calls import BrokenCall, Guard, call_apart
-from benchmark.system.channel import Channel
-from benchmark.system.processes import ForeignError, Process, ProcessEnded, end_like
-from benchmark.system.text import DATA_VARIABLE
+from benchmark.run.processes import process as processes
+from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.run.processes.channel import Channel
+from benchmark.run.processes.process import ForeignError, Process, ProcessEnded, end_like
+from benchmark.text import DATA_VARIABLE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
 
@@ -333,7 +333,7 @@ def test_what_it_started_ends_with_it(tmp_path):
 
 def test_what_a_killed_program_and_its_copies_started_ends_with_it(tmp_path):
     lines = (
-        "import os, subprocess, sys, time", "from benchmark.system import processes", "processes.adopt()",
+        "import os, subprocess, sys, time", "from benchmark.run.processes.process import adopt", "adopt()",
         "child = subprocess.Popen(['sleep', '600'], start_new_session=True).pid", "copy = os.fork()",
         "if not copy: os.setsid(); time.sleep(600)", "print(child, copy, flush=True)", "time.sleep(600)",
     )  # fmt: skip

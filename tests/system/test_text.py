@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 ANY = st.text(st.characters(codec=None, exclude_categories=()))
 

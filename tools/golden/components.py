@@ -15,7 +15,7 @@ from benchmark.geometry.geodesics import SOLVERS
 from benchmark.plugins.registry import BUILT_IN as METHODS
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import BUILT_IN as SCORERS
-from benchmark.system.code import FIRST_PARTY, ROOT
+from benchmark.source_code import FIRST_PARTY, ROOT
 from tools.golden import inputs, stages
 
 #: Moves between processors are below 1e-9 of the size of a form.
@@ -73,9 +73,12 @@ SAMPLERS = {
 }  # fmt: skip
 
 #: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
-NO_FIGURES = ("benchmark", "benchmark/system", "benchmark/plugins", "benchmark/storage", "benchmark/jobs")
+NO_FIGURES = (
+    "benchmark", "benchmark/plugins", "benchmark/pipeline", "benchmark/pipeline/storage", "benchmark/run",
+    "benchmark/run/processes",
+)  # fmt: skip
 
-_STAGES, _SETS = "benchmark.jobs.stages.", "benchmark.datasets."
+_STAGES, _SETS = "benchmark.pipeline.stages.", "benchmark.datasets."
 
 
 class Part(NamedTuple):

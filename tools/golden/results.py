@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ShapeError
-from benchmark.system.code import digest_of_bytes
+from benchmark.source_code import digest_of_bytes
 from tools.golden.components import components
 from tools.golden.inputs import GOLDEN
 

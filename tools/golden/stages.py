@@ -37,7 +37,7 @@ from benchmark.depth import frame, intrinsics, mask, projection, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
-from benchmark.jobs.stages import complete, form, measures, view
+from benchmark.pipeline.stages import complete, form, measures, view
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers

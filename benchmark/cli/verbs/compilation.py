@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING
 import click
 
 from benchmark.errors import BenchmarkError, ShapeError
-from benchmark.system.text import say
+from benchmark.text import say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from benchmark.api.contracts import Input
+    from benchmark.arrays import Arrays
     from benchmark.plugins.registry import MethodSpec
-    from benchmark.system.arrays import Arrays
-    from benchmark.system.channel import Facts
-    from benchmark.system.processes import Requester
+    from benchmark.run.processes.channel import Facts
+    from benchmark.run.processes.process import Requester
 
 
 @click.command("compile")
@@ -52,10 +52,10 @@ def compile_parts(jobs: int) -> bool:
     bool
         Whether all went well; what went wrong has been said.
     """
-    from benchmark.system.channel import wait_for
-    from benchmark.system.code import ROOT
-    from benchmark.system.kernels import drop_stale_kernels
-    from benchmark.system.processes import INTERVAL, ForeignError, Process, ProcessEnded
+    from benchmark.kernels import drop_stale_kernels
+    from benchmark.run.processes.channel import wait_for
+    from benchmark.run.processes.process import INTERVAL, ForeignError, Process, ProcessEnded
+    from benchmark.source_code import ROOT
 
     start = time.monotonic()
     drop_stale_kernels(ROOT)
@@ -130,9 +130,9 @@ def compile_methods() -> None:
 
 def _treat(folder: Path, input_: Input, rows: Iterable[MethodSpec]) -> None:
     from benchmark.datasets.catalogue import open_dataset
-    from benchmark.jobs.method_run import MethodRun
-    from benchmark.jobs.preparation import Preparation
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.method_run import MethodRun
+    from benchmark.pipeline.preparation import Preparation
+    from benchmark.pipeline.storage.store import Store
 
     store = Store.open(folder / "results")
     dataset = open_dataset(str(folder), None)

@@ -12,7 +12,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option, told_what_it_is
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import clean, say
+from benchmark.text import clean, say
 
 if TYPE_CHECKING:
     from benchmark.datasets.base import Dataset
@@ -140,7 +140,7 @@ def _on_data(
     """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
     from benchmark.datasets.catalogue import sources
     from benchmark.datasets.own import is_own
-    from benchmark.system.calls import Guard, call_apart
+    from benchmark.run.processes.calls import Guard, call_apart
 
     with told_what_it_is(name, "data set"):
         (source,) = sources([name], plugins)

@@ -13,7 +13,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.options import NOT_OK, OK, PathOption, VertexCount, plugin_option, timeout_option
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say, say_lines
+from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.cli.canonicalise import FormRequest

@@ -11,7 +11,7 @@ import click
 
 from benchmark.cli.options import NOT_OK, OK, PathOption, force_option
 from benchmark.cli.verbs.verify import known_here, known_options
-from benchmark.system.text import say
+from benchmark.text import say
 
 
 @click.command()

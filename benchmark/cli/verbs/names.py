@@ -9,7 +9,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.options import data_root_option, name_unusable, plugin_option, results_option, told_what_it_is
 from benchmark.cli.verbs.data import COLUMNS, print_rows
-from benchmark.system.text import say
+from benchmark.text import say
 
 
 @click.command("list")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from benchmark.system.text import say
+from benchmark.text import say
 
 
 @click.group()

@@ -10,7 +10,7 @@ import click
 
 from benchmark.cli.options import PathOption, RunOptions, force_option, published_option, selection_options
 from benchmark.cli.reporting import no_table
-from benchmark.system.text import say
+from benchmark.text import say
 
 if TYPE_CHECKING:
     from benchmark.report.paper.document import Template

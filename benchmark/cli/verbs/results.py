@@ -24,12 +24,12 @@ from benchmark.cli.options import (
     selection_options,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import brief, clean, say, say_lines
+from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
-    from benchmark.jobs.job_specs import Job
+    from benchmark.pipeline.storage.records import Record
     from benchmark.plugins.scorers import ScorerSpec
-    from benchmark.storage.records import Record
+    from benchmark.run.job_specs import Job
 
 #: Characters of a key that name a job, and those more that tell apart some that begin alike.
 _SHORTEST_KEY, _FURTHER = 6, 6
@@ -44,9 +44,9 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 
     Writes one file per data set and one line per record, unless a run is writing records there.
     """
-    from benchmark.jobs.execution.claims import Claims
-    from benchmark.storage.merging import merge_records, publish, records_under, told
-    from benchmark.storage.store import Store, sweep_leftovers
+    from benchmark.pipeline.storage.merging import merge_records, publish, records_under, told
+    from benchmark.pipeline.storage.store import Store, sweep_leftovers
+    from benchmark.run.claims import Claims
 
     store = Store.open(results)
     is_target = results.resolve().__eq__
@@ -82,11 +82,11 @@ def compare(first: str, second: str, everything: bool, **given: Any) -> None:
 
     For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
     """
+    from benchmark.pipeline.storage.merging import records_under
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.registry import methods, variant
     from benchmark.plugins.scorers import scorer_of, scorers
     from benchmark.report.comparison import compare_folders, compare_methods, lines
-    from benchmark.storage.merging import records_under
-    from benchmark.storage.store import Store
 
     options = RunOptions.of(given)
     known_scorers = scorers(options.plugins)
@@ -116,8 +116,8 @@ def compare(first: str, second: str, everything: bool, **given: Any) -> None:
 
 
 def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions) -> None:
+    from benchmark.pipeline.storage.store import Store
     from benchmark.report.statistics.agreement import agreements, markdown
-    from benchmark.storage.store import Store
 
     store = Store.open(options.results, published_only=options.published)
     found = options.results_of(store)
@@ -141,8 +141,8 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions)
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Delete data that no record needs, and remains of killed processes."""
-    from benchmark.jobs.execution.claims import Claims
-    from benchmark.storage.store import Store, remove, unneeded
+    from benchmark.pipeline.storage.store import Store, remove, unneeded
+    from benchmark.run.claims import Claims
 
     store = Store.open(results)
     with Claims.of(store) as claims:
@@ -163,8 +163,8 @@ def why(target: str, everything: bool, **options: Any) -> None:
 
     Several jobs get one line each, unless --all is given.
     """
-    from benchmark.storage.keys import bare_key
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.keys import bare_key
+    from benchmark.pipeline.storage.store import Store
 
     selection = RunOptions.of(options)
     store = Store.open(selection.results)
@@ -207,8 +207,8 @@ def _explain_job(job: Job, record: Record | None) -> None:
 
 
 def _explain_record(record: Record, *, title: bool = True) -> None:
-    from benchmark.storage.environment import in_words
-    from benchmark.storage.merging import told
+    from benchmark.pipeline.storage.environment import in_words
+    from benchmark.pipeline.storage.merging import told
 
     facts: list[tuple[str, str]] = [("status", f"{record['status']} {_scores(record)}".strip())]
     if reason := record.get("reason"):

@@ -19,7 +19,7 @@ from benchmark.cli.options import (
     timeout_option,
     told_what_it_is,
 )
-from benchmark.system.text import clean, say
+from benchmark.text import clean, say
 
 
 @click.command()
@@ -59,7 +59,7 @@ def retrieve(
     from benchmark.cli.depth_forms import FrameOptions
     from benchmark.cli.retrieval import retrieved
     from benchmark.datasets.catalogue import sources
-    from benchmark.system.calls import Guard, call_apart
+    from benchmark.run.processes.calls import Guard, call_apart
 
     with told_what_it_is(gallery, "data set"):
         datasets = tuple(sources([gallery], given["plugins"]))

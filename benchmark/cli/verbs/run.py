@@ -13,10 +13,10 @@ import click
 
 from benchmark.cli.options import NOT_OK, OK, RunOptions, name_skipped, plan_options, run_options
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import brief, clean, say, say_lines
+from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
-    from benchmark.jobs.job_specs import Job
+    from benchmark.run.job_specs import Job
 
 #: Most jobs that have a line each, unless somebody asks for all.
 _SCREEN = 100
@@ -32,7 +32,7 @@ _PLACE = ("gallery", "input", "method")
 @run_options
 def run(**given: Any) -> None:
     """Run the missing jobs of a selection, then print its tables."""
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.store import Store
 
     options = RunOptions.of(given)
     chosen_by = (options.tables, options.methods, options.datasets, options.plugins)
@@ -45,11 +45,11 @@ def run(**given: Any) -> None:
     # What runs need takes a second to import: a name that is not known is told before.
     from benchmark.cli.run_plan import run_plan
     from benchmark.cli.terminal import draw
+    from benchmark.pipeline.storage.records import by_place
     from benchmark.report.content import contents
     from benchmark.report.formats import markdown
     from benchmark.report.robustness import markdown as robustness_markdown
     from benchmark.report.robustness import robustness
-    from benchmark.storage.records import by_place
 
     ok = run_plan(plan, store, options)
     known = options.results_of(store)
@@ -96,8 +96,8 @@ def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
 @click.option("--all-jobs", is_flag=True, help="A line for each job, however many there are.")
 def plan(all_jobs: bool, **given: Any) -> None:
     """Show what would run, why, and how long it would take."""
-    from benchmark.jobs.estimates import estimate
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.run.estimates import estimate
     from benchmark.threads import available_cores
 
     options = RunOptions.of(given)

@@ -9,7 +9,7 @@ import click
 
 from benchmark.cli.options import PathOption, name_skipped
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say, say_lines
+from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.api.contracts import Input
@@ -70,7 +70,7 @@ def score(
     say_lines(FORMATS[format_](title, evaluated(task, scores)))
     if results is not None:
         from benchmark.external.records import keep_distances
-        from benchmark.storage.store import Store
+        from benchmark.pipeline.storage.store import Store
 
         store = Store.open(results)
         record = keep_distances(store, task, scores, title, dataset or labels.resolve().stem, input_)

@@ -20,7 +20,7 @@ from benchmark.cli.options import (
     scorer_option,
     told_what_it_is,
 )
-from benchmark.system.text import say
+from benchmark.text import say
 
 
 @click.command()
@@ -40,9 +40,9 @@ from benchmark.system.text import say
 def submit(method: str, path: Path, author: str, licence: str, with_forms: bool, **given: Any) -> None:
     """Write the finished jobs of a method into a bundle that anyone can verify."""
     from benchmark.bundles.writing import Offer, write_bundle
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.registry import methods, variant
     from benchmark.report.artefact_reader import ArtefactReader
-    from benchmark.storage.store import Store
 
     options = RunOptions.of(given)
     known = methods(options.plugins)

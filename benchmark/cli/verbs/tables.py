@@ -20,7 +20,7 @@ from benchmark.cli.options import (
 )
 from benchmark.cli.reporting import FIGURES, no_table
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say, say_lines
+from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.report.latex import Notes
@@ -64,11 +64,11 @@ def tables(
     **options: Any,
 ) -> None:
     """Print tables of finished jobs, or write them to files; needs no data."""
+    from benchmark.pipeline.storage.store import Store
     from benchmark.report.content import contents
     from benchmark.report.files import render, stale, write
     from benchmark.report.formats import overview
     from benchmark.report.robustness import rendered, robustness
-    from benchmark.storage.store import Store
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")

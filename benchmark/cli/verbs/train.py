@@ -11,7 +11,7 @@ import click
 from benchmark.cli import completion
 from benchmark.cli.options import RunOptions, data_root_option, plugin_option, results_option
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import say
+from benchmark.text import say
 
 if TYPE_CHECKING:
     from benchmark.plugins.registry import MethodSpec
@@ -57,11 +57,11 @@ def train(
 ) -> None:
     """Train the models of a learner; resume an interrupted training, and skip finished models."""
     from benchmark.api.learning import Learner
+    from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.parameters.values import assignments
     from benchmark.protocols.tables import trainings_of
     from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
-    from benchmark.storage.store import Store
-    from benchmark.system.calls import Guard, call_apart
+    from benchmark.run.processes.calls import Guard, call_apart
 
     options = RunOptions.of(given)
     spec = _learner(method, options.plugins, given["configuration"], given["training_seed"])
@@ -110,8 +110,8 @@ def train_one(
         Told about progress.
     """
     from benchmark.api.learning import CARD, ChecksOptions, read_card
-    from benchmark.jobs.pairs import training_data
-    from benchmark.storage.store import Store
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.protocols.pairs import training_data
 
     learner: Any = spec.create()
     if isinstance(learner, ChecksOptions):

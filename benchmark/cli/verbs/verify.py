@@ -20,7 +20,7 @@ from benchmark.cli.options import (
     timeout_option,
 )
 from benchmark.errors import ConfigurationError
-from benchmark.system.text import clean, say
+from benchmark.text import clean, say
 
 if TYPE_CHECKING:
     from benchmark.bundles.known import Known

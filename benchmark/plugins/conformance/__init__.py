@@ -28,8 +28,8 @@ from benchmark.plugins.conformance.targets import Target
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import ScorerSpec
-from benchmark.system.calls import BrokenCall, Guard, call_apart
-from benchmark.system.processes import is_child
+from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.run.processes.process import is_child
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 

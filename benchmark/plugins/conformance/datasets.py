@@ -15,7 +15,7 @@ from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.plugins.conformance.cases import Failed, Warned
-from benchmark.system.calls import BrokenCall, Guard, call_apart
+from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]
 

@@ -17,8 +17,8 @@ import numpy as np
 from PIL import Image
 
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.system.files import sweep, write_atomically
-from benchmark.system.text import clean
+from benchmark.files import sweep, write_atomically
+from benchmark.text import clean
 
 #: Names what a report consists of, so that the next one removes what it does not write again, and nothing else.
 CONTENTS = "parts/contents.json"

@@ -14,6 +14,7 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.files import FolderDataset
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
@@ -21,8 +22,7 @@ from benchmark.report.html.surfaces import Thinned, thinned
 from benchmark.report.pictures.contact_sheet import select
 from benchmark.report.pictures.painting import painted
 from benchmark.report.pictures.posing import centred, reach, upright
-from benchmark.storage.records import Record
-from benchmark.system.text import brief
+from benchmark.text import brief
 
 #: Pixels per side of a picture of a form.
 TILE = 150

@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.errors import BenchmarkError
+from benchmark.pipeline.storage.records import Record, answered_labels, answered_shapes
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
@@ -26,8 +27,7 @@ from benchmark.report.statistics.rankings import (
     ranking,
 )
 from benchmark.report.statistics.table_significance import CONTROL, pareto_front
-from benchmark.storage.records import Record, answered_labels, answered_shapes
-from benchmark.system.text import brief
+from benchmark.text import brief
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions, by the name that the page has for them.

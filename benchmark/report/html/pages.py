@@ -10,6 +10,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from benchmark.pipeline.storage.environment import in_words
+from benchmark.pipeline.storage.keys import digest
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
 from benchmark.report.grid import Style, grid_of
@@ -19,9 +21,7 @@ from benchmark.report.html.measured import Measured
 from benchmark.report.notes import notes
 from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.statistics.table_significance import CONTROL
-from benchmark.storage.environment import in_words
-from benchmark.storage.keys import digest
-from benchmark.system.text import brief
+from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED
 
 #: Shapes that the first page lists as left out, at most.

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmark.api.contracts import Input
+from benchmark.pipeline.storage.records import answered_shapes
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
 from benchmark.report.html.thumbnails import ACROSS, DOWN, Sheets, spread
-from benchmark.storage.records import answered_shapes
-from benchmark.system.text import brief
+from benchmark.text import brief
 from retrieval.measures import PRINTED
 
 #: Queries in one script.

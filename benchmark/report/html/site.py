@@ -8,6 +8,7 @@ from importlib import resources
 
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.records import Record
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.html.folder import Folder, Progress
@@ -16,7 +17,6 @@ from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, forms_page, index_page, queries_page, set_stem, table_page
 from benchmark.report.html.queries import write_queries
 from benchmark.report.html.thumbnails import MOST_SMALL_FORMS, Sheets, write_thumbnails
-from benchmark.storage.records import Record
 
 #: Forms in the whole report, at 13 kilobytes each: with plotly and the queries it stays below thirty megabytes.
 MOST_FORMS = 1200

@@ -14,13 +14,13 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.html.folder import Folder, Progress
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
-from benchmark.storage.records import Record
-from benchmark.system.text import brief
+from benchmark.text import brief
 
 #: Pixels per side of a picture, pictures in a row of a sheet, and rows.
 SIDE, ACROSS, DOWN = 80, 10, 5

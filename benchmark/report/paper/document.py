@@ -13,7 +13,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from benchmark import __version__
 from benchmark.geometry.depth import SIZE
-from benchmark.jobs.stages.complete import N_VERTICES
+from benchmark.pipeline.stages.complete import N_VERTICES
+from benchmark.pipeline.storage.keys import digest
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import NUMERALS
 from benchmark.report.artefact_reader import ArtefactReader
@@ -34,7 +35,6 @@ from benchmark.report.reproduction.claims import assess_claims
 from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
 from benchmark.report.rounding import number
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
-from benchmark.storage.keys import digest
 
 Template = Literal["article", "ieee"]
 """Classes of a paper."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.system.files import sweep, write_atomically, write_text
+from benchmark.files import sweep, write_atomically, write_text
 
 #: Digests of what this verb has written, by name, so that what was changed since is known.
 CONTENTS = "written-by-paper.json"

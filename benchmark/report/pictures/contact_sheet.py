@@ -13,14 +13,14 @@ from PIL import Image, ImageDraw, ImageFont
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import canonical_entry
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError
+from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.preparation import Preparation
-from benchmark.jobs.recipes import sensor_of
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.recipes import sensor_of
 from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
-from benchmark.system.files import write_atomically
 
 #: Poses of each subject, unless told otherwise.
 POSES = 8

@@ -11,7 +11,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.report.content import TableContent
 from benchmark.report.rounding import millionths
 from benchmark.report.statistics.table_significance import CONTROL, pareto_front
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,10 +13,10 @@ from benchmark.depth.mask import Mask
 from benchmark.depth.projection import UPRIGHT
 from benchmark.depth.reading import Depths
 from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
-from benchmark.system.files import write_atomically
 
 HEIGHT = 300
 """Pixels of the height of each picture."""

@@ -16,17 +16,17 @@ from benchmark.api.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
+from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.jobs.execution.runner import make_forms
-from benchmark.jobs.job_specs import Job, to_json
-from benchmark.jobs.method_run import MethodRun
-from benchmark.jobs.preparation import Preparation
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
-from benchmark.storage.store import Store
-from benchmark.system.calls import Guard, call_apart
-from benchmark.system.files import write_atomically
-from benchmark.system.text import clean
+from benchmark.run.job_specs import Job, to_json
+from benchmark.run.processes.calls import Guard, call_apart
+from benchmark.run.runner import make_forms
+from benchmark.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

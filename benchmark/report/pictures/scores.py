@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from benchmark.api.contracts import Input
 from benchmark.report.content import Row, TableContent
 from benchmark.report.pictures.cost import COLOURS, MEASURE
-from benchmark.system.text import clean
+from benchmark.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

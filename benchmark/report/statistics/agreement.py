@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmark.api.contracts import Input
+from benchmark.pipeline.storage.records import scorer_name
 from benchmark.report.content import TableContent, contents
 from benchmark.report.escaping import markdown_table, markdown_text
 from benchmark.report.results import Result
 from benchmark.report.rounding import BLANK, millionths, number
-from benchmark.storage.records import scorer_name
 from retrieval.agreement import FEWEST, Agreement, agreement
 from retrieval.measures import PRINTED
 

@@ -20,8 +20,8 @@ from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh
-from benchmark.jobs.pairs import stream
-from benchmark.jobs.pairs.stream import varied_data
+from benchmark.protocols.pairs import stream
+from benchmark.protocols.pairs.stream import varied_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.geometry.surfaces import joined, limbed_body, sphere
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-import benchmark.jobs.stages.measures as measures_of_the_suite
+import benchmark.pipeline.stages.measures as measures_of_the_suite
 import retrieval.metrics
 from benchmark.api.contracts import MethodInfo, canonical_form
 

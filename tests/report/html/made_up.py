@@ -11,12 +11,12 @@ import numpy as np
 
 from benchmark.datasets.base import Entry
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import Written, write_report
 from benchmark.report.results import Result
-from benchmark.storage.store import Store
 from retrieval.metrics import evaluate
 from tests.records import MEASURES, failed, record
 from tests.toy import rod

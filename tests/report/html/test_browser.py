@@ -10,6 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
@@ -18,7 +19,6 @@ from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import write_report
 from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
-from benchmark.storage.store import Store
 from tests.records import failed
 from tests.report.html.made_up import REFUSED, write_made_up
 from tests.toy import rod, write_rods

@@ -9,6 +9,8 @@ from PIL import Image
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import ConfigurationError
+from benchmark.files import write_text
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html.folder import CONTENTS, Folder, data_script, script_json
@@ -17,8 +19,6 @@ from benchmark.report.html.queries import write_queries
 from benchmark.report.html.site import write_report
 from benchmark.report.html.thumbnails import ACROSS, DOWN, SIDE
 from benchmark.report.results import Result
-from benchmark.storage.store import Store
-from benchmark.system.files import write_text
 from retrieval.measures import PRINTED
 from tests.records import SHAPES, failed, record
 from tests.report.html.made_up import REFUSED, write_made_up

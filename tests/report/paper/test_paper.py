@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.pipeline.storage.records import Records
+from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.paper.document import TEMPLATES, characters, main_tables, paper_files
 from benchmark.report.paper.folder import write_folder
 from benchmark.report.results import Result
-from benchmark.storage.records import Records
-from benchmark.storage.store import Store
 from tests.records import MEASURES, failed, record
 from tests.report.test_hostile_text import HOSTILE
 

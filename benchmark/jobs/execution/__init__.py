@@ -1,1 +1,0 @@
-"""Jobs become records: on this machine, in processes that may die, hang or be stopped at any time."""

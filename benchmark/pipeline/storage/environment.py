@@ -1,0 +1,100 @@
+"""Environment of a run, for the reader of a record: commit, versions, system, and the kernels of the linear algebra."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from benchmark.source_code import FIRST_PARTY, ROOT
+from benchmark.text import brief
+
+#: Packages that compute.
+PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Versions and machine; the packages that are not installed are left out."""
+    found = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except ImportError:
+            continue
+    return found | _linear_algebra()
+
+
+@cache
+def environment_text() -> str:
+    """The same as one line, to be kept with every artefact."""
+    return json.dumps(environment(), sort_keys=True)
+
+
+def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
+    """Name the packages whose versions are other ones here than where results were made; "" for the same ones."""
+    here, texts = environment(), {str(made.get("environment", "{}")) for made in environments}
+    changes: dict[str, None] = {}
+    for there in map(_versions_in, sorted(texts)):
+        pairs = ((name, _release(there.get(name)), _release(here.get(name))) for name in PACKAGES)
+        changes |= {f"{name} {then} -> {now}": None for name, then, now in pairs if then and now and then != now}
+    return ", ".join(changes)
+
+
+@cache
+def _versions_in(text: str) -> dict[str, str]:
+    try:
+        versions = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return versions if isinstance(versions, dict) else {}
+
+
+def _release(version: Any) -> str:
+    """A version without the tag of its build, which says where it runs."""
+    return str(version or "").partition("+")[0]
+
+
+def in_words(environment: Any) -> str:
+    """Return the environment of a record or an artefact as a line; whatever else a file holds is cut off."""
+    try:
+        found = json.loads(environment) if isinstance(environment, str) else environment
+    except (ValueError, RecursionError):
+        found = environment
+    return ", ".join(f"{name} {value}" for name, value in found.items()) if isinstance(found, dict) else brief(found)
+
+
+def _linear_algebra() -> dict[str, str]:
+    """Library and kernels behind numpy: its results differ in the last bits from processor to processor."""
+    from threadpoolctl import threadpool_info
+
+    loaded = (part for part in threadpool_info() if part.get("user_api") == "blas")
+    kinds = {f"{part['internal_api']} {part.get('version')} {part.get('architecture', '')}".strip() for part in loaded}
+    return {"blas": ", ".join(sorted(kinds))} if kinds else {}
+
+
+def git(root: Path, *words: str) -> str | None:
+    """Return what git says in a repository; None where it fails, or there is no git."""
+    try:
+        done = subprocess.run(
+            ["git", "--no-optional-locks", "-C", str(root), *words], capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+@cache
+def commit() -> str:
+    """Return the first ten digits of the commit, with ``+`` where files differ from it; "" outside of a repository."""
+    if not (ROOT / ".git").exists():  # an installed suite may lie inside of somebody else's repository
+        return ""
+    found = git(ROOT, "rev-parse", "--short=10", "HEAD")
+    if not found:
+        return ""
+    return f"{found}+" if git(ROOT, "status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY) else found

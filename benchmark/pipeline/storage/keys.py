@@ -1,0 +1,41 @@
+"""Keys that name a recipe: inputs, versions, parameters and seed; never the bytes that came out.
+
+Output bytes change between BLAS builds and thread counts, a recipe does not. Code is named by the versions of the
+components that ran, see :mod:`benchmark.pipeline.storage.lock`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def digest(recipe: Any) -> str:
+    """Digest of a recipe made of dicts, lists, strings and numbers: 32 hexadecimal digits."""
+    text = json.dumps(recipe, sort_keys=True, separators=(",", ":"), default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def bare_key(key: str) -> str:
+    """Return a key without the name of the edit whose code made the result, if any."""
+    return key.rpartition("-")[2]
+
+
+def plain(recipe: Any) -> Any:
+    """The recipe as it comes back from JSON: tuples become lists, numpy numbers become numbers."""
+    return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "item"):
+        return value.item()
+    if isinstance(value, (set, frozenset)):
+        return sorted(value)
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"{type(value).__name__} cannot be part of a recipe")

@@ -1,0 +1,112 @@
+"""Records of several machines joined into one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from benchmark.pipeline.storage.records import DEFAULT_SCORER, Record, Records, by_place, outcome, place, portable
+from benchmark.pipeline.storage.store import StorageError, Store
+
+
+@dataclass
+class Merged:
+    """Outcome of a merge.
+
+    Parameters
+    ----------
+    added, known
+        Records that were new; and places where the same outcome, or what is worth more, was there already.
+    conflicts
+        Pairs of records with one key and two outcomes; nothing of them was taken.
+    """
+
+    added: list[Record] = field(default_factory=list)
+    known: int = 0
+    conflicts: list[tuple[Record, Record]] = field(default_factory=list)
+
+
+def records_under(results: Store) -> list[Record]:
+    """All records of a results folder, those that came with it before those made there.
+
+    Raises
+    ------
+    StorageError
+        If there is no such folder, or it holds no record.
+    """
+    places = (results.published, results.records)
+    found = list({record["key"]: record for records in places for record in records}.values())
+    if not found:
+        raise StorageError(
+            f"{results.root.parent} holds no records", "name a results folder: DIR/runs/records or DIR/records"
+        )
+    return found
+
+
+def merge_records(records: Iterable[Record], target: Records) -> Merged:
+    """Add records to a folder; one key with two outcomes is a conflict, and the folder keeps what it has.
+
+    Parameters
+    ----------
+    records
+        What to add; failures give way to results under the same key.
+    target
+        Where to.
+    """
+    merged = Merged()
+    for record in records:
+        there = target.read(record["key"])
+        if there is None or (there["status"] != "ok" and record["status"] == "ok"):
+            target.write(record)
+            merged.added.append(record)
+        elif record["status"] != "ok" or outcome(portable(there)) == outcome(portable(record)):
+            merged.known += 1
+        else:
+            merged.conflicts.append((there, record))
+    return merged
+
+
+def publish(records: Iterable[Record], target: Records) -> Merged:
+    """Bring the newest record of each place into the folder that travels with the suite.
+
+    Quick runs, folders of one's own and methods of plugin files are left out: they mean nothing to others. A record of
+    a place takes the place of all older ones, whatever their keys; but what has no scores, because a machine lacks a
+    package or a job was stopped there, never takes the place of what has.
+
+    Parameters
+    ----------
+    records
+        Records of finished jobs.
+    target
+        The folder.
+    """
+    merged, replaced = Merged(), list[str]()
+    before = by_place(target)
+    for where, found in by_place(record for record in records if _is_for_all(record)).items():
+        there = before.get(where, [])
+        newest = max([*found, *there], key=_worth)  # of two equal ones, the one that is to be published
+        if any(old["key"] == newest["key"] and outcome(old) == outcome(newest) for old in there):
+            merged.known += 1
+        else:
+            target.write(portable(newest))
+            merged.added.append(portable(newest))
+        replaced += [old["key"] for old in there if old["key"] != newest["key"]]
+    target.gather()
+    target.remove(*replaced)
+    return merged
+
+
+def _worth(record: Record) -> tuple[bool, str]:
+    return record["status"] == "ok", str(record.get("finished", ""))
+
+
+def _is_for_all(record: Record) -> bool:
+    data = record["data"]
+    return not data["quick"] and data["source"] == data["name"] and bool(record["target"])
+
+
+def told(record: Record) -> str:
+    """Return where a record belongs, in words."""
+    gallery, input_, method, seed, scorer = place(record)
+    by = "" if scorer == DEFAULT_SCORER else f" by {scorer}"
+    return f"{gallery} {input_} {method}" + (f" seed {seed}" if seed else "") + by

@@ -1,0 +1,237 @@
+"""Schema of the record of a job: its parts, their kinds, that they agree, and that its key is its own."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from functools import cache
+from itertools import pairwise
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
+
+from benchmark.api.contracts import Input
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.keys import bare_key, digest
+from retrieval.chance import chance_levels
+from retrieval.measures import PRINTED
+
+#: Largest difference between a mean in a record and the one that its queries, of six decimals, give.
+_ROUNDING = 1e-6
+
+Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
+Amount = Annotated[float, Meta(ge=0, le=1e15)]
+Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # means of many hang over 1 by their rounding
+Count = Annotated[int, Meta(ge=0, le=10**15)]
+Texts = dict[str, str]
+Shares = dict[str, Share]
+
+#: Parts that hold a figure, or a list of them, for each measure.
+_BY_MEASURE = ("scores", "chance", "per_query", "supported", "codebook_deviation")
+
+#: Parts of a record of status ``ok``.
+_SCORED = ("scores", "chance", "per_query", "shapes", "labels", "n_shapes", "n_classes", "unsupported", "cost")
+
+
+class _Stage(msgspec.Struct):
+    code: Texts | UnsetType = UNSET
+    packages: Texts | UnsetType = UNSET
+
+
+class _Recipe(msgspec.Struct):
+    seed: int | UnsetType = UNSET
+    unavailable: str | UnsetType = UNSET
+    parameters: dict[str, Any] | UnsetType = UNSET
+    models: Texts | UnsetType = UNSET
+    versions: Texts | UnsetType = UNSET
+    plugin: Texts | UnsetType = UNSET
+    code: dict[str, _Stage] | UnsetType = UNSET
+
+
+class _Data(msgspec.Struct):
+    name: str
+    title: str
+    stand_in_for: str
+    source: str
+    module: str
+    quick: bool
+    n_shapes: Count
+    n_classes: Count
+    chance: Shares
+
+
+class _Model(msgspec.Struct):
+    training: str
+    data: str
+    digest: str
+    schedule: str
+    extra_data: bool
+
+
+class _Environment(msgspec.Struct):
+    environment: str | dict[str, Any] = ""
+    artefacts: Count = 0
+
+
+class _Cost(msgspec.Struct):
+    seconds_per_shape: dict[str, Amount]
+
+
+class _Splits(msgspec.Struct):
+    count: Count
+    size: Count
+    quantiles: dict[str, tuple[Share, Share, Share]]
+
+
+class _Record(msgspec.Struct, kw_only=True):
+    key: str
+    gallery: str
+    input: Input
+    method: str
+    title: str
+    family: str
+    parameters: dict[str, Any]
+    target: str
+    status: str
+    recipe: _Recipe
+    data: _Data
+    reason: str | UnsetType = UNSET
+    traceback: str | UnsetType = UNSET
+    finished: str | UnsetType = UNSET
+    scorer: str | UnsetType = UNSET
+    scorer_title: str | UnsetType = UNSET
+    scores: Shares | UnsetType = UNSET
+    chance: Shares | UnsetType = UNSET
+    supported: Shares | UnsetType = UNSET
+    codebook_deviation: dict[str, Amount] | UnsetType | None = UNSET
+    per_query: dict[str, list[Share | None]] | UnsetType = UNSET
+    splits: _Splits | UnsetType = UNSET
+    shapes: list[str] | UnsetType = UNSET
+    labels: list[str] | UnsetType = UNSET
+    n_shapes: Count | UnsetType = UNSET
+    n_classes: Count | UnsetType = UNSET
+    tied_queries: Count | UnsetType = UNSET
+    lone_queries: Count | UnsetType = UNSET
+    unsupported: list[tuple[str, str]] | UnsetType = UNSET
+    unprepared: list[str] | UnsetType = UNSET
+    coverage: Share | UnsetType = UNSET
+    cost: _Cost | UnsetType = UNSET
+    peak_mib: Amount | UnsetType | None = UNSET
+    wall_seconds: Amount | UnsetType = UNSET
+    environments: list[_Environment] | UnsetType = UNSET
+    artefacts: list[str] | UnsetType = UNSET
+    models: list[_Model] | UnsetType = UNSET
+    digests: Texts | UnsetType = UNSET
+    files: Texts | UnsetType = UNSET
+    commit: str | UnsetType = UNSET
+    seen: list[str] | UnsetType = UNSET
+    notes: dict[str, dict[str, Any] | None] | UnsetType = UNSET
+
+
+def fault_of(content: Any) -> str:
+    """Return why something read from a file is not the record of a job; "" if it is one."""
+    try:
+        msgspec.convert(content, _Record)
+        fault = _contradiction(content) or _fault_of_names(content)
+        if not fault and digest(content["recipe"]) != bare_key(content["key"]):
+            fault = "its key is not that of its recipe"
+    except msgspec.ValidationError as error:
+        return f"it is no record: {error}"
+    except RecursionError:
+        return "it is nested too deeply"
+    return fault
+
+
+def _fault_of_names(record: Mapping[str, Any]) -> str:
+    """Return why a name of a record can be no name of a file or a shape; "" if all can."""
+    data = record["data"]
+    names = [record["gallery"], record["method"], record.get("scorer", ""), data["name"], data["source"]]
+    text = "".join([*names, *record.get("shapes", ()), *record.get("labels", ())])
+    try:
+        text.encode("utf-8", "surrogateescape")  # as Python reads file names that are no UTF-8
+    except UnicodeEncodeError:
+        return "a name in it is no Unicode text"
+    return "a name in it holds a NUL" if "\0" in text else ""
+
+
+def _contradiction(record: Mapping[str, Any]) -> str:
+    """Return which parts of a record contradict each other; "" if none do."""
+    parts = {name: record[name] for name in _BY_MEASURE if record.get(name) is not None}
+    for name, part in {**parts, "data.chance": record["data"]["chance"]}.items():
+        if missing := [measure for measure in PRINTED if measure not in part]:
+            return f"it has no '{name}.{missing[0]}'"
+    if "scorer_title" in record and "scorer" not in record:
+        return "it has the title of a scorer and no 'scorer'"
+    for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
+        if any(low > high for low, high in pairwise(quantiles)):
+            return f"'splits.quantiles.{measure}' do not rise"
+    if record["status"] != "ok":
+        return "it has scores, and is not ok" if "scores" in record else ""
+    if missing := [name for name in _SCORED if name not in record]:
+        return f"it has no '{missing[0]}'"
+    return _fault_of_shapes(record) or _fault_of_scores(record)
+
+
+def _fault_of_shapes(record: Mapping[str, Any]) -> str:
+    shapes, refused = record["shapes"], [name for name, _ in record["unsupported"]]
+    if record["n_shapes"] != len(shapes) or record["n_classes"] != len(set(record["labels"])):
+        return "'n_shapes' or 'n_classes' is not the number of its shapes or classes"
+    if len(record["labels"]) != len(shapes):
+        return "'labels' has another length than 'shapes'"
+    unprepared, seen, known = record.get("unprepared", []), record.get("seen", []), set(shapes)
+    for part, names in (("shapes", shapes), ("unsupported", refused), ("unprepared", unprepared), ("seen", seen)):
+        if len(set(names)) != len(names):
+            return f"'{part}' names a shape twice"
+    if not known.issuperset(seen) or not set(refused).issuperset(unprepared):
+        return "'seen' or 'unprepared' names other shapes than 'shapes' or 'unsupported'"
+    if "coverage" not in record:  # records of before did not count what was refused as shapes
+        return "" if known.isdisjoint(refused) else "it has no 'coverage', and lacks shapes"
+    answered = (len(shapes) - len(refused)) / max(len(shapes) - len(unprepared), 1)
+    if not known.issuperset(refused) or not _agree(record["coverage"], answered):
+        return "'coverage' is not the share of its shapes that have a result"
+    return ""
+
+
+def _fault_of_scores(record: Mapping[str, Any]) -> str:
+    labels, scores = record["labels"], record["scores"]
+    members = Counter(labels)
+    is_alone = [members[label] == 1 for label in labels]
+    if scores.keys() != record["per_query"].keys():
+        return "'scores' and 'per_query' name different measures"
+    for name, values in record["per_query"].items():
+        if len(values) != len(labels):
+            return f"'per_query.{name}' has another length than 'shapes'"
+        if (None in values or True in is_alone) and [value is None for value in values] != is_alone:
+            return f"'per_query.{name}' has no value of a query"
+        known = [value for value in values if value is not None]
+        if not known or not _agree(scores[name], sum(known) / len(known)):
+            return f"'scores.{name}' is not the mean of its queries"
+    try:
+        chance = chance_of_labels(tuple(labels))
+    except ConfigurationError:
+        return "no class of its labels has two members"
+    wrong = next((name for name, value in record["chance"].items() if not _agree(value, chance.get(name))), None)
+    return f"'chance.{wrong}' is not that of its labels" if wrong is not None else ""
+
+
+def _agree(one: float | None, other: float | None) -> bool:
+    """Return whether two figures are the same but for the rounding of single queries."""
+    return one is not None and other is not None and abs(one - other) <= _ROUNDING
+
+
+@cache
+def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
+    """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.chance.chance_levels`."""
+    return chance_levels(labels)
+
+
+def read_json(text: bytes) -> Any:
+    """Return what a text in JSON says; raises ``ValueError`` for another one, and for numbers beyond all bounds."""
+    try:
+        return msgspec.json.decode(text)
+    except msgspec.DecodeError:  # lone surrogates stand for file names that are no UTF-8
+        content = json.loads(text)
+        json.dumps(content, allow_nan=False)
+        return content

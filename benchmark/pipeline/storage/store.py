@@ -1,0 +1,318 @@
+"""Store of results: content-addressed arrays, and one immutable record per finished job."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmark.arrays import Arrays, digest_of, load_arrays, save_arrays
+from benchmark.errors import BenchmarkError
+from benchmark.files import is_alive, leftovers, write_atomically
+from benchmark.pipeline.storage.adoption import CODE_FILE, EDITED, RECIPE, adopt_edited, stale_edits
+from benchmark.pipeline.storage.costs import Cost, Meter
+from benchmark.pipeline.storage.environment import environment_text
+from benchmark.pipeline.storage.keys import bare_key, plain
+from benchmark.pipeline.storage.lock import edited, key_of
+from benchmark.pipeline.storage.records import Record, Records, by_place
+from benchmark.run.processes.opened_files import FILES, changed_files, files_among
+
+_COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
+
+
+class StorageError(BenchmarkError):
+    """The results folder cannot be read or written."""
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """Arrays of one stage, with what they originally cost and where they were made.
+
+    Parameters
+    ----------
+    key
+        Digest of the recipe.
+    arrays
+        By name.
+    cost, environment
+        As when they were made.
+    was_cached
+        Whether they were read.
+    digest
+        Digest of all arrays of the stage, also where some were read alone.
+    files
+        Digests of the files that a plugin read to make them, by path.
+    """
+
+    key: str
+    arrays: Arrays
+    cost: Cost
+    environment: str
+    was_cached: bool
+    digest: str = ""
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of results.
+
+    ``DIR/runs/artefacts`` keeps arrays by the digest of their recipe, ``DIR/runs/scratch`` those that are large and
+    made again quickly, ``DIR/runs/records`` the records of the jobs done here, and ``DIR/records`` those that travel
+    with the suite. What edited code makes lies apart, in ``DIR/runs/edited/EDIT`` with the name of the edit, until its
+    golden results are made anew: then :mod:`benchmark.pipeline.storage.adoption` brings it to the rest.
+
+    Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
+    second one merely replaces the first.
+
+    Parameters
+    ----------
+    root
+        ``DIR/runs``.
+    meter
+        Measures what is computed.
+    published_only
+        Whether records and models made here are passed over, so that what is read is the same in every clone.
+    """
+
+    root: Path
+    meter: Meter = field(default_factory=Meter, repr=False, compare=False)
+    published_only: bool = False
+
+    @classmethod
+    def open(cls, results: Path, *, published_only: bool = False) -> Store:
+        """Open or create the store under a results folder.
+
+        Raises
+        ------
+        StorageError
+            If the folder cannot be created or written.
+        """
+        store = cls(results / "runs")
+        try:
+            for folder in (store.artefacts, store.scratch, store.records.folder, store.progress):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"cannot write to {results}: {error.strerror}", "choose another --results DIR"
+            ) from error
+        adopt_edited(store.root)
+        return replace(store, published_only=published_only)
+
+    @property
+    def models(self) -> Path:
+        """Folder of the models that were trained here, beside the runs; one that is not there if they do not count."""
+        return self.root.parent / ("no-models" if self.published_only else "models")
+
+    @property
+    def artefacts(self) -> Path:
+        """Folder of the arrays that stay."""
+        return self.root / "artefacts"
+
+    @property
+    def scratch(self) -> Path:
+        """Folder of the arrays that a run needs until its jobs have their records."""
+        return self.root / "scratch"
+
+    @property
+    def progress(self) -> Path:
+        """Folder where workers tell how far they are."""
+        return self.root / "progress"
+
+    @cached_property
+    def records(self) -> Records:
+        """Records of the jobs done here; none if they do not count."""
+        return Records(self.root / ("no-records" if self.published_only else "records"))
+
+    @cached_property
+    def published(self) -> Records:
+        """Records that travel with the suite."""
+        return Records(self.root.parent / "records")
+
+    # Artefacts ---------------------------------------------------------------------------------------------------
+
+    def get_or_compute(
+        self, recipe: Mapping[str, Any], compute: Callable[[], Arrays], *, work: str = "", scratch: bool = False
+    ) -> Artefact:
+        """Return the arrays that a recipe stands for, computing and keeping them when missing or damaged.
+
+        Parameters
+        ----------
+        recipe
+            Everything that determines the result; see :mod:`benchmark.pipeline.storage.keys`.
+        compute
+            Makes the arrays; called only on a miss.
+        work
+            What is done; its first time in a process is marked in the cost.
+        scratch
+            Whether the arrays may go as soon as no job needs them.
+        """
+        key = key_of(recipe)
+        path = self._path(key, scratch=scratch)
+        artefact = _load(path, key)
+        if artefact is not None:
+            return artefact
+        with self.meter.measured(work) as cost:
+            arrays = dict(compute())
+        about = {_COST: cost().to_json(), _ENVIRONMENT: environment_text(), _DIGEST: digest_of(arrays)}
+        if "-" in key:  # its key changes when its golden results are accepted
+            self._say_which_code(key, recipe)
+            about[RECIPE] = json.dumps(plain(recipe))
+        texts = {name: np.array(text) for name, text in about.items()}
+        self._write(path, lambda file: save_arrays(file, bare_key(key), {**arrays, **texts}, compressed=not scratch))
+        files = files_among(arrays)
+        return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=about[_DIGEST], files=files)
+
+    def find(
+        self, recipe: Mapping[str, Any], *, scratch: bool = False, wanted: Callable[[str], bool] | None = None
+    ) -> Artefact | None:
+        """Return the arrays of a recipe if they are there.
+
+        Parameters
+        ----------
+        recipe, scratch
+            As in :meth:`get_or_compute`.
+        wanted
+            Chooses the arrays to read by name; all by default.
+        """
+        key = key_of(recipe)
+        return _load(self._path(key, scratch=scratch), key, wanted)
+
+    def find_anywhere(self, recipe: Mapping[str, Any]) -> Artefact | None:
+        """Return the arrays of a recipe if they are there, among those that may go or those that stay."""
+        return self.find(recipe, scratch=True) or self.find(recipe)
+
+    def has(self, key: str) -> bool:
+        """Return whether there is a file of arrays that stay under a key, whole or not."""
+        return self._path(key).is_file()
+
+    def arrays_under(self, key: str, name: str) -> Arrays:
+        """Return the array of a name under a key; empty where there is none, or its file is damaged."""
+        artefact = _load(self._path(key), key, name.__eq__)
+        return artefact.arrays if artefact else {}
+
+    def digest_under(self, key: str) -> str:
+        """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
+        found = _load(self._path(key), key, lambda name: False)
+        return found.digest if found else ""
+
+    def discard(self, key: str) -> None:
+        """Remove the arrays under a key."""
+        for scratch in (False, True):
+            self._path(key, scratch=scratch).unlink(missing_ok=True)
+
+    def artefact_files(self) -> Iterator[Path]:
+        """Files of all arrays that stay."""
+        return self.artefacts.glob("*/*.npz")
+
+    def drop_scratch(self) -> None:
+        """Free what no job needs any more."""
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self.scratch)
+            self.scratch.mkdir()
+
+    def _path(self, key: str, *, scratch: bool = False) -> Path:
+        root, bare = self.root / EDITED / key.partition("-")[0] if "-" in key else self.root, bare_key(key)
+        return root / ("scratch" if scratch else "artefacts") / bare[:2] / f"{bare}.npz"
+
+    def _say_which_code(self, key: str, recipe: Mapping[str, Any]) -> None:
+        """Write down which edited code the folder of a key belongs to."""
+        path = self.root / EDITED / key.partition("-")[0] / CODE_FILE
+        if not path.is_file():
+            self._write(path, lambda file: file.write(json.dumps(edited(recipe["versions"])).encode()))
+
+    # Records -----------------------------------------------------------------------------------------------------
+
+    def write_record(self, record: Record) -> None:
+        """Keep the record of a job; raises ``StorageError`` if it cannot be written."""
+        try:
+            self.records.write(record)
+        except OSError as error:
+            raise self._cannot_write(f"{record['key']}.json", error) from error
+
+    def remove_record(self, key: str) -> None:
+        """Remove the record of a job; raises ``StorageError`` if that cannot be done."""
+        try:
+            self.records.remove(key)
+        except OSError as error:
+            raise self._cannot_write(f"{key}.json", error) from error
+
+    def _write(self, path: Path, write: Callable[[Any], object]) -> None:
+        """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
+        try:
+            write_atomically(path, write)
+        except OSError as error:
+            raise self._cannot_write(path.name, error) from error
+
+    def _cannot_write(self, name: str, error: OSError) -> StorageError:
+        return StorageError(
+            f"cannot write {name} under {self.root}: {error.strerror}",
+            "free some space or choose another --results DIR; finished jobs are kept",
+        )
+
+
+def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
+    """Read an artefact; None if it is missing or damaged, in whatever way: it can be made again."""
+
+    def is_read(name: str) -> bool:
+        return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST, FILES) or wanted(name)
+
+    try:
+        arrays = load_arrays(path, bare_key(key), is_read)
+        cost, environment = Cost.from_json(str(arrays.pop(_COST))), str(arrays.pop(_ENVIRONMENT))
+        digest = str(arrays.pop(_DIGEST))
+        arrays.pop(RECIPE, None)
+        files = files_among(arrays)
+    except Exception:
+        return None
+    if changed_files(files) or (wanted is None and digest != digest_of(arrays)):
+        return None
+    return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest, files=files)
+
+
+def unneeded(store: Store) -> Iterator[Path]:
+    """Files that can be removed: the newest record of each place keeps what it was made from, all else may go.
+
+    The artefacts of a job that was stopped are among them; it would begin anew.
+    """
+    newest = (records[-1] for records in by_place(store.records).values())
+    needed = {key for record in newest for key in record.get("artefacts", ())}
+    yield from (path for path in store.artefact_files() if path.stem not in needed)
+    yield from store.scratch.glob("*/*.npz")
+    yield from (path for edit in stale_edits(store.root) for path in edit.rglob("*") if path.is_file())
+    yield from _leftovers(store)
+
+
+def sweep_leftovers(store: Store) -> None:
+    """Remove what killed processes left behind: half-written files, and notes on progress that nobody reads."""
+    remove(list(_leftovers(store)))
+
+
+def remove(paths: Iterable[Path]) -> int:
+    """Remove files; returns the bytes that were freed."""
+    freed = 0
+    for path in paths:
+        with contextlib.suppress(OSError):
+            size = path.stat().st_size
+            path.unlink()
+            freed += size
+    return freed
+
+
+def _leftovers(store: Store) -> Iterator[Path]:
+    yield from leftovers(store.root)
+    yield from leftovers(store.published.folder)
+    yield from (path for path in store.progress.iterdir() if not _is_watched(path))
+
+
+def _is_watched(path: Path) -> bool:
+    """Return whether the harness that looks at a progress file is alive."""
+    harness = path.name.partition("-")[0]
+    return harness.isdecimal() and is_alive(int(harness))

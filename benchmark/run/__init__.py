@@ -1,0 +1,1 @@
+"""Runs of jobs: what is to be done, by which processes or machines, and what each job leaves."""

@@ -1,0 +1,350 @@
+"""The jobs of a plan on a dask cluster, whose workers see the results folder and the data under the same paths."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import logging
+import os
+import secrets
+import threading
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from concurrent import futures
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Self, TypeVar
+
+from distributed import Client
+from distributed import Future as Answer
+
+from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.pipeline.storage.store import Store
+from benchmark.run import dask_worker
+from benchmark.run.job_specs import Job, Task, to_json
+from benchmark.run.plan import changed_names
+from benchmark.run.pools import LOST, Running, Status
+from benchmark.run.processes.process import INTERVAL
+from benchmark.text import brief, say
+
+T = TypeVar("T")
+
+#: Seconds for the scheduler to answer at first, and to be back once it was lost.
+_CONNECTING, _GONE = 10.0, 10.0
+
+#: Seconds to wait for the first worker, or for another one when all are lost.
+_NOBODY = 600.0
+
+#: Seconds without a heartbeat, or for the answer of a finished task to arrive, after which a worker counts as lost.
+SILENCE = 60.0
+
+#: Seconds for a worker to write down where a task is that is stopped.
+_LAST_WORDS = 10.0
+
+
+@dataclass
+class WorkerNode:
+    """A dask worker, as far as a run knows it.
+
+    Parameters
+    ----------
+    address, host, threads
+        Where it is, and how many tasks it takes at a time.
+    inspection
+        Its answer, in time, to the question what it has; see :func:`.dask_worker.inspect`.
+    is_ready
+        Whether that answer has come and is as it should be.
+    refusal
+        Why it is left out.
+    heartbeat, heard
+        Its last heartbeat by the clock of the scheduler, and when that was noticed here.
+    is_gone
+        Whether the scheduler knows it no more.
+    running
+        Tasks that it is at.
+    """
+
+    address: str
+    host: str
+    threads: int
+    inspection: futures.Future[str]
+    is_ready: bool = False
+    refusal: ConfigurationError | None = None
+    heartbeat: float = 0.0
+    heard: float = field(default_factory=time.monotonic)
+    is_gone: bool = False
+    running: int = 0
+
+    @property
+    def is_lost(self) -> bool:
+        """Return whether it is gone or silent; it is trusted again as soon as it is heard."""
+        return self.is_gone or time.monotonic() - self.heard > SILENCE
+
+    @property
+    def free(self) -> int:
+        """Return how many more tasks it can be given."""
+        return self.threads - self.running if self.is_ready and not self.is_lost else 0
+
+
+class DaskTask(Running):
+    """A task that a dask worker is at.
+
+    Parameters
+    ----------
+    task
+        The task.
+    node
+        Who does it.
+    answer
+        What dask will have in the end.
+    store
+        Where its records belong.
+    """
+
+    def __init__(self, task: Task, node: WorkerNode, answer: Answer, store: Store) -> None:
+        super().__init__(task)
+        self.node = node
+        self._answer = answer
+        self._store = store
+        self._is_over = False
+        node.running += 1
+
+    def update(self) -> None:
+        """Look whether it has ended."""
+        if not self.has_ended and self._answer.done():
+            self._take_answer()
+        elif not self.has_ended and self.node.is_lost:
+            self.exit_code = LOST
+        if self.has_ended:
+            self.end()
+
+    def stop(self) -> None:
+        """End it, after it has written down where it is."""
+        key, address = str(self._answer.key), self.node.address
+        _aside(lambda: self._answer.client.run(dask_worker.stop, key, workers=[address], on_error="ignore"))
+        until = time.monotonic() + _LAST_WORDS
+        while not self.has_ended and time.monotonic() < until:
+            time.sleep(INTERVAL)
+            self.update()
+        self.end()
+
+    def end(self) -> None:
+        """End it, if it still runs; its worker hears of it from the scheduler."""
+        if not self._is_over:
+            self._is_over = True
+            _aside(lambda: self._answer.cancel(force=True))
+            self.node.running -= 1
+
+    def _take_answer(self) -> None:
+        try:
+            found = json.loads(self._answer.result(timeout=SILENCE))
+            status, code = Status(*found["status"]), None if found["is_finished"] else int(found["exit_code"])
+        except Exception:  # cancelled, killed, or without an answer
+            self.exit_code = LOST
+            return
+        for record in found["records"]:  # a network file system may show them seconds later
+            if record["key"] not in self._store.records:
+                self._store.write_record(record)
+        self.status, self.trace, self.exit_code, self.is_finished = status, str(found["trace"]), code, code is None
+
+
+class DaskPool:
+    """The workers of a dask cluster.
+
+    Each is asked before it gets work whether it sees the results folder and what code, packages and data it has, and is
+    left out if it would do other work than was planned. Tasks are given to one worker by name, for a run wants to know
+    whose death costs what; dask itself tries nothing again.
+
+    Parameters
+    ----------
+    url
+        Address of the scheduler.
+    jobs
+        The jobs; they name what the workers must have.
+    most
+        Tasks at a time; None for all threads of all workers.
+
+    Raises
+    ------
+    ConfigurationError
+        If no scheduler answers.
+    """
+
+    def __init__(self, url: str, jobs: Sequence[Job], most: int | None = None) -> None:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said here, in one line
+        self.url = url
+        self._most = most
+        self._name = f"canonical-forms-{secrets.token_hex(8)}"
+        self._numbers = itertools.count()
+        self._nodes: dict[str, WorkerNode] = {}
+        self._info: dict[str, Any] = {}
+        self._store = Store.open(jobs[0].results)
+        self._suite = dask_worker.suite()
+        self._running: dict[str, DaskTask] = {}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of versions, which are told worker by worker
+                self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
+        except Exception as error:  # what is raised depends on the kind of address
+            raise ConfigurationError(
+                f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
+            ) from error
+        self._client.subscribe_topic(self._name, self._hear)
+        self._marker = self._store.progress / f"{os.getpid()}-{self._name}"
+        self._marker.write_text(self._name, encoding="utf-8")
+        self._question = json.dumps(
+            {
+                "jobs": [to_json(replace(job, identifiers=(), trainings={})) for job in jobs],
+                "results": str(jobs[0].results),
+                "marker": str(self._marker),
+                "written": self._name,
+            }
+        )
+        self._reached = self._useful = time.monotonic()
+        self._over = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._marker.unlink(missing_ok=True)
+        futures.wait([_aside(lambda: self._client.close(timeout=1))], _LAST_WORDS)
+
+    @property
+    def size(self) -> int:
+        """Tasks that the workers can do at a time."""
+        slots = sum(node.running + node.free for node in self._nodes.values())
+        return slots if self._most is None else min(slots, self._most)
+
+    @property
+    def waits_for(self) -> str:
+        """Return what the run waits for where no worker can be used."""
+        if self.size:
+            return ""
+        asked = sum(not node.inspection.done() for node in self._nodes.values())
+        return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
+
+    def begin(self, task: Task) -> Running:
+        """Give a task to the worker that is least at work; raises ``OSError`` if all of them are."""
+        node = max(self._nodes.values(), key=lambda node: node.free, default=None)
+        if node is None or not node.free:
+            raise OSError(0, f"all workers of {self.url} are at work")
+        name = f"{self._name}-{next(self._numbers)}"
+        message = {
+            "task": to_json(task),
+            "run": self._name,
+            "name": name,
+            "workers": sum(other.threads for other in self._nodes.values() if other.host == node.host),
+        }
+        answer = self._client.submit(
+            dask_worker.do, json.dumps(message), key=name, workers=[node.address], allow_other_workers=False,
+            retries=0, pure=False,
+        )  # fmt: skip
+        self._running[name] = DaskTask(task, node, answer, self._store)
+        return self._running[name]
+
+    def _hear(self, event: tuple[float, Any]) -> None:
+        """Take note of how far a task is, as its worker says."""
+        name, *status = event[1]
+        if name in self._running and not self._running[name].has_ended:
+            self._running[name].status = Status(*status)
+
+    def wait(self, running: Sequence[Running], look: Callable[[], object]) -> None:
+        """Wait a moment, then look who has come and who has gone.
+
+        Raises
+        ------
+        BenchmarkError
+            If the scheduler is gone, or no worker comes for long.
+        ConfigurationError
+            If no worker sees the results folder and would do what was planned.
+        """
+        time.sleep(INTERVAL)
+        now = time.monotonic()
+        if now - self._reached > _GONE:
+            raise BenchmarkError(
+                f"the dask scheduler at {self.url} is gone", "start it again and run again; finished jobs are kept"
+            )
+        self._look_round()
+        for name, task in list(self._running.items()):
+            task.update()
+            if task.has_ended:
+                del self._running[name]
+        refused = [node.refusal for node in self._nodes.values() if node.refusal]
+        if running or self.size:
+            self._useful = now
+        elif refused and len(refused) == len(self._nodes):
+            raise ConfigurationError(
+                f"no worker at {self.url} would do what this machine does: {refused[0].problem}", refused[0].hint
+            )
+        elif now - self._useful > _NOBODY:
+            raise BenchmarkError(
+                f"no worker came to {self.url} in {_NOBODY:g} s",
+                f"start some, of distributed {self._suite['distributed']}, and run again; finished jobs are kept",
+            )
+
+    def _watch(self) -> None:
+        """Ask the scheduler for its workers, again and again; in a thread, for it may never answer."""
+        while not self._over.wait(INTERVAL * 5):
+            with suppress(Exception):
+                if self._client.status == "running":
+                    self._info = dict(self._client.scheduler_info()["workers"])
+                    self._reached = time.monotonic()
+
+    def _look_round(self) -> None:
+        info = self._info
+        for address, known in info.items():
+            if address not in self._nodes:
+                inspection = _aside(partial(self._inspect, address))
+                self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), inspection)
+            node = self._nodes[address]
+            if node.heartbeat != known.get("last_seen"):
+                node.heartbeat, node.heard = known.get("last_seen", 0.0), time.monotonic()
+            if node.inspection.done() and not node.is_ready and not node.refusal:
+                self._admit(node)
+        for address in self._nodes.keys() - info.keys():
+            self._nodes.pop(address).is_gone = True
+
+    def _inspect(self, address: str) -> str:
+        """Ask a worker what it has; not by a task, at which a worker without the suite would end."""
+        return str(self._client.run(dask_worker.inspect, self._question, workers=[address])[address])
+
+    def _admit(self, node: WorkerNode) -> None:
+        """Take the answer of a worker to the question what it has."""
+        try:
+            answer = json.loads(node.inspection.result())
+            problem, hint = str(answer["problem"]), str(answer["hint"])
+            problem, hint = (problem, hint) if problem else (self._other_suite(node, answer), dask_worker.SAME_SUITE)
+        except Exception as error:  # the suite is not there, or the worker has gone
+            problem, hint = one_line(error), dask_worker.SAME_SUITE
+        node.is_ready = not problem
+        if problem:
+            node.refusal = ConfigurationError(f"worker {node.address}: {brief(problem)}", hint)
+            say(f"left out: {node.refusal}", err=True)
+
+    def _other_suite(self, node: WorkerNode, answer: Mapping[str, Any]) -> str:
+        """Say why the tasks of this run are none for the suite of a worker; "" if they are."""
+        if "suite" not in answer:
+            return "another version of this suite"
+        if (there := answer["suite"]["distributed"]) != (here := self._suite["distributed"]):
+            say(f"worker {node.address} has distributed {there}, this machine {here}", err=True)
+        parts = ((part, self._suite[part], answer["suite"][part]) for part in ("code", "packages"))
+        return "; ".join(changed_names(part, here, there) for part, here, there in parts if here != there)
+
+
+def _aside(call: Callable[[], T]) -> futures.Future[T]:
+    """Call something that may never return in a thread of its own; its result comes in time."""
+    future: futures.Future[T] = futures.Future()
+
+    def run() -> None:
+        try:
+            future.set_result(call())
+        except Exception as error:
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future

@@ -1,0 +1,118 @@
+"""Estimates for a plan from the costs of finished jobs: seconds of work, and room on the disk."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from benchmark.pipeline.storage.records import Record
+from benchmark.pipeline.storage.store import Store
+from benchmark.run.job_specs import Job
+
+__all__ = ["Estimate", "estimate"]
+
+#: Phases that all methods of a shape share: one pays for them.
+SHARED = ("prepare", "geodesics")
+
+#: Files whose mean size stands for that of all.
+_SAMPLE = 500
+
+#: Stands behind the name of a method for whatever parameters it has.
+_ANY = "[...]"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Cost of the jobs of a plan that are to run, if none of their stages were done already.
+
+    Parameters
+    ----------
+    seconds
+        Of work, on one core.
+    unknown
+        Jobs whose method never finished under their input, so that nobody can tell.
+    mebibytes
+        Of what stays on the disk; None where nothing is there to measure.
+    """
+
+    seconds: float
+    unknown: int
+    mebibytes: float | None
+
+    def lines(self, n_jobs: int, workers: int) -> list[str]:
+        """In words, for a plan with so many jobs to run."""
+        if not n_jobs:
+            return []
+        told = []
+        if self.seconds or not self.unknown:
+            shared = f", {_duration(self.seconds / workers)} with {workers} jobs at a time" if workers > 1 else ""
+            told.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
+        if self.unknown:
+            told.append(f"{self.unknown} of them cannot be estimated: no job of their method has finished")
+        room = "unknown before the first job here" if self.mebibytes is None else f"about {self.mebibytes:.0f} MiB"
+        return [*told, f"disk: {room}"]
+
+
+def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
+    """Estimate the jobs of a plan that are to run.
+
+    Seconds a shape are those of the same method and input on the same gallery, else the median over other galleries;
+    what the methods of a shape share counts once.
+
+    Parameters
+    ----------
+    jobs
+        The plan.
+    store
+        Holds the records, and the files whose size tells that of others.
+    """
+    to_run = list({job.key: job for job in jobs if job.to_run}.values())
+    if not to_run:
+        return Estimate(0.0, 0, None)
+    costs: dict[tuple[str, str], list[Record]] = {}
+    for record in (*store.published, *store.records):
+        if "cost" in record:
+            for name in {record["method"], record["method"].partition("[")[0] + _ANY}:
+                costs.setdefault((name, record["input"]), []).append(record)
+    seconds, unknown, n_forms = 0.0, 0, 0
+    shared: dict[tuple[str, str, str], dict[str, float]] = {}
+    for job in to_run:
+        found = _phases(job, costs)
+        n_forms += len(job.identifiers)
+        if found is None:
+            unknown += 1
+            found = {}
+        own = sum(value for phase, value in found.items() if phase not in SHARED)
+        seconds += own * len(job.identifiers)
+        for identifier in job.identifiers:
+            place = shared.setdefault((job.facts["data"]["name"], job.input, identifier), {})
+            for phase in SHARED:
+                place[phase] = max(place.get(phase, 0.0), found.get(phase, 0.0))
+    seconds += sum(sum(phases.values()) for phases in shared.values())
+    size = _mean_size(store)
+    room = None if size is None else (n_forms + len(shared)) * size / 2**20
+    return Estimate(seconds, unknown, room)
+
+
+def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float] | None:
+    """Seconds a shape by phase: of the gallery itself, else the median over others; None if there are none."""
+    alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
+    here = [record for record in alike if record["gallery"] == job.gallery]
+    found = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
+    if not found:
+        return None
+    return {phase: statistics.median(each.get(phase, 0.0) for each in found) for phase in set().union(*found)}
+
+
+def _mean_size(store: Store) -> float | None:
+    sizes = [path.stat().st_size for path in itertools.islice(store.artefact_files(), _SAMPLE)]
+    return statistics.fmean(sizes) if sizes else None
+
+
+def _duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"

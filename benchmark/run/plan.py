@@ -1,0 +1,387 @@
+"""Plan of a run, with reasons: protocols x methods -> jobs. Nothing is computed here, records are only read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from benchmark.api.contracts import Input
+from benchmark.datasets.base import Entry
+from benchmark.datasets.catalogue import is_known, is_path
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline import recipes
+from benchmark.pipeline.storage import keys
+from benchmark.pipeline.storage.lock import edited, key_of, words_of_edit
+from benchmark.pipeline.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec
+from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
+from benchmark.protocols.trainings import NoFolds
+from benchmark.run.job_specs import LARGE_FILE, Job, State
+from benchmark.run.processes.opened_files import changed_files
+from retrieval.chance import chance_levels
+
+#: Recipe parts in the order in which a change is worth telling.
+PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "versions", "plugin")
+
+#: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
+CHANGED = "changed"
+
+#: Status of a job whose results could not be written; it is run again without being asked.
+UNSAVED = "unsaved"
+
+
+def _large_files(gallery: Gallery) -> dict[str, int]:
+    sizes = {entry.identifier: _size(entry.path) for entry in gallery.entries if entry.path is not None}
+    return {identifier: size for identifier, size in sizes.items() if size > LARGE_FILE}
+
+
+@cache
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _absolute(source: str) -> str:
+    """The source of a data set as it is understood from any working directory."""
+    return source if is_known(source) or not is_path(source) else str(Path(source).absolute())
+
+
+def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
+    """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
+    dataset, subjects = gallery.dataset, tuple(entry.subject for entry in gallery.entries)
+    facts = {
+        "gallery": gallery.name,
+        "input": input_,
+        "method": spec.name,
+        "title": spec.title,
+        "family": spec.info.family,
+        "parameters": dict(spec.parameters),
+        "data": {
+            "name": dataset.name,
+            "title": dataset.title,
+            "stand_in_for": dataset.stand_in_for,
+            "source": gallery.source,
+            "module": recipes.dataset_module(dataset),
+            "quick": gallery.quick,
+            "n_shapes": len(subjects),
+            "n_classes": len(set(subjects)),
+            "chance": _chance(subjects),
+        },
+        # Only what is built in, or installed, means something to others.
+        "target": "" if any(m.endswith(".py") for m in (spec.module, scorer.module)) else spec.target,
+    }
+    if spec.describes:
+        facts["scorer"] = NO_SCORER
+    elif scorer.name != DEFAULT:  # the default one goes without saying
+        facts |= {"scorer": scorer.name, "scorer_title": scorer.title}
+    return dict(keys.plain(facts))
+
+
+@cache
+def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
+    return chance_levels(subjects)
+
+
+#: The scorer that the jobs of descriptors name, whatever compares the forms.
+_NO_OTHER = ScorerSpec()
+
+
+@dataclass(frozen=True)
+class JobSettings:
+    """Settings that all jobs of a plan share.
+
+    Parameters
+    ----------
+    seed
+        Base seed.
+    retry
+        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
+    scorer
+        What compares the forms.
+    """
+
+    seed: int = 0
+    retry: frozenset[str] = frozenset()
+    scorer: ScorerSpec = field(default_factory=ScorerSpec)
+
+
+def make_plan(
+    galleries: Iterable[Gallery],
+    inputs: Iterable[Input],
+    methods: Iterable[MethodSpec],
+    store: Store,
+    settings: JobSettings | None = None,
+) -> list[Job]:
+    """List the jobs of a selection with their states.
+
+    Parameters
+    ----------
+    galleries, inputs, methods
+        The selection.
+    store
+        Where finished jobs are looked up.
+    settings
+        Of all jobs; None for the usual ones.
+    """
+    plan = _Planning(store, settings or JobSettings(), list(store.records))
+    specs, wanted_inputs = list(methods), list(inputs)
+    jobs: list[Job] = []
+    known: dict[tuple[str, str], str] = {}
+    for gallery in galleries:
+        rows = gallery.rows(specs, store.models)
+        for input_ in wanted_inputs:
+            if rows and input_ in gallery.inputs:
+                data = data_recipe(gallery, input_, known)
+                jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
+    return jobs
+
+
+@dataclass(frozen=True)
+class _Planning:
+    """Context that all jobs of a plan share."""
+
+    store: Store
+    settings: JobSettings
+    made_here: list[Record]
+
+    @cached_property
+    def _before(self) -> Mapping[Place, list[Record]]:
+        return by_place(record for record in self.made_here if "-" not in record["key"])
+
+    @cached_property
+    def _by_key(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.made_here}
+
+    @cached_property
+    def _published(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.store.published}
+
+    @cached_property
+    def _published_before(self) -> Mapping[Place, list[Record]]:
+        return by_place(self._published.values())
+
+    def _proven(self, method: str) -> set[str]:
+        """Digests of the models by which a method has made results, here or else elsewhere."""
+        return self._proven_here.get(method) or self._proven_elsewhere.get(method, set())
+
+    @cached_property
+    def _proven_here(self) -> Mapping[str, set[str]]:
+        return _proven_by(self._before)
+
+    @cached_property
+    def _proven_elsewhere(self) -> Mapping[str, set[str]]:
+        return _proven_by(self._published_before)
+
+    def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
+        """Return the job of a row, and whether a run would make it."""
+        store, retry, seed = self.store, self.settings.retry, self.settings.seed
+        models: dict[str, Model] = {}
+        # A descriptor compares its descriptors itself: one job, whatever compares the forms.
+        missing = spec.missing_packages()
+        scorer = _NO_OTHER if not missing and spec.describes else self.settings.scorer
+
+        def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
+            return Job(
+                key=key_of(recipe) if recipe else "", facts=_facts(gallery, input_, spec, scorer),
+                table=gallery.table.identifier, dataset=_absolute(gallery.source),
+                data_root=gallery.data_root and gallery.data_root.absolute(),
+                identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec, seed=seed,
+                results=store.root.parent.absolute(), recipe=recipe or {},
+                models={model.training: model for model in models.values()},
+                trainings={identifier: model.training for identifier, model in models.items()},
+                all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
+                ranks_again=ranks_again, large_files=_large_files(gallery), state=state, reason=reason,
+            )  # fmt: skip
+
+        if missing:
+            return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
+        if input_ not in spec.info.inputs:
+            return job("unsupported", f"does not take the {input_} input")
+        try:
+            proven = self._proven(spec.name) if spec.learns else ()
+            models = find_models(spec, gallery, store.models.absolute(), proven)
+        except MissingModel as error:
+            return job("unavailable", str(error))
+        except (NoFolds, TooNear) as error:
+            return job("unsupported", str(error))
+        recipe = job_recipe(gallery, spec, data, models, seed, scorer)
+        key, edit = key_of(recipe), edited(recipe["versions"])
+        record = self._by_key.get(key)
+        if record is not None and (changed := changed_files(record.get("files", {}))):
+            return job("stale", f"{', '.join(changed[:3])} changed", recipe)
+        if record is not None and record["status"] not in (CHANGED, UNSAVED):
+            status = record["status"]
+            if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
+                reason = "; ".join(filter(None, (_told(record), words_of_edit(edit) if edit else "")))
+                return job("cached" if status == "ok" else "failed", reason, recipe)
+            return job("stale", f"{status} before, asked to retry", recipe)
+        if edit:
+            return job("stale", words_of_edit(edit), recipe)
+        if key in self._published:
+            return job("published", "finished elsewhere; a run makes it anew here", recipe)
+        place = Place(gallery.name, input_, spec.name, seed, scorer.name)
+        if older := self._before.get(place):
+            ranks_again = _has_distances(older[-1], recipe, store)
+            return job("stale", what_changed(older[-1], recipe), recipe, ranks_again=ranks_again)
+        if not gallery.quick and (elsewhere := self._published_before.get(place)):
+            return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
+        return job("missing", "never run", recipe)
+
+
+def _proven_by(records: Mapping[Place, list[Record]]) -> dict[str, set[str]]:
+    """Digests of the models that have made results, by the methods that did so."""
+    found: dict[str, set[str]] = {}
+    for place, made in records.items():
+        found.setdefault(place.method, set()).update(*map(models_proven_by, made))
+    return found
+
+
+def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
+    """Return whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
+    if older["status"] != "ok" or not older.get("artefacts"):
+        return False
+    before, now = (
+        {**each, "versions": {**each.get("versions", {}), "measures": ""}} for each in (older["recipe"], recipe)
+    )
+    return before == now and all(map(store.has, older["artefacts"]))
+
+
+def job_recipe(
+    gallery: Gallery,
+    spec: MethodSpec,
+    data: Mapping[str, Any],
+    models: Mapping[str, Model],
+    seed: int,
+    scorer: ScorerSpec | None = None,
+) -> dict[str, Any]:
+    """Everything that determines the scores of a job.
+
+    Parameters
+    ----------
+    gallery, spec, seed, scorer
+        The job; without a scorer, by the default one.
+    data
+        :func:`data_recipe` of the gallery and an input.
+    models
+        Trained model of each shape; empty for a method that does not learn.
+    """
+    scorer = scorer or ScorerSpec()
+    recipe = {
+        **data,
+        "method": spec.base_name,
+        "parameters": spec.key_parameters(),
+        "seed": seed,
+        "scorer": recipes.scorer_recipe(scorer),
+        "versions": recipes.job_versions(gallery.dataset, data["input"], spec, scorer),
+        **recipes.job_plugins(gallery.dataset, spec, scorer),
+    }
+    if gallery.table.split_size:
+        recipe["split_size"] = gallery.table.split_size
+    if models:
+        recipe["models"] = {model.training: model.digest for model in models.values()}
+    return dict(keys.plain(recipe))
+
+
+def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], str] | None = None) -> dict[str, Any]:
+    """Input, digest of the shapes and their labels, and of the camera's frame for the view input.
+
+    Parameters
+    ----------
+    gallery, input_
+        The shapes.
+    known
+        What is known of the data of shapes, by source and identifier, to which this adds; None for nothing.
+    """
+    dataset, told = gallery.dataset, {} if known is None else known
+
+    def data(entry: Entry) -> str:
+        name = (gallery.source, entry.identifier)
+        if name not in told:
+            told[name] = str(recipes.source_data(dataset, entry))
+        return told[name]
+
+    recipe: dict[str, Any] = {
+        "input": input_,
+        "gallery": keys.digest([(entry.identifier, entry.subject, data(entry)) for entry in gallery.entries]),
+    }
+    if input_ == "view":
+        frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]
+        cameras = [repr(dataset.camera(entry)) for entry in gallery.entries]
+        sensors = [repr(sensor) for entry in gallery.entries if (sensor := recipes.sensor_of(dataset, entry))]
+        recipe["view"] = keys.digest([frame, cameras, *([sensors] if sensors else [])])
+    return recipe
+
+
+def what_changed(record: Record, now: Mapping[str, Any]) -> str:
+    """Name the parts of the recipe of a record that changed.
+
+    Parameters
+    ----------
+    record
+        A record of the same place in the plan.
+    now
+        The recipe, or those parts of it that can be told.
+    """
+    return difference({part: record["recipe"].get(part) for part in now}, now)
+
+
+def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Name the parts of a recipe that changed.
+
+    Parameters
+    ----------
+    before, now
+        Recipes of two jobs with the same place in the plan.
+    """
+    plain = keys.plain(now)
+    changes: list[str] = []
+    for part in PARTS:
+        old, new = before.get(part), plain.get(part)
+        if old == new:
+            continue
+        if part == "versions" and not old:
+            changes.append("made by version 0.2 or older")
+        elif isinstance(old, dict) and isinstance(new, dict):
+            changes.append(changed_names(part, old, new))
+        elif part in ("gallery", "view"):
+            changes.append("the data changed" if part == "gallery" else "the camera's frame changed")
+        else:
+            changes.append(f"{part} changed from {old} to {new}")
+    return "; ".join(changes) or "the recipe changed"
+
+
+def changed_names(part: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Name the first of the entries in which a part of a recipe differs."""
+    changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+    if part == "versions":  # digests, which tell nobody anything
+        return f"versions changed: {', '.join(changed)}"
+    return f"{part} changed: {', '.join(f'{name} {before.get(name)} -> {now.get(name)}' for name in changed[:3])}"
+
+
+def unavailable_record(job: Job) -> Record:
+    """Return what tables know of a job that cannot be done here: a package or a model is missing."""
+    recipe = {"unavailable": job.reason, "gallery": job.gallery, "input": job.input, "method": job.method.name}
+    if job.scorer.name != DEFAULT:
+        recipe["scorer"] = job.scorer.name
+    return {**job.facts, "key": keys.digest(recipe), "recipe": recipe, "status": job.state, "reason": job.reason}
+
+
+def _told(record: Mapping[str, Any]) -> str:
+    if record["status"] == "ok":
+        return "finished"
+    return f"{record['status']}: {record.get('reason', '')}"
+
+
+def require_jobs(jobs: list[Job]) -> list[Job]:
+    """Return the jobs; raises ``ConfigurationError`` if there are none."""
+    if not jobs:
+        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
+    return jobs

@@ -1,0 +1,98 @@
+"""Files that a plugin reads while it works: they are kept beside its results, which count while these stay the same."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import os
+import sys
+import sysconfig
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.arrays import ABOUT
+from benchmark.source_code import FIRST_PARTY, ROOT
+
+#: Array that names the files beside a result.
+FILES = f"{ABOUT}files"
+
+#: Folders whose files are no part of a plugin: of Python, of installed packages, of the suite, of the system.
+NOT_OF_PLUGINS = tuple(
+    {str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+    | {str(Path(json.__file__).parents[1]), *(str(ROOT / name) for name in FIRST_PARTY), "/proc", "/sys", "/dev"}
+)
+
+_read: dict[str, str] = {}
+_own: set[str] = set()
+_known: dict[tuple[str, int, int], str] = {}
+
+
+def watch_opened_files() -> None:
+    """Note each file that this process reads from now on; those that it writes or makes for a while are its own."""
+    sys.addaudithook(_hear)
+
+
+def opened_files() -> dict[str, str]:
+    """Return the digests of the files that were read, by path; what has gone since was made for a while."""
+    for path in [path for path, digest in _read.items() if not digest]:
+        _read[path] = digest_of_file(path)
+    return {path: digest for path, digest in sorted(_read.items()) if digest and not _is_own(path)}
+
+
+def digest_of_file(path: str) -> str:
+    """Return the digest of a file: 32 hexadecimal digits; "" where there is none that can be read."""
+    try:
+        facts = os.stat(path)  # noqa: PTH116  # a path as the audit hook hears it
+        known_as = (path, facts.st_size, facts.st_mtime_ns)
+        if known_as not in _known:
+            _known[known_as] = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:32]
+        return _known[known_as]
+    except (OSError, ValueError):
+        return ""
+
+
+def changed_files(files: Mapping[str, str]) -> list[str]:
+    """Return the paths of those files that are no longer what they were."""
+    return [path for path, digest in files.items() if digest_of_file(path) != digest]
+
+
+def with_files(arrays: Mapping[str, NDArray[Any]], files: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a result with the files that were read for it."""
+    return {**arrays, FILES: np.array(json.dumps(files))} if files else dict(arrays)
+
+
+def files_among(arrays: dict[str, NDArray[Any]]) -> dict[str, str]:
+    """Take the files that a result was made from out of its arrays."""
+    return dict(json.loads(str(arrays.pop(FILES)))) if FILES in arrays else {}
+
+
+def _hear(event: str, arguments: tuple[Any, ...]) -> None:
+    if event == "open":
+        path, mode, flags = arguments
+        if isinstance(path, str | bytes) and isinstance(flags, int):
+            _note(os.fsdecode(path), writes=bool(flags & (os.O_WRONLY | os.O_RDWR)) or "w" in str(mode or ""))
+    elif event == "subprocess.Popen" and isinstance(arguments[0], str | bytes):
+        _note(os.fsdecode(arguments[0]), writes=False)
+    elif event in ("tempfile.mkdtemp", "tempfile.mkstemp"):
+        _own.add(os.fsdecode(arguments[0]))
+
+
+def _note(path: str, *, writes: bool) -> None:
+    with suppress(OSError, ValueError):
+        path = os.path.realpath(path)
+        if path.endswith(".pyc"):
+            path = importlib.util.source_from_cache(path)
+        if writes:
+            _own.add(path)
+        elif path not in _read and not path.startswith(NOT_OF_PLUGINS) and os.path.isfile(path):  # noqa: PTH113
+            _read[path] = ""
+
+
+def _is_own(path: str) -> bool:
+    return path in _own or any(str(parent) in _own for parent in Path(path).parents)
