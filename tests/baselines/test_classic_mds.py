@@ -10,8 +10,6 @@ from baselines._kernels.orientation import canonical_signs, vertex_areas
 from baselines.classic_mds import ClassicMDS, classic_scaling
 from tests.baselines.embedding import (
     PointShape,
-    brute_force_stress,
-    limbed,
     points_on_ellipsoid,
     spread,
 )
@@ -72,9 +70,3 @@ def test_negative_eigenvalues_count_as_zero():
     np.testing.assert_allclose(ratios, [1, 1, 0, -0.5], atol=1e-12)
     np.testing.assert_allclose(points[:, 2], 0, atol=1e-7)
     np.testing.assert_allclose(spread(points)[0], [0, np.sqrt(2), 2, np.sqrt(2)], atol=1e-7)
-
-
-def test_the_stress_is_that_of_the_definition():
-    shape = limbed(200)
-    form = ClassicMDS().canonicalise(shape)
-    assert form.notes["stress"] == pytest.approx(brute_force_stress(form.vertices, shape.geodesics()), rel=1e-9)

@@ -26,17 +26,6 @@ def test_points_in_space_are_recovered_from_few_rows():
     assert form.notes["stress_of_rows"] == pytest.approx(0, abs=1e-12)
 
 
-def test_the_first_axis_is_the_law_of_cosines_between_two_far_vertices():
-    shape = limbed()
-    distances = shape.geodesics()
-    form = FastMDS().canonicalise(shape).vertices
-    a, b = int(form[:, 0].argmin()), int(form[:, 0].argmax())
-    apart = distances[a, b]
-    assert apart > 0.95 * distances.max()
-    expected = (distances[a] ** 2 + apart**2 - distances[b] ** 2) / (2 * apart)
-    np.testing.assert_allclose(form[:, 0] - form[a, 0], expected, atol=1e-6)
-
-
 def test_samples_cover_the_surface_and_follow_the_numbering():
     shape = limbed()
     samples = farthest_points(shape, 12)

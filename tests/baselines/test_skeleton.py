@@ -11,7 +11,6 @@ from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleto
 from baselines._kernels.deformation_transfer import follow_rotations
 from baselines.skeleton import (
     Skeleton,
-    bone_rotations,
     bones_of_triangles,
     geodesics_from_extremity,
 )
@@ -35,10 +34,6 @@ TIPS = np.array([[-1.1, 0.0, 0.0], [0.9, 0.8, 0.0], [0.8, -0.9, 0.3]])
 def y_shape() -> Mesh:
     """Three arms of different length that meet at the origin."""
     return implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
-
-
-def angle_of(rotation):
-    return np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
 
 
 class TestTransfer:
@@ -67,18 +62,6 @@ class TestTransfer:
 
 
 class TestBones:
-    def test_rotations_are_proper_least_and_reach_the_new_direction(self):
-        random = np.random.default_rng(0)
-        before, after = random.normal(size=(2, 20, 3))
-        bones = np.stack([np.arange(19), np.arange(1, 20)], axis=1)
-        rotations = bone_rotations(before, after, bones)
-        old, new = (np.diff(joints, axis=0) for joints in (before, after))
-        old, new = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (old, new))
-        np.testing.assert_allclose(np.einsum("bij,bj->bi", rotations, old), new, atol=1e-12)
-        np.testing.assert_allclose(np.linalg.det(rotations), 1, atol=1e-12)
-        least = np.arccos(np.einsum("bi,bi->b", old, new))
-        np.testing.assert_allclose([angle_of(rotation) for rotation in rotations], least, atol=1e-7)
-
     def test_triangles_are_split_by_the_planes_of_bisection(self):
         """Three joints on a strip: the middle part divides between its two bones at the middle joint."""
         mesh = sheet(rows=31, columns=5)

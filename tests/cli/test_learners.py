@@ -279,16 +279,3 @@ def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):
     write_off(tmp_path / "rod.off", rod(0.1, 2.0))
     call("canonicalise", "-m", "mean-target", tmp_path / "rod.off", "-o", tmp_path / "form.off")
     assert (tmp_path / "form.off").read_text().startswith("OFF")
-
-
-@pytest.mark.parametrize(
-    ("name", "folder"),
-    [
-        ("learned", "humans-fold-0/literal-seed0"),
-        ("learned-wide-extra[training=animals-sampled]", "animals-sampled/wide-extra-seed0"),
-        ("learned-strict", "humans-fold-0/literal-seed0"),
-        ("learned[training=animals-III]", "animals-III/literal-seed0"),
-    ],
-)
-def test_a_single_shape_gets_the_shipped_model(name, folder):
-    assert str(variant(name, methods()).create().model_folder).endswith(folder)

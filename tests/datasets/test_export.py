@@ -13,7 +13,7 @@ from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
 from benchmark.datasets.manifest import read_manifest
-from benchmark.errors import ConfigurationError, DatasetError, UnreadableMesh
+from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
@@ -132,14 +132,6 @@ def test_a_set_is_never_written_over_itself(tmp_path):
     with pytest.raises(ConfigurationError, match="in holds the data set itself"):
         export(folder_dataset(tmp_path / "in"), tmp_path / "in", "tosca", force=True)
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
-
-
-def test_a_bad_mesh_leaves_no_half_written_folder(tmp_path):
-    write_rods(tmp_path / "in")
-    (tmp_path / "in" / "thin1.off").write_text("")
-    with pytest.raises(UnreadableMesh, match=r"thin1.off"):
-        export(folder_dataset(tmp_path / "in"), tmp_path / "out", "tosca")
-    assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
 
 @pytest.mark.parametrize(

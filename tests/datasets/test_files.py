@@ -6,9 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.datasets import files
-from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
-from benchmark.errors import UnreadableMesh
 from tests.toy import write_rods
 
 
@@ -44,11 +42,3 @@ def test_a_file_is_read_once_until_it_changes(tmp_path, opened):
         True
     ] * 3
     assert opened == [changed.name]
-
-
-def test_the_digest_is_that_of_the_bytes(tmp_path):
-    (tmp_path / "abc").write_text("abc")
-    # FIPS 180-2, appendix B.1.
-    assert file_digest(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    with pytest.raises(UnreadableMesh, match="none: No such file or directory; check the file and its rights"):
-        file_digest(tmp_path / "none")

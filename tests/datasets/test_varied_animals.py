@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmark.datasets.animals.generate import SPECIES
-from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, proportions, sampler
+from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, sampler
 from benchmark.errors import DatasetError, InvalidMesh
 
 
@@ -56,19 +56,6 @@ def test_an_animal_is_a_function_of_its_number_and_of_how_often_it_was_drawn():
     assert np.array_equal(first[1].vertices, same[1].vertices)
     sizes = {tuple(np.ptp(meshes[0].vertices, axis=0).round(3)) for meshes in (first, again, next_cat)}
     assert len(sizes) == 3, "three animals"
-
-
-def test_feet_stay_on_the_ground_and_factors_within_their_bounds():
-    for number in range(50):
-        random = np.random.default_rng(number)
-        redrawn = proportions.drawn_species(SPECIES["horse"], random)
-        (hind,) = (part for part in redrawn.tubes if part.part == "hind")
-        assert hind.sections[-1].up == 0.0
-        factors = [
-            after.sections[0].depth / before.sections[0].depth
-            for before, after in zip(SPECIES["horse"].tubes, redrawn.tubes, strict=True)
-        ]
-        assert max(np.abs(np.log(factors))) <= 2 * (0.08 + 0.10 + 0.10 + 3 * 0.10) + 1e-9
 
 
 def test_a_body_with_a_hole_is_drawn_again_and_one_without_end_is_an_error(monkeypatch):

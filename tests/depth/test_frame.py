@@ -1,7 +1,5 @@
 """From depths to the object, upright, in metres."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -42,19 +40,6 @@ def test_the_nearest_of_the_large_pieces_is_the_object():
     for others in ((box(-1.3, 0.5, 0.7),), (box(0.9, -0.8, 0.1),)):  # a chest behind, and a small thing in front
         depths, mask = scene(others=others).drawn(KINECT)
         assert overlap(observe(depths, KINECT).mask, mask & (depths > 0)) > 0.93
-
-
-def test_an_arm_before_the_chest_is_part_of_the_object():
-    from tests.depth.scenes import capsule
-
-    arm = capsule((-0.3, -0.25, 1.2), (0.25, -0.28, 1.15), 0.05)
-    body = figure()
-    both = Mesh(
-        np.concatenate([body.vertices, arm.vertices]),
-        np.concatenate([body.faces, arm.faces.astype(np.int32) + body.n_vertices]),
-    )
-    depths, mask = dataclasses.replace(scene(), body=both).drawn(KINECT)
-    assert overlap(observe(depths, KINECT).mask, mask) > 0.93
 
 
 def test_walls_and_floors_are_planes_and_a_board_is_none():

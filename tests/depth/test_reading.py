@@ -120,6 +120,7 @@ def test_each_fault_of_a_file_is_named(tmp_path, fault):
         (np.ones((2, 2)), "4 of 4 pixels have a depth, fewer than 200"),
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
         (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
+        (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),
         (np.zeros((30, 40, 3)), "shape .30, 40, 3. is no depth image"),
     ],
 )

@@ -201,22 +201,3 @@ def test_mat_files_are_read_as_scipy_reads_them(tmp_path, kind, compressed):
     found = read_mesh(path)
     np.testing.assert_array_equal(found.vertices, np.stack([surface.X, surface.Y, surface.Z], axis=1).astype(float))
     np.testing.assert_array_equal(found.faces, surface.TRIV.astype(int) - 1)
-
-
-def test_binary_ply_with_polygons_of_every_size_and_further_lists(tmp_path):
-    header = (
-        b"ply\nformat binary_big_endian 1.0\nelement vertex 6\nproperty short x\nproperty short y\nproperty short z\n"
-        b"element strip 2\nproperty list ushort double items\n"
-        b"element face 3\nproperty list uchar float uv\nproperty list uchar ushort vertex_index\nproperty uchar tag\n"
-        b"end_header\n"
-    )
-    angles = np.arange(6) * np.pi / 3
-    points = np.stack([100 * np.cos(angles), 100 * np.sin(angles), 0 * angles], axis=1).astype(">i2")
-    body = points.tobytes() + struct.pack(">Hd", 1, 0.5) + struct.pack(">H", 0)
-    for uv, polygon in (((), (0, 1, 2)), ((0.5,), (0, 2, 3, 4)), ((1, 2), (5, 4, 3, 2, 0))):
-        body += struct.pack(f">B{len(uv)}f", len(uv), *uv) + struct.pack(f">B{len(polygon)}H", len(polygon), *polygon)
-        body += b"\x01"
-    (tmp_path / "mixed.ply").write_bytes(header + body)
-    found = read_mesh(tmp_path / "mixed.ply")
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [5, 4, 3], [5, 3, 2], [5, 2, 0]])
-    np.testing.assert_array_equal(found.vertices, points)

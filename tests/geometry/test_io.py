@@ -176,11 +176,6 @@ def test_a_count_that_disagrees_with_what_follows_is_named(tmp_path, name, conte
         read_mesh(written(tmp_path, name, content))
 
 
-def test_comments_and_blanks_behind_the_last_face_count_for_nothing(tmp_path):
-    for end in ("\n\n  \n", "# the end", " # the end"):
-        assert_square(read_mesh(written(tmp_path, "square.off", GOOD_OFF[:-1] + end)))
-
-
 def test_paths_that_cannot_be_read(tmp_path):
     with pytest.raises(UnreadableMesh, match=r"missing\.off: No such file"):
         read_mesh(tmp_path / "missing.off")

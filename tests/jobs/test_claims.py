@@ -42,17 +42,6 @@ def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
     assert path.read_bytes() == b""
 
 
-def test_what_is_released_can_be_taken_by_another(tmp_path):
-    path = tmp_path / "claims"
-    with Claims(path) as claims:
-        assert claims.take("one")
-        claims.release("one")
-        claims.release("never taken")
-        with hold(path, "one") as other:
-            assert not claims.take("one")
-            other.kill()
-
-
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
     from benchmark.cli.options import RunOptions
     from benchmark.cli.run_plan import run_plan

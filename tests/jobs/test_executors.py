@@ -303,18 +303,6 @@ def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods"
     ]  # fmt: skip
 
 
-def test_jobs_share_a_process_with_those_of_their_package_or_file_alone(tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "from benchmark.api.contracts import canonical_form\n\n\n"
-        '@canonical_form(name="mine", title="Mine")\ndef mine(shape):\n    return shape.mesh.vertices\n'
-    )
-    (mine,) = (spec for name, spec in methods([tmp_path / "mine.py"]).items() if name == "mine")
-    made = orders(tmp_path, ("identity", "pca", "learned"))
-    made.append(Job(**{**vars(made[0]), "method": mine}))
-    assert [job.package for job in made] == ["learned", "baselines", "baselines", str(tmp_path / "mine.py")]
-    assert len(shape_batches(made)) == 3
-
-
 def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
     class Foreign(Job):
         is_foreign = True

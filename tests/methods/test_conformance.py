@@ -8,7 +8,6 @@ import re
 
 import pytest
 
-from benchmark.errors import ConfigurationError
 from benchmark.plugins import conformance, registry
 from benchmark.plugins.conformance import checks
 from benchmark.plugins.registry import MethodSpec
@@ -325,17 +324,6 @@ def test_a_right_descriptor_passes(findings, in_this_process):
     assert {finding.outcome for finding in found.values()} == {"ok"}
 
 
-def test_a_random_form_is_not_asked_for_symmetry(findings, in_this_process):
-    found = findings(
-        body=FORM + "return shape.form(shape.random().standard_normal(x.shape))", info="deterministic=False"
-    )
-    assert failed(found) == []
-    for name in ("relabelling", "rigid motion", "scale"):
-        assert str(found[name]).startswith("skipped")
-        assert found[name].explanation == "the answer is drawn at random"
-    assert found["seed"].explanation == "the same under one seed, different under another"
-
-
 def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(findings, in_this_process):
     body = (
         FORM + "if shape.depth is None: raise UnsupportedShape('no depth image')\n"
@@ -357,18 +345,6 @@ def test_a_missing_package_is_no_fault(findings):
     assert [str(finding) for finding in found.values()] == [
         "skipped  requirements     unavailable: install no_such_package, then check again"
     ]
-
-
-def test_a_target_is_a_name_or_a_file(tmp_path):
-    report = conformance.check_target("surface-area")
-    assert report
-    lines = str(report).splitlines()
-    assert all(line.startswith("surface-area  ") for line in lines)
-    assert len(lines) == len(report.findings["surface-area"]) == 5 + len(checks.OF_THE_ANSWER)
-    with pytest.raises(ConfigurationError, match="unknown method 'surface-are'; did you mean surface-area"):
-        conformance.check_target("surface-are")
-    with pytest.raises(ConfigurationError, match="is not there"):
-        conformance.check_target(str(tmp_path / "none.py"))
 
 
 def test_all_methods_of_a_file_are_checked_and_one_fault_fails_it(tmp_path, in_this_process):

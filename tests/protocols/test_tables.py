@@ -79,16 +79,6 @@ def test_quick_thins_the_poses_of_each_subject_evenly():
     assert [gallery.table.identifier for gallery in galleries(["III"], quick=True)] == ["III"]
 
 
-def test_quick_runs_have_rows_of_the_paper_and_what_is_asked_for():
-    (gallery,) = galleries(["III"], quick=True)
-    (whole, _) = galleries(["III"])
-    unasked = registry.select([], registry.methods())
-    assert [spec.name for spec in gallery.rows(unasked)] == [*paper.rows("III"), "identity"]
-    assert {"pca", "spectral-mds", "classic-mds[metric=diffusion]"} < {spec.name for spec in whole.rows(unasked)}
-    asked = ["classic-mds[metric=diffusion]", "pca"]
-    assert rows(gallery, *asked) == asked
-
-
 def test_a_set_brings_all_its_tables_and_in_quick_runs_the_main_one():
     def tables(name, **options):
         return [gallery.table.identifier for gallery in galleries([], [name], **options)]

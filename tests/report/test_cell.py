@@ -5,9 +5,8 @@ import re
 
 import pytest
 
-from benchmark.protocols.tables import TABLES
 from benchmark.report.cell import cell_of
-from benchmark.report.content import contents, row_of
+from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.grid import grid_of
 from benchmark.report.html.pages import ENVIRONMENT
@@ -18,7 +17,6 @@ from tests.records import failed, record
 
 MODEL = {"training": "humans-fold-0", "data": "ten humans", "schedule": "one pass", "extra_data": False}
 HUMANS = {"name": "humans", "title": "Humans", "stand_in_for": "shrec14-synthetic", "source": "humans"}
-BY_NAME = {table.identifier: table for table in TABLES}
 
 
 def of_fold(fold, nn, *, training_seed=0, digest="a", make=record, method="learned", **more):
@@ -64,14 +62,6 @@ def test_a_job_that_failed_counts_zero_and_is_told():
     assert cell.record["reason"] == "humans fold 1: ate memory"
     assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).status == "crashed"
     assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).scores is None
-
-
-def test_in_the_ablation_trainings_with_other_seeds_share_a_row():
-    seeded = of_fold(0, 0.5, training_seed=1)
-    assert row_of(BY_NAME["IV"], seeded) == "learned"
-    assert row_of(BY_NAME["I"], seeded) == "learned[training_seed=1]"
-    other = record("learned[smoothing=3.0,training_seed=1]", parameters={"smoothing": 3.0, "training_seed": 1})
-    assert row_of(BY_NAME["IV"], other) == "learned[smoothing=3.0]"
 
 
 def of_draw(draw, nn, training=""):
@@ -138,14 +128,6 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     header, *lines = (line.split(",") for line in as_csv([table]).splitlines())
     (values,) = [line for line in lines if "learned" in line]
     assert dict(zip(header, values, strict=True))["spread_NN"] == str(row["spread"]["NN"])
-
-
-def test_a_missing_fold_is_told():
-    table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6), of_fold(2, 0, make=failed, reason="needs the model"))["I"]
-    told = "Our, view: mean of 2 instead of 3 (humans fold 2: needs the model)"
-    assert told in notes(table)
-    table = tables_of(of_fold(0, 0.5), of_fold(1, 0.6))["I"]
-    assert "Our, view: mean of 2 instead of 3 (not run)" in notes(table)
 
 
 @pytest.mark.parametrize(("most", "told"), [(0.25, True), (0.011, True), (0.01, False), (0.0, False)])

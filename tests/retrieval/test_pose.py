@@ -6,7 +6,7 @@ import trimesh
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from retrieval.pose import (
     normalise,
@@ -97,8 +97,3 @@ def test_the_smaller_silhouette_wins() -> None:
 def test_faults_are_named(mesh: Mesh, message: str) -> None:
     with pytest.raises(InvalidMesh, match=message):
         normalise(mesh, ("pca", "rectilinearity"), 64)
-
-
-def test_unknown_candidate_is_named() -> None:
-    with pytest.raises(ConfigurationError, match="upside-down"):
-        normalise(figure(), ("upside-down",), 64)

@@ -1,7 +1,6 @@
 """Files are whole or absent, and what killed writers leave is told from what is being written."""
 
 import os
-import stat
 import subprocess
 import sys
 
@@ -41,16 +40,6 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_atomically(tmp_path / "file", interrupted)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
-def test_rights_are_what_the_umask_leaves(tmp_path, mask, mode):
-    before = os.umask(mask)
-    try:
-        write_text(tmp_path / "file", "x")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == mode
 
 
 def test_only_what_dead_writers_left_is_swept(tmp_path):

@@ -233,25 +233,6 @@ def test_the_weights_are_kept_at_every_doubling_of_the_bodies(tmp_path: Path, mo
     assert SNAPSHOTS not in files(tmp_path / "cosine")
 
 
-def test_a_training_goes_on_from_kept_weights_where_its_checkpoint_is_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
-    before, after = tmp_path / "before", tmp_path / "after"
-    fit("toy", 0, toy_stream(), before, OPEN, quiet)
-    shutil.copytree(before / SNAPSHOTS, after / SNAPSHOTS)
-    said: list[str] = []
-    more = int(OPEN["steps"]) + 5
-    fit("toy", 0, toy_stream(), after, {**OPEN, "steps": more}, said.append)
-    assert any(f"going on after step {160 // int(OPEN['bodies'])} of {more}" in line for line in said)
-    assert read_card(after)["bodies"] == more * int(OPEN["bodies"])
-    (after / SNAPSHOTS / "0000000160.safetensors").write_bytes(b"cut")
-    shutil.rmtree(before)
-    shutil.copytree(after / SNAPSHOTS, before / SNAPSHOTS)
-    with pytest.raises(TrainingError, match="is damaged"):
-        fit("toy", 0, toy_stream(), before, OPEN, quiet)
-
-
 def test_step_sizes_of_a_plan() -> None:
     plan = loop.Plan(steps=100, warm_up=3, learning_rate=1.0, schedule="constant", falling=9)
     sizes = [plan.step_size(step) for step in range(100)]

@@ -163,16 +163,6 @@ def test_the_document_counts_every_figure_once() -> None:
     assert "**Table II: not run.**" in text
 
 
-def test_the_chance_level_stands_beside_the_inputs() -> None:
-    """Of the eight printed figures by mesh, the four of GPS are exact; chance is near one of them, DCG."""
-    lines = document()[0].split("**Which input comes nearer?**")[1].splitlines()
-    (mesh,) = (line for line in lines if line.startswith("| III | mesh | 8 |"))
-    (chance,) = (line for line in lines if line.startswith("| III | chance level | 8 |"))
-    assert mesh.endswith("| 4 |")
-    assert chance.endswith("| 1 |")
-    assert not any(line.startswith("| III | view") for line in lines)
-
-
 def test_the_tables_bring_the_reproduction_where_a_table_of_the_paper_was_run() -> None:
     text, tables = document()
     assert render(tables, ("markdown",))["reproduction.md"] == text
