@@ -56,7 +56,6 @@ def _absolute(source: str) -> str:
 
 def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
     """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
-    dataset, subjects = gallery.dataset, tuple(entry.subject for entry in gallery.entries)
     facts = {
         "gallery": gallery.name,
         "input": input_,
@@ -64,17 +63,7 @@ def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec
         "title": spec.title,
         "family": spec.info.family,
         "parameters": dict(spec.parameters),
-        "data": {
-            "name": dataset.name,
-            "title": dataset.title,
-            "stand_in_for": dataset.stand_in_for,
-            "source": gallery.source,
-            "module": recipes.dataset_module(dataset),
-            "quick": gallery.quick,
-            "n_shapes": len(subjects),
-            "n_classes": len(set(subjects)),
-            "chance": _chance(subjects),
-        },
+        "data": data_facts(gallery),
         # Only what is built in, or installed, means something to others.
         "target": "" if any(m.endswith(".py") for m in (spec.module, scorer.module)) else spec.target,
     }
@@ -83,6 +72,22 @@ def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec
     elif scorer.name != DEFAULT:  # the default one goes without saying
         facts |= {"scorer": scorer.name, "scorer_title": scorer.title}
     return dict(keys.plain(facts))
+
+
+def data_facts(gallery: Gallery) -> dict[str, Any]:
+    """Return what a record tells of the shapes of a gallery."""
+    dataset, subjects = gallery.dataset, tuple(entry.subject for entry in gallery.entries)
+    return {
+        "name": dataset.name,
+        "title": dataset.title,
+        "stand_in_for": dataset.stand_in_for,
+        "source": gallery.source,
+        "module": recipes.dataset_module(dataset),
+        "quick": gallery.quick,
+        "n_shapes": len(subjects),
+        "n_classes": len(set(subjects)),
+        "chance": _chance(subjects),
+    }
 
 
 @cache

@@ -6,8 +6,9 @@ import sys
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -16,6 +17,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
+    from benchmark.api.contracts import Input
     from benchmark.run.job_specs import Job
 
 #: Most jobs that have a line each, unless somebody asks for all.
@@ -30,11 +32,20 @@ _PLACE = ("gallery", "input", "method")
 
 @click.command()
 @run_options
-def run(**given: Any) -> None:
+@click.option(
+    "--forms",
+    multiple=True,
+    metavar="NAME=DIR",
+    help="Instead of methods: score DIR/SHAPE.off, ..., made by another program.",
+)
+def run(forms: tuple[str, ...], **given: Any) -> None:  # fmt: skip
     """Run the missing jobs of a selection, then print its tables."""
     from benchmark.pipeline.storage.store import Store
 
     options = RunOptions.of(given)
+    if forms:
+        _score_forms(forms, options)
+        return
     chosen_by = (options.tables, options.methods, options.datasets, options.plugins)
     if not (options.everything or options.paper or any(chosen_by)):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
@@ -89,6 +100,37 @@ def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
         if Path(folder).is_dir() and (unread := unread_files(Path(folder))):
             more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
             say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
+
+
+def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
+    """Score forms of other programs, then print the tables in which they stand."""
+    from benchmark.cli.counting import counting
+    from benchmark.datasets.catalogue import sources
+    from benchmark.external.forms import score_forms
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.protocols.galleries import galleries
+    from benchmark.report.content import contents
+    from benchmark.report.formats import markdown
+
+    named = [
+        (name, Path(folder)) for name, equals, folder in (text.partition("=") for text in forms) if name and equals
+    ]
+    if len(named) < len(forms) or not options.datasets or options.methods:
+        raise ConfigurationError(
+            "--forms scores the meshes of a folder as forms of a data set",
+            "pass -d FOLDER --forms NAME=DIR, without -m",
+        )
+    store, inputs = Store.open(options.results), cast("tuple[Input, ...]", options.inputs or ("mesh",))
+    chosen = galleries(options.tables, sources(options.datasets, options.plugins), options.data_root, options.quick)
+    for gallery, input_, (title, folder) in product(chosen, inputs, named):
+        gallery.check_input(input_)
+        with counting(f"scoring {title}") as watched:
+            score_forms(gallery, input_, title, folder, options.scorer_spec(), store, watched)
+    shown = options.results_of(store).all(options.seed, scorer=options.scorer_spec().name)
+    names = {gallery.name for gallery in chosen}
+    rows = [result for result in shown if result.record["gallery"] in names and result.record["input"] in inputs]
+    for table in contents(rows, {gallery.table.identifier for gallery in chosen}, blanks=False):
+        say_lines("\n" + markdown(table))
 
 
 @click.command()
