@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from benchmark.plugins.parameters.description import described
 from benchmark.plugins.parameters.values import format_value
 from benchmark.reference.bibliography import source_of
 from benchmark.text import clean
@@ -20,14 +18,14 @@ _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "
 
 def facts_of(spec: MethodSpec) -> dict[str, Any]:
     """Everything that is to be known of a method before it is run, in plain values."""
-    info, made = spec.info, spec.load()
+    info = spec.info
     chosen = {name: format_value(value) for name, value in spec.parameters.items()}
     return {
         "name": spec.name,
         "title": info.title,
         "family": info.family,
-        "kind": "learner" if spec.learns else "method" if hasattr(made, "canonicalise") else "descriptor",
-        "summary": clean(info.summary or (inspect.getdoc(made) or "").partition("\n")[0]),
+        "kind": "learner" if spec.learns else "descriptor" if spec.describes else "method",
+        "summary": clean(spec.summary),
         "source": source_of(info.cite),
         "inputs": list(info.inputs),
         "scale": info.scale,
@@ -35,7 +33,7 @@ def facts_of(spec: MethodSpec) -> dict[str, Any]:
         "requires": list(info.requires),
         "missing": list(spec.missing_packages()),
         "defined_in": spec.target,
-        "parameters": [dataclasses.asdict(each) | {"chosen": chosen.get(each.name)} for each in described(made)],
+        "parameters": [dataclasses.asdict(each) | {"chosen": chosen.get(each.name)} for each in spec.parameter_texts],
     }
 
 

@@ -6,7 +6,6 @@ import io
 import os
 import signal
 import sys
-import traceback
 from contextlib import suppress
 from types import FrameType
 from typing import ClassVar, NoReturn
@@ -15,7 +14,7 @@ import click
 
 from benchmark import __version__
 from benchmark.cli import completion
-from benchmark.cli.options import INTERRUPTED, NOT_OK, OK, TERMINATED, USAGE
+from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE
 from benchmark.cli.verbs.compilation import compile_
 from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
@@ -31,7 +30,7 @@ from benchmark.cli.verbs.submit import submit
 from benchmark.cli.verbs.tables import report, tables
 from benchmark.cli.verbs.train import train
 from benchmark.cli.verbs.verify import verify
-from benchmark.errors import BenchmarkError, one_line
+from benchmark.errors import BenchmarkError
 from benchmark.text import say
 
 #: How the program is called in what it says.
@@ -92,35 +91,18 @@ for verb in (
 
 
 def program() -> None:
-    """Run the command line as a program of its own; threads and exit handlers of a plugin have no say in its end."""
-    from benchmark.run.processes import reaper
+    """Run the command line as a program of its own, into which no plugin comes."""
+    from benchmark.plugins.closing import close_process
 
+    close_process("benchmark.plugins.apart")
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
-    try:
-        main()
-    finally:
-        if reaper.MARK in os.environ:
-            code = _exit_code(sys.exception())
-            for stream in (sys.stdout, sys.stderr):
-                with suppress(OSError, ValueError):
-                    stream.flush()
-            os._exit(code)
+    main()
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     signal.signal(number, signal.SIG_DFL)  # a second one ends it at once
     raise Terminated
-
-
-def _exit_code(error: BaseException | None) -> int:
-    """The code by which a program ends with an exception, which is shown if nobody expected it."""
-    if error is None or (isinstance(error, SystemExit) and error.code is None):
-        return OK
-    if isinstance(error, SystemExit):
-        return error.code if isinstance(error.code, int) else NOT_OK
-    sys.excepthook(type(error), error, error.__traceback__)
-    return NOT_OK
 
 
 def main() -> None:
@@ -158,11 +140,6 @@ def main() -> None:
     except OSError as error:
         hint = "change its rights" if isinstance(error, PermissionError) else "make room"
         _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; {hint} or choose another place")
-    except Exception as error:
-        culprit = _plugin_in(error)
-        if not culprit:
-            raise
-        _refuse(f"plugin {culprit} raises {one_line(error)}; correct the file")
 
 
 def _open_streams() -> None:
@@ -190,10 +167,3 @@ def _usage(error: click.ClickException) -> str:
     """Return what is wrong with a command line, and where to read how it is written."""
     context = getattr(error, "ctx", None)
     return f"{error.format_message().rstrip('.')}; see '{context.command_path if context else PROGRAM} --help'"
-
-
-def _plugin_in(error: BaseException) -> str:
-    """The plugin file that an exception comes from; "" if it is one of our own."""
-    frames = traceback.extract_tb(error.__traceback__)
-    files = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith("plugin_")}
-    return next((frame.filename for frame in reversed(frames) if frame.filename in files), "")

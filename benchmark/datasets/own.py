@@ -17,15 +17,20 @@ from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_l
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.modules import classes_of, import_plugin, is_closed, sources_of
+from benchmark.plugins.closing import facts_of_file, is_closed
+from benchmark.plugins.modules import classes_of, import_plugin, sources_of
 from benchmark.plugins.parameters.values import parameter_values
+from benchmark.plugins.services import service
 from benchmark.run.processes.process import Process, Requester
 from benchmark.text import LONGEST_NAME, clean, is_name
 
-__all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of"]
+__all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of", "sources_in"]
 
 #: Between the path of a plugin file and the name of a class in it, where a data set is named by both.
 _MARK = ".py:"
+
+#: What facts of plugins call a data set.
+KIND = "data set"
 
 #: Characters of the longest identifier, class and pose.
 _LONGEST = 200
@@ -139,7 +144,7 @@ class _ForeignDataset(OwnDataset):
     @classmethod
     def open(cls, source: str) -> _ForeignDataset:
         """Ask for all shapes; see :func:`open_own`."""
-        told, _ = _request(source, {"work": "open", "source": source})
+        told, _ = _request(source, "open")
         entries = tuple(
             Entry(each["identifier"], each["subject"], each["pose"], Path(each["path"]) if each["path"] else None)
             for each in told["entries"]
@@ -176,31 +181,30 @@ class _ForeignDataset(OwnDataset):
         return found
 
     def _ask(self, work: str, entry: Entry) -> tuple[Mapping[str, Any], Arrays]:
-        return _request(self.made.source, {"work": work, "identifier": entry.identifier})
+        return _request(self.made.source, work, entry.identifier)
+
+
+def _process(source: str) -> Process:
+    return service((KIND, source), _serve, {"work": "open", "source": source})
+
+
+def _request(source: str, work: str, identifier: str = "") -> tuple[Mapping[str, Any], Arrays]:
+    return _process(source).request_or_end_alike({"work": work, "source": source, "identifier": identifier})
 
 
 @cache
-def _process(source: str) -> Process:
-    """The process of a data set."""
-    return Process(_serve, is_plugin=True)
-
-
-def _request(source: str, facts: Mapping[str, Any]) -> tuple[Mapping[str, Any], Arrays]:
-    return _process(source).request_or_end_alike(facts)
-
-
-_served: list[OwnDataset] = []
+def _opened(source: str) -> OwnDataset:
+    return open_own(source)
 
 
 def _serve(asked: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Mapping[str, Any], Arrays]:
     """Answer what a :class:`_ForeignDataset` asks, in the process of the file."""
+    dataset = _opened(asked["source"])
     if asked["work"] == "open":
-        found = open_own(asked["source"])
-        _served.append(found)
-        entries = [{**asdict(each), "path": str(each.path) if each.path else None} for each in found.entries]
-        facts = {"info": asdict(found.made.info), "makes_meshes": hasattr(found.made, "load"), "sources": found.sources}
+        entries = [{**asdict(each), "path": str(each.path) if each.path else None} for each in dataset.entries]
+        made = dataset.made
+        facts = {"info": asdict(made.info), "makes_meshes": hasattr(made, "load"), "sources": dataset.sources}
         return facts | {"entries": entries}, {}
-    dataset = _served[0]
     entry = next(each for each in dataset.entries if each.identifier == asked["identifier"])
     if asked["work"] == "recipe":
         return {"recipe": dataset.recipe(entry)}, {}
@@ -262,15 +266,26 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for path in paths:
-        for attribute, info in classes_of(path, DatasetInfo):
-            for problem, hint in _problems_of_info(info):
-                raise DatasetError(f"plugin {path}, {attribute}: {problem}", hint)
-            if info.name in found:
-                raise DatasetError(
-                    f"two data sets are called '{info.name}': {found[info.name]} and {path}", "rename one"
-                )
-            found[info.name] = f"{path.resolve()}:{attribute}"
+        for name, source in _data_sets_in(path):
+            if name in found:
+                raise DatasetError(f"two data sets are called '{name}': {found[name]} and {path}", "rename one")
+            found[name] = source
     return found
+
+
+def sources_in(path: str) -> dict[str, str]:
+    """Return what a plugin file with a data set consists of, by its absolute path."""
+    return dict(facts_of_file(path, KIND)[0]["sources"]) if is_closed() else sources_of(path)
+
+
+def _data_sets_in(path: Path) -> Iterator[tuple[str, str]]:
+    if is_closed():
+        yield from ((facts["name"], facts["target"]) for facts in facts_of_file(str(path.resolve()), KIND))
+        return
+    for attribute, info in classes_of(path, DatasetInfo):
+        for problem, hint in _problems_of_info(info):
+            raise DatasetError(f"plugin {path}, {attribute}: {problem}", hint)
+        yield info.name, f"{path.resolve()}:{attribute}"
 
 
 def problems_of(entries: tuple[Any, ...]) -> Iterator[tuple[str, str]]:

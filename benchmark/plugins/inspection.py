@@ -9,11 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from benchmark.api.contracts import MethodInfo
 from benchmark.api.learning import Split
-from benchmark.datasets.own import data_sets_of, open_own
+from benchmark.datasets.own import KIND, data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.pipeline.storage import keys
 from benchmark.plugins.information import problems_of
 from benchmark.plugins.modules import is_imported, require_file
 from benchmark.plugins.specs import MethodSpec, PluginSpec, S, ScorerSpec, plugin_methods, plugins_of
@@ -23,6 +21,10 @@ __all__ = ["LIMIT", "inspect", "inspect_package"]
 
 #: Seconds that importing a file, making its methods and listing the shapes of its data sets may take.
 LIMIT = 30.0
+
+#: What plugins have told: of each file, and of each method and scorer by kind, target and name.
+_files: dict[str, list[dict[str, Any]]] = {}
+told: dict[tuple[str, str, str], dict[str, Any]] = {}
 
 #: Deaths by somebody else's hand after which a file is blamed for them.
 _MAX_RETRIES = 3
@@ -55,12 +57,26 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         it crashes, exits or hangs on the way, or changes what is not its own.
     """
     for path in paths:
-        found = str(path.resolve())
-        if is_imported(found):
+        file = str(path.resolve())
+        if is_imported(file) or file in _files:
             continue
-        require_file(found)
+        require_file(file)
         hint = "correct the file: importing it and making its methods must end at once"
-        _look(describe, found, made, guard=Guard(f"plugin {path}", hint, LIMIT, quiet=True))
+        facts = look(describe, file, made, guard=Guard(f"plugin {path}", hint, LIMIT, quiet=True))
+        if made:
+            _files[file] = facts
+            told.update({(each["kind"], each["target"], each["name"]): each for each in facts})
+
+
+def is_passed(path: str) -> bool:
+    """Return whether this process knows a plugin file, given by its absolute path."""
+    return is_imported(path) or path in _files
+
+
+def facts_of_file(path: str) -> list[dict[str, Any]]:
+    """What each plugin of a file has told, see :func:`describe`."""
+    inspect([Path(path)])
+    return _files[path]
 
 
 def inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
@@ -88,13 +104,13 @@ def inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> 
     if not targets:
         return {}
     hint = f"correct the package, or uninstall it: importing it and making its {kind.kind}s must end at once"
-    found = _look(
-        faults_in_package, package, kind, dict(targets), guard=Guard(f"package {package}", hint, LIMIT, quiet=True)
-    )
-    return {name: ConfigurationError(problem, hint) for name, (problem, hint) in found.items()}
+    guard = Guard(f"package {package}", hint, LIMIT, quiet=True)
+    faults, facts = look(look_into_package, package, kind, dict(targets), guard=guard)
+    told.update({(each["kind"], each["target"], each["name"]): each for each in facts})
+    return {name: ConfigurationError(problem, hint) for name, (problem, hint) in faults.items()}
 
 
-def _look(function: Callable[..., Any], *arguments: Any, guard: Guard) -> Any:
+def look(function: Callable[..., Any], *arguments: Any, guard: Guard) -> Any:
     """Call a function apart, again if somebody else may have ended its process."""
     retries = _MAX_RETRIES
     while True:
@@ -112,7 +128,7 @@ def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Name, title, inputs and parameters of each method; name, title and number of shapes of each data set.
+        See :attr:`benchmark.plugins.specs.PluginSpec.facts`; name, title and number of shapes of each data set.
 
     Raises
     ------
@@ -123,38 +139,50 @@ def describe(path: str, made: bool = True) -> list[dict[str, Any]]:
         If a data set lists no shapes as it should.
     """
     before, streams = _relied_on(), _streams()
-    specs, data_sets = plugin_methods(Path(path)), data_sets_of([Path(path)])
+    specs: list[PluginSpec[Any, Any]] = [*plugin_methods(Path(path)), *plugins_of(ScorerSpec, Path(path))]
+    data_sets = data_sets_of([Path(path)])
     facts = [_described(spec) for spec in specs] if made else []
     for source in data_sets.values() if made else ():
-        found = open_own(source)
-        facts.append({"name": found.name, "title": found.title, "shapes": len(found.entries)})
-    facts += [_described(spec) for spec in plugins_of(ScorerSpec, Path(path))] if made else []
+        opened = open_own(source)
+        facts.append(
+            {
+                "kind": KIND,
+                "target": source,
+                "name": opened.name,
+                "title": opened.title,
+                "shapes": len(opened.entries),
+                "sources": opened.sources,
+            }
+        )
     _require_unchanged(before, streams, f"plugin {path}")
     return facts
 
 
-def faults_in_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Problem and hint of each plugin of an installed package that cannot be used; the package is imported here.
+def look_into_package(
+    package: str, kind: type[S], targets: Mapping[str, str]
+) -> tuple[dict[str, tuple[str, str]], list[dict[str, Any]]]:
+    """Problem and hint of each plugin of an installed package that cannot be used, and what the others tell.
 
     Raises
     ------
     ConfigurationError
-        If it changes a module that the suite relies on.
+        If the package, which is imported here, changes a module that the suite relies on.
     """
     before, streams = _relied_on(), _streams()
-    found: dict[str, tuple[str, str]] = {}
+    faults: dict[str, tuple[str, str]] = {}
+    facts = []
     for name, target in targets.items():
         spec = kind(name, target)
         try:
             for problem, hint in problems_of(spec.info):
                 raise ConfigurationError(problem, hint)
-            _described(spec)
+            facts.append(_described(spec))
         except BenchmarkError as error:
-            found[name] = (error.problem, error.hint)
+            faults[name] = (error.problem, error.hint)
         except (Exception, SystemExit) as error:
-            found[name] = (one_line(error), "correct the package, or uninstall it")
+            faults[name] = (one_line(error), "correct the package, or uninstall it")
     _require_unchanged(before, streams, f"package {package}")
-    return found
+    return faults, facts
 
 
 def _require_unchanged(before: Mapping[tuple[str, str], Any], streams: list[object], whose: str) -> None:
@@ -193,23 +221,17 @@ def _relied_on() -> dict[tuple[str, str], Any]:
 
 
 def _described(spec: PluginSpec[Any, Any]) -> dict[str, Any]:
-    info = spec.info
-    inputs = {"inputs": list(info.inputs)} if isinstance(info, MethodInfo) else {}
-    facts = {"name": info.name, "title": info.title, **inputs, "parameters": {}}
-    if spec.missing_packages():
-        return facts  # it is unavailable, and need not be made
-    try:
-        facts["parameters"] = keys.plain(spec.resolved_parameters())
-    except (TypeError, ValueError) as error:
-        raise ConfigurationError(
-            f"parameters of {spec.module}, {spec.name} do not fit into JSON ({error})",
-            "use numbers, strings and tuples of them",
-        ) from error
-    if isinstance(spec, MethodSpec) and spec.learns:
+    if not spec.missing_packages() and isinstance(spec, MethodSpec) and spec.learns:
         learner: Any = spec.create()
         if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):
             raise ConfigurationError(
                 f"{spec.module}, {spec.name}: model_name is {learner.model_name!r}, split is {learner.split!r}",
                 f"let model_name be a text, and split one of {', '.join(get_args(Split))}",
             )
-    return facts
+    try:
+        return spec.facts
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(
+            f"parameters of {spec.module}, {spec.name} do not fit into JSON ({error})",
+            "use numbers, strings and tuples of them",
+        ) from error

@@ -10,14 +10,15 @@ import importlib.metadata
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import redirect_stdout, suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
+from benchmark.plugins.closing import require_open_process
 from benchmark.run.processes.forks import one_of_us
 from benchmark.run.processes.opened_files import NOT_OF_PLUGINS, digest_of_file
 from benchmark.run.processes.process import adopt
@@ -49,37 +50,6 @@ class _PluginFolders:
         if str(folder) not in cls.folders:
             cls.folders.append(str(folder))
         importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
-
-
-_reach: Callable[[Any], Any] | None = None
-
-
-def close_process(reach: Callable[[Any], Any]) -> None:
-    """Let no foreign code into this process from now on: what it makes is trusted.
-
-    Parameters
-    ----------
-    reach
-        Returns what stands for a method or a scorer of a plugin here, see :func:`reached`.
-    """
-    global _reach
-    _reach = reach
-
-
-def is_closed() -> bool:
-    """Return whether no foreign code may be imported into this process."""
-    return _reach is not None
-
-
-def reached(spec: Any) -> Any:
-    """Return what stands for a plugin in a closed process, with its ``facts`` and a ``create``; None in an open one."""
-    return None if _reach is None else _reach(spec)
-
-
-def require_open_process(module: str) -> None:
-    """Raise ``AssertionError`` if no foreign code may be imported into this process."""
-    if is_closed():
-        raise AssertionError(f"{module} must not be imported into a process that makes results")
 
 
 def import_plugin(path: str) -> ModuleType:

@@ -17,49 +17,38 @@ from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.arrays import Arrays
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.costs import Cost
-from benchmark.plugins.modules import close_process
+from benchmark.plugins.closing import close_process
+from benchmark.plugins.services import service, services, watch_starts
 from benchmark.plugins.serving import folded, serve
 from benchmark.plugins.specs import PluginSpec, ScorerSpec
-from benchmark.run.processes.process import Process
 
 Facts = dict[str, Any]
 
 
-def _nobody(is_starting: bool) -> None:
-    """Do nothing, where nobody measures the time of a job."""
-
-
-def close_to_plugins(starting: Callable[[bool], object] = _nobody) -> None:
+def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
     """Let no plugin into this process from now on: their methods and scorers work in processes of their own.
 
     Parameters
     ----------
     starting
-        Called with True before such a process starts and imports its plugin, and with False after that.
+        See :func:`benchmark.plugins.services.watch_starts`.
     """
-    global _starting
-    _starting = starting
-    close_process(_reach)
+    watch_starts(starting)
+    close_process(__name__)
 
 
-def _reach(spec: PluginSpec[Any, Any]) -> _Remote:
-    return _Remote(spec.kind, spec.target, spec.name, spec.base_name)
-
-
-#: Processes of the methods, or of the scorers, of a plugin: one for all, and one for each that leaves threads or
-#: processes behind.
-_services: dict[tuple[str, ...], Process] = {}
-
-_starting: Callable[[bool], object] = _nobody
+def reach(spec: PluginSpec[Any, Any]) -> Remote:
+    """Return what stands for a plugin here."""
+    return Remote(spec.kind, spec.target, spec.name, spec.base_name)
 
 
 @cache
-def _told(remote: _Remote) -> Facts:
+def _told(remote: Remote) -> Facts:
     return remote.request("tell", {}, {})[0]
 
 
 @dataclass(frozen=True)
-class _Remote:
+class Remote:
     """A method or scorer in the process of its plugin, by what names it there."""
 
     kind: str
@@ -72,11 +61,15 @@ class _Remote:
         """What its process tells of it, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
         return _told(self)
 
+    def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return parameters that were looked at before."""
+        return parameters
+
     def create(self) -> Foreign:
         """Return a method or a scorer that works in its process."""
         if self.kind == ScorerSpec.kind:
             return _RemoteScorer(self, msgspec.convert(self.facts["info"], ScorerInfo))
-        kind = _RemoteDescriptor if self.facts["describes"] else _RemoteMethod
+        kind = _RemoteDescriptor if self.facts["describes"] else RemoteMethod
         return kind(self, msgspec.convert(self.facts["info"], MethodInfo))
 
     @property
@@ -84,34 +77,23 @@ class _Remote:
         """Place of its process, that which it shares with others of its plugin, and that which is its own."""
         shared = (self.kind, self.target.rpartition(":")[0])
         own = (*shared, self.base_name)
-        return (own if own in _services else shared), shared, own
+        return (own if own in services else shared), shared, own
 
     @property
     def files(self) -> dict[str, str]:
         """Files that its process has read, with their digests."""
-        service = _services.get(self._places[0])
-        return service.files if service else {}
+        process = services.get(self._places[0])
+        return process.files if process else {}
 
     def request(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> tuple[Facts, Arrays]:
         """Have some work done."""
         place, shared, own = self._places
-        if place not in _services:
-            self._start(place)
-        service = _services[place]
+        process = service(place, serve, {"work": "tell", **asdict(self)})
         try:
-            return service.request_or_end_alike({"work": work, **asdict(self), **facts}, arrays)
+            return process.request_or_end_alike({"work": work, **asdict(self), **facts}, arrays)
         finally:
-            if service.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
-                _services[own] = _services.pop(shared)
-
-    def _start(self, place: tuple[str, ...]) -> None:
-        """Start its process, which imports the plugin: that takes no time of the job which needs it."""
-        _starting(True)
-        try:
-            _services[place] = Process(serve, is_plugin=True)
-            _services[place].request_or_end_alike({"work": "tell", **asdict(self)})
-        finally:
-            _starting(False)
+            if process.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
+                services[own] = services.pop(shared)
 
 
 @dataclass(frozen=True)
@@ -130,7 +112,7 @@ class Foreign:
         Folder of the trained model; "" where it does not learn.
     """
 
-    remote: _Remote
+    remote: Remote
     info: Any
     book: Callable[[Cost], None] = lambda cost: None
     model: str = ""
@@ -152,7 +134,9 @@ class Foreign:
         return self._worked(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth})
 
 
-class _RemoteMethod(Foreign):
+class RemoteMethod(Foreign):
+    """A method in the process of its plugin."""
+
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """See :class:`benchmark.api.contracts.Method`."""
         found = self._on_shape("canonicalise", shape)

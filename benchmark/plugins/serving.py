@@ -27,8 +27,13 @@ def serve(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
     return _WORK[facts["work"]](facts, arrays)
 
 
+def tell(kind: str, name: str, base_name: str, target: str) -> dict[str, Any]:
+    """Return what a plugin tells of itself."""
+    return spec_of(kind, name, base_name, target).facts
+
+
 def _tell(facts: Facts, arrays: Arrays) -> Answer:
-    return _spec(facts["kind"], facts["name"], facts["base_name"], facts["target"]).facts, {}
+    return tell(facts["kind"], facts["name"], facts["base_name"], facts["target"]), {}
 
 
 def _canonicalise(facts: Facts, arrays: Arrays) -> Answer:
@@ -115,12 +120,13 @@ def _plugin(facts: Facts) -> Any:
 
 @cache
 def _made(kind: str, name: str, base_name: str, target: str, model: str) -> Any:
-    made: Any = _spec(kind, name, base_name, target).create()
+    made: Any = spec_of(kind, name, base_name, target).create()
     return made.load(Path(model)) if model else made
 
 
 @cache
-def _spec(kind: str, name: str, base_name: str, target: str) -> PluginSpec[Any, Any]:
+def spec_of(kind: str, name: str, base_name: str, target: str) -> PluginSpec[Any, Any]:
+    """Return a method or a scorer by its name."""
     spec = MethodSpec if kind == MethodSpec.kind else ScorerSpec
     return variant(name, {base_name: spec(base_name, target)})
 

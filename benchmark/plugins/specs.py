@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
+import inspect
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
@@ -21,15 +22,15 @@ from benchmark.datasets.own import data_sets_of
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
+from benchmark.plugins.closing import facts_of_file, is_closed, reached, require_open_process
 from benchmark.plugins.information import problems_of
 from benchmark.plugins.modules import (
     classes_of,
     files_named,
     import_plugin,
-    reached,
-    require_open_process,
     sources_of,
 )
+from benchmark.plugins.parameters.description import ParameterText, described
 from benchmark.plugins.parameters.grid import quoted
 from benchmark.plugins.parameters.values import format_value, non_default_values, parameter_values
 from benchmark.run.processes.forks import one_of_us
@@ -79,8 +80,12 @@ class PluginSpec(Generic[Info, Made]):
     named: bool = False
 
     def __post_init__(self) -> None:
-        if self.parameters and not self._remote:
-            object.__setattr__(self, "parameters", non_default_values(self.load(), self.parameters, self.base_name))
+        if self.parameters:
+            if remote := self._remote:
+                chosen = remote.chosen(self.parameters)
+            else:
+                chosen = non_default_values(self.load(), self.parameters, self.base_name)
+            object.__setattr__(self, "parameters", chosen)
 
     @property
     def name(self) -> str:
@@ -128,10 +133,30 @@ class PluginSpec(Generic[Info, Made]):
     def facts(self) -> dict[str, Any]:
         """What another process is told of it, as JSON carries it."""
         return {
+            "kind": self.kind,
+            "target": self.target,
+            "name": self.name,
             "info": dataclasses.asdict(self.info),
-            "parameters": plain(self.resolved_parameters()),
+            "chosen": plain(self.parameters),
+            "parameters": {} if self.missing_packages() else plain(self.resolved_parameters()),
             "sources": self.sources,
+            "summary": self.summary,
+            "texts": [dataclasses.asdict(text) for text in self.parameter_texts],
         }
+
+    @property
+    def summary(self) -> str:
+        """What it does, in one line."""
+        if self._remote:
+            return str(self._remote.facts["summary"])
+        return self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0]
+
+    @property
+    def parameter_texts(self) -> list[ParameterText]:
+        """Parameters in words."""
+        if self._remote:
+            return msgspec.convert(self._remote.facts["texts"], list[ParameterText])
+        return described(self.load())
 
     def load(self) -> type[Any]:
         """Import and return the class; what its module prints goes to stderr.
@@ -250,9 +275,26 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
         return not hasattr(found, "canonicalise") and hasattr(found, "describe")
 
     @property
+    def split(self) -> str:
+        """Data that trains a learner, see :class:`benchmark.api.learning.Learner`."""
+        return str(self._remote.facts["learner"]["split"] if self._remote else self.load().split)
+
+    @property
     def facts(self) -> dict[str, Any]:
         """See :class:`PluginSpec`."""
-        return super().facts | {"describes": self.describes, "learns": self.learns}
+        facts = super().facts | {"describes": self.describes, "learns": self.learns}
+        if not self.learns or self.missing_packages():
+            return facts
+        learner: Any = self.create()
+        folder = getattr(learner, "model_folder", None)
+        return facts | {
+            "learner": {
+                "model_name": learner.model_name,
+                "split": learner.split,
+                "shipped_models": str(learner.shipped_models),
+                "model_folder": str(folder) if isinstance(folder, Path) else None,
+            }
+        }
 
 
 @dataclass(frozen=True)
@@ -288,6 +330,8 @@ def plugins_of(kind: type[S], path: Path) -> list[S]:
     ConfigurationError
         If the file cannot be imported, or one says of itself what cannot be.
     """
+    if is_closed():
+        return [kind(facts["name"], facts["target"]) for facts in facts_of_file(str(path.resolve()), kind.kind)]
     found = []
     for attribute, info in classes_of(path, kind.info_type):
         for problem, hint in problems_of(info):

@@ -138,14 +138,14 @@ class Gallery:
         return [
             variant
             for spec in methods
-            if (spec.named or spec.base_name in printed) and spec.learns and spec.load().split != "sampled"
+            if (spec.named or spec.base_name in printed) and spec.learns and spec.split != "sampled"
             for variant in self._averaged(spec, trained_here)
         ]
 
     def _averaged(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
         """The method, and its variants with other trainings that share its row and have models for these shapes."""
         name = self.table.averaged
-        if not name or not spec.learns or spec.load().split != "table":
+        if not name or not spec.learns or spec.split != "table":
             return [spec]
         parameters = spec.resolved_parameters()
         if name not in parameters or name in spec.parameters:

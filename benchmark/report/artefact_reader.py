@@ -22,7 +22,7 @@ from benchmark.pipeline.preparation import Preparation, require_arrays
 from benchmark.pipeline.stages.form import form_mesh
 from benchmark.pipeline.storage.records import Record, answered_shapes
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.modules import is_imported
+from benchmark.plugins.inspection import is_passed
 from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
@@ -63,7 +63,7 @@ class ArtefactReader:
         source = record["data"]["source"]
         if source not in self._datasets:
             try:
-                if is_own(source) and not is_imported(source.rpartition(":")[0]):
+                if is_own(source) and not is_passed(source.rpartition(":")[0]):
                     name = record["data"]["name"]
                     raise ConfigurationError(f"the plugin of data set {name} was not passed", "pass it")
                 self._datasets[source] = open_dataset(source, self.data_root)

@@ -10,13 +10,14 @@ from typing import Any
 
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
+from benchmark.datasets.own import sources_in
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.environment import changed_packages
 from benchmark.pipeline.storage.lock import edited, key_of, read_lock, words_of_edit
 from benchmark.pipeline.storage.records import EXTERNAL, Place, Record, by_place, models_proven_by, scorer_name
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.modules import is_imported, sources_of
+from benchmark.plugins.inspection import is_passed
 from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
@@ -169,9 +170,9 @@ class Results:
         module, compared_by = str(record["data"]["module"]), scorer_name(record)
         sources: dict[str, str] = {}
         if module.endswith(".py"):
-            if not is_imported(module):
+            if not is_passed(module):
                 raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
-            sources |= sources_of(module)
+            sources |= sources_in(module)
         sources |= variant(record["method"], self.known).sources
         return sources | (scorer_of(compared_by, self.known_scorers).sources if compared_by else {})
 

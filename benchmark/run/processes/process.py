@@ -254,10 +254,21 @@ class Process:
                 return self.result(message)
 
     def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Send a request; if the process ends, this one ends alike, so that whoever watches over it finds the fault."""
+        """Send a request; if the process ends, this one ends alike, so that whoever watches over it finds the fault.
+
+        Raises
+        ------
+        BenchmarkError
+            Where nobody watches over this process: also if it ends, or raises what is none of our errors.
+        """
         try:
             return self.request(facts, arrays)
-        except ProcessEnded as error:
+        except (ProcessEnded, ForeignError) as error:
+            if not is_child():
+                verb = "ended its process:" if isinstance(error, ProcessEnded) else "raises"
+                raise BenchmarkError(f"a plugin {verb} {error}", "correct it; 'check' shows more") from error
+            if isinstance(error, ForeignError):
+                raise
             end_like(error.code)
 
     def _within(self, limit: float | None) -> Message | None:
