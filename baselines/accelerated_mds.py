@@ -58,6 +58,10 @@ class AcceleratedMDS(CheckedParameters):
         cite="shamai2015accelerated",
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
+        departs=(
+            "By default the Boolean sum of both interpolations, which is ours; `variant=samples` is as published. "
+            "Signs of axes and the side of the mirror follow a rule of ours."
+        ),
     )
 
     variant: Literal["interpolated", "samples"] = "interpolated"

@@ -59,6 +59,10 @@ class ClassicMDS(CheckedParameters):
         cite="elad2003bending",
         family="paper",
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
+        departs=(
+            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles, where the source "
+            "marches over the surface. Signs of axes and the side of the mirror follow a rule of ours."
+        ),
     )
 
     metric: Metric = "geodesic"

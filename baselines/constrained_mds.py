@@ -53,6 +53,10 @@ class ConstrainedMDS(CheckedParameters):
         cite="sahillioglu2015constrained",
         family="paper",
         summary="the surface deformed towards its least-squares MDS pose, details kept",
+        departs=(
+            "A surface energy, as rigid as possible, takes the place of the solid that the source deforms, and no step "
+            "registers the two; of both mirror images, that of lower energy is kept."
+        ),
     )
 
     first_pull: Annotated[float, Interval(0, closed="neither")] = 1.0

@@ -16,7 +16,7 @@ APART = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class EuclideanDistance(CheckedParameters):
-    r"""Euclidean-distance-based canonical form (Pickup, Sun, Rosin and Martin 2015).
+    r"""Form after the Euclidean-distance-based one (Pickup, Sun, Rosin and Martin 2015).
 
     A few points S of the surface are pushed apart in space, and the edges keep their lengths l in the input:
 
@@ -51,10 +51,14 @@ class EuclideanDistance(CheckedParameters):
 
     info: ClassVar[MethodInfo] = MethodInfo(
         name="euclidean-distance",
-        title="Euclidean distance",
+        title="Euclidean distance, after Pickup et al.",
         cite="pickup2015euclidean",
         family="extended",
         summary="points of the surface pushed apart in space while edges keep their length",
+        departs=(
+            "Only the idea is the source's: energy, steps and strength of the push are ours, and the choice of points "
+            "in the local variant is unconfirmed."
+        ),
     )
 
     points: Literal["global", "local"] = "global"

@@ -53,6 +53,10 @@ class FastMDS(CheckedParameters):
         cite="faloutsos1995fastmap",
         family="paper",
         summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
+        departs=(
+            "Pivots are sought from the vertex farthest from the geodesic centre, not from a random object; negative "
+            "squares count as zero; signs of axes and the side of the mirror follow a rule of ours."
+        ),
     )
 
     sweeps: Annotated[int, Interval(1)] = 5

@@ -60,6 +60,10 @@ class FeaturePreserved(CheckedParameters):
         cite="lian2013feature",
         family="extended",
         summary="near-rigid parts moved rigidly onto the least-squares form, seams smoothed",
+        departs=(
+            "Parts grow around spread seeds, where the source divides a closed surface by its protrusions; of both "
+            "mirror images, that which the parts fit better is kept."
+        ),
     )
 
     parts: Annotated[int, Interval(1)] = 16

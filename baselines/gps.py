@@ -35,6 +35,11 @@ class GPS:
         cite="rustamov2007gps",
         family="paper",
         summary="first three Laplacian eigenfunctions over the square roots of their eigenvalues",
+        departs=(
+            "The first three of Rustamov's infinitely many coordinates, drawn as a surface; his descriptor is "
+            "histograms of distances in the whole embedding. Signs of axes and the side of the mirror follow a rule of "
+            "ours."
+        ),
         scale="invariant",
     )
 

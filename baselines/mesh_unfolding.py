@@ -50,6 +50,10 @@ class MeshUnfolding(CheckedParameters):
         cite="sahillioglu2016unfolding",
         family="paper",
         summary="vertices pushed apart under elastic regularisation, no geodesics",
+        departs=(
+            "Vertices repel by distances instead of squared ones, and an energy that is as rigid as possible takes the "
+            "place of finite elements; stiffness and steps are ours."
+        ),
     )
 
     first_stiffness: Annotated[float, Interval(0, closed="neither")] = 0.25

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -54,6 +54,10 @@ class NonMetricMDS(CheckedParameters):
         cite="kruskal1964nonmetric",
         family="paper",
         summary="scaling of the rank order of the geodesic distances",
+        departs=(
+            "Quasi-Newton steps on the stress with rescaled disparities, from classic MDS and a few spread vertices, "
+            "where the source descends along the gradient of its stress-1."
+        ),
     )
 
     max_iterations: Annotated[int, Interval(1)] = 100
@@ -66,13 +70,15 @@ class NonMetricMDS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
+            distances of all pairs.
         """
         from baselines._kernels.coarse_start import coarse_start
         from baselines._kernels.smacof import normalised_stress
         from baselines.classic_mds import oriented_classic_scaling
 
         require_vertices(shape)
+        require_pairs(shape)
         distances = shape.geodesics(self.solver)
         start, _ = oriented_classic_scaling(shape.mesh, distances)
 

@@ -54,6 +54,10 @@ class NystromMDS(CheckedParameters):
         cite="shamai2018fast",
         family="extended",
         summary="classic scaling from few rows of geodesic distances, the others by Nyström's formula",
+        departs=(
+            "The rank ends at a gap between the eigenvalues; signs of axes and the side of the mirror follow a rule of "
+            "ours."
+        ),
     )
 
     samples: Annotated[int, Interval(4)] = 50

@@ -43,6 +43,10 @@ class ScikitLearnIsomap(CheckedParameters):
         cite="tenenbaum2000isomap",
         family="extended",
         summary="classic scaling of shortest paths between near neighbours by scikit-learn",
+        departs=(
+            "Vertices are joined up to one geodesic radius instead of by Euclidean distance to a number of neighbours; "
+            "signs of axes and the side of the mirror follow a rule of ours."
+        ),
     )
 
     neighbours: Annotated[int, Interval(3)] = 12

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_vertices
+from baselines._kernels.checks import require_pairs, require_vertices
 from benchmark.api.contracts import CheckedParameters, FloatArray, GeodesicSolver, Interval, MethodInfo, Shape
 
 
@@ -48,11 +48,13 @@ class SDGDM(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has too few vertices for that many singular values, no face, or several pieces.
+            If the shape has too few vertices for that many singular values, no face, or several pieces, or too many
+            vertices for the distances of all pairs.
         """
         from scipy.sparse.linalg import eigsh
 
         require_vertices(shape, self.count + 1)
+        require_pairs(shape)
         distances = shape.geodesics(self.solver)
         # The matrix is symmetric, so its singular values are the sizes of its eigenvalues.
         # Fixed, and without the symmetries that a shape may have: those of a constant never leave the iteration again

@@ -32,6 +32,7 @@ class ShapeDNA(CheckedParameters):
         cite="reuter2006shapedna",
         family="control",
         summary="lowest Laplacian eigenvalues times the area",
+        departs="Linear elements with lumped masses, where the source takes cubic ones.",
         scale="invariant",
     )
 

@@ -63,6 +63,11 @@ class SpectralMDS(CheckedParameters):
         cite="shamai2018fast",
         family="extended",
         summary="classic scaling from few rows of distances in the Laplace-Beltrami basis (FMDS)",
+        departs=(
+            "Solved in a few eigenfunctions, where the authors' released code solves over all vertices and averages "
+            "the product of interpolation and rows with its transpose. Signs of axes and the side of the mirror follow "
+            "a rule of ours."
+        ),
     )
 
     samples: Annotated[int, Interval(4)] = 50

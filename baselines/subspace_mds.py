@@ -61,6 +61,10 @@ class SubspaceMDS(CheckedParameters):
         cite="boyarski2017subspace",
         family="extended",
         summary="stress majorisation by smooth displacements, from few rows of geodesic distances",
+        departs=(
+            "A level ends at a gap of the spectrum, and combinations of eigenfunctions that the samples do not see "
+            "stay out."
+        ),
     )
 
     eigenfunctions: tuple[Annotated[int, Interval(10)], ...] = (50, 200)

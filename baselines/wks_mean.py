@@ -43,6 +43,7 @@ class MeanWKS(CheckedParameters):
         cite="aubry2011wks",
         family="control",
         summary="quadratic mean of the wave kernel signature over the surface",
+        departs="The source describes points; the quadratic mean over the surface is ours.",
         scale="invariant",
     )
 

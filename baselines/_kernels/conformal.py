@@ -16,7 +16,7 @@ HOLD = 1e-9
 """Share of the mass that makes the Laplacian definite, far below its first eigenvalue."""
 
 EVEN = 1e-3
-"""Factors below this are those of an evenly curved surface: it would have to grow by a thousandth."""
+"""Factors below this are those of an evenly curved surface: it would have to shrink by a thousandth."""
 
 
 def angle_defects(mesh: Mesh) -> FloatArray:
@@ -34,11 +34,14 @@ def angle_defects(mesh: Mesh) -> FloatArray:
 
 
 def conformal_factors(mesh: Mesh, laplacian: Laplacian) -> FloatArray:
-    r"""Logarithms :math:`\phi` of the scale by which a surface has to grow to become evenly curved.
+    r"""Logarithms :math:`\phi` of the scale by which a surface has to shrink to become evenly curved.
+
+    Lengths times :math:`e^{-\phi}` turn the Gaussian curvature K of the vertices into :math:`K - L \phi` with the
+    positive semidefinite Laplacian L, so that
 
     .. math:: L \phi = K - \frac{\sum K}{A} M
 
-    with the Gaussian curvature K of the vertices. Tips of limbs have to grow most. Ben-Chen and Gotsman (2008),
+    spreads it evenly over the area. Tips of limbs have to shrink most. Ben-Chen and Gotsman (2008),
     "Characterizing shape using conformal factors".
 
     Parameters

@@ -72,6 +72,9 @@ class MethodInfo:
         ``"paper"`` for a row of the paper, ``"control"`` for a yardstick, ``"extended"`` for anything else.
     summary
         One line for ``list methods``.
+    departs
+        How the method departs from its source, in one or two sentences; "" where it does not. ``describe`` prints it,
+        and tables number it below the rows of the suite.
     requires
         Import names of packages beyond the core; a missing one makes the method *unavailable*, never another algorithm.
     inputs
@@ -90,6 +93,7 @@ class MethodInfo:
     cite: str = ""
     family: Literal["paper", "control", "extended"] = "extended"
     summary: str = ""
+    departs: str = ""
     requires: tuple[str, ...] = ()
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, get_args, get_type_hints
 
 from benchmark.api.contracts import Input, MethodInfo
@@ -21,7 +21,7 @@ def problems_of(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str]]:
 def _problems_of_method(info: MethodInfo) -> Iterator[tuple[str, str]]:
     if isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
-    yield from _problems_of_texts(info)
+    yield from _problems_of_texts(info, ("title", "summary", "departs", "cite"))
     if not _are_words(info.inputs) or not info.inputs or not set(info.inputs) <= set(get_args(Input)):
         yield f"inputs are {info.inputs!r}", "name 'mesh', 'view' or both in a tuple"
     choices = get_type_hints(MethodInfo)
@@ -43,12 +43,14 @@ def _problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
         yield f"invariant is {invariant!r:.80}", "write True or False"
 
 
-def _problems_of_texts(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str]]:
+def _problems_of_texts(
+    info: MethodInfo | ScorerInfo, fields: Iterable[str] = ("title", "summary", "cite")
+) -> Iterator[tuple[str, str]]:
     """Return what is wrong with what both say."""
     if not is_name(info.name):
         said = f"name {info.name!r:.80} is not lower-case words joined by hyphens"
         yield said, f"write it so, with {LONGEST_NAME} characters at most"
-    for field in ("title", "summary", "cite"):
+    for field in fields:
         value = getattr(info, field)
         if not isinstance(value, str) or "\n" in value:
             yield f"{field} {value!r:.80} is not a text of one line", "write a text"

@@ -13,7 +13,12 @@ from benchmark.pipeline.storage.merging import told
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.rounding import number
 from benchmark.report.statistics.queries import queries_of
-from benchmark.report.statistics.significance import intervals, permutation_test
+from benchmark.report.statistics.significance import (
+    class_permutation_test,
+    intervals,
+    least_class_probability,
+    permutation_test,
+)
 from retrieval.measures import PRINTED
 
 #: Smallest difference of a score that counts.
@@ -39,7 +44,12 @@ class Difference:
     intervals
         By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
     probabilities
-        By measure: of so large a difference of means if there were none; of one pair, not adjusted.
+        By measure: of so large a difference of means if there were none for other poses of these subjects; of one pair,
+        not adjusted.
+    class_probabilities
+        The same for other subjects.
+    n_classes
+        Classes of the queries that both have.
     changed
         Queries for which a measure differs.
     better, worse
@@ -55,6 +65,8 @@ class Difference:
     second: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]]
     probabilities: Mapping[str, float]
+    class_probabilities: Mapping[str, float]
+    n_classes: int
     changed: int
     better: int
     worse: int
@@ -125,6 +137,8 @@ def _difference(where: str, first: Record, second: Record) -> Difference:
         {name: second["scores"][name] for name in PRINTED},
         dict(zip(PRINTED, ends, strict=True)),
         dict(zip(PRINTED, permutation_test(gains).tolist(), strict=True)),
+        dict(zip(PRINTED, class_permutation_test(gains, here.labels).tolist(), strict=True)),
+        len(set(here.labels)),
         int(np.count_nonzero(gains.any(axis=1))),
         int(np.count_nonzero(gain > 0)),
         int(np.count_nonzero(gain < 0)),
@@ -160,16 +174,34 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
             low, high = pair.intervals[name]
             said.append(
                 f"  {name:<3}  {number(before, 3)} -> {number(after, 3)}  {_signed(after - before)}  "
-                f"({_signed(low)} to {_signed(high)})  p {number(pair.probabilities[name], 4)}"
+                f"({_signed(low)} to {_signed(high)})  p {number(pair.probabilities[name], 4)}  "
+                f"classes {number(pair.class_probabilities[name], 4)}{_better(pair, name, first, second)}"
+            )
+        if (least := least_class_probability(pair.n_classes)) >= _LEVEL:
+            said.append(
+                f"  with {pair.n_classes} classes no p over classes is below {number(least, 4)}: of other subjects "
+                "nothing can be said"
             )
     said += _counted(comparison, different)
     said += _alone(comparison, first, second, everything=everything)
     if different:
         said.append(
-            "In brackets: 95 % of the differences when classes are drawn anew. "
-            "p: of so large a difference if there were none (paired permutation test over queries)."
+            "In brackets: 95 % of the differences when classes are drawn anew. p: of so large a difference if there "
+            "were none for other poses of these subjects (paired permutation test over queries); classes: the same for "
+            "other subjects (test over whole classes)."
         )
     return said
+
+
+def _better(pair: Difference, name: str, first: str, second: str) -> str:
+    """Which side is better by a measure, and for what that holds; "" where neither test says so."""
+    over = [
+        what
+        for what, found in (("other poses", pair.probabilities), ("other subjects", pair.class_probabilities))
+        if found[name] < _LEVEL
+    ]
+    ahead = second if pair.second[name] > pair.first[name] else first
+    return f"  {ahead} is better for {' and '.join(over)}" if over else ""
 
 
 def _overview(comparison: Comparison, different: Sequence[Difference], first: str, second: str) -> list[str]:
@@ -184,9 +216,7 @@ def _overview(comparison: Comparison, different: Sequence[Difference], first: st
             for name in PRINTED
         ]
         said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())
-    said.append(
-        f"{first}, and how much {second} is above it; *: p < {_LEVEL:.2f} (paired permutation test over queries)."
-    )
+    said.append(f"{first}, and how much {second} is above it; *: p < {_LEVEL:.2f} for other poses of these subjects.")
     said += _counted(comparison, different)
     said += _alone(comparison, first, second)
     hidden = len(different) - len(shown)

@@ -14,7 +14,7 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
-from benchmark.plugins.registry import BUILT_IN
+from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.rows import ONLY_ABLATED
 from benchmark.protocols.tables import INPUTS, TABLES, Table
 from benchmark.reference import paper
@@ -32,6 +32,9 @@ OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "S
 #: What the network of the paper is called where "our" would be somebody else.
 _NETWORK = "Reconstruction network"
 
+#: Digits of the numbers of notes.
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 #: Marks rows that this code would not make again without running.
 OUTDATED = "†"
 
@@ -41,7 +44,10 @@ TIED = "‡"
 
 @dataclass(frozen=True)
 class Row:
-    """One method: its figures in the paper and ours by input, with inputs that it has other jobs of."""
+    """One method: its figures in the paper and ours by input, with inputs that it has other jobs of.
+
+    ``departs`` says how it departs from its source.
+    """
 
     method: str
     title: str
@@ -49,6 +55,7 @@ class Row:
     paper: Figures | None
     cells: Mapping[Input, Cell]
     elsewhere: tuple[Input, ...] = ()
+    departs: str = ""
 
     @property
     def models(self) -> list[Mapping[str, Any]]:
@@ -109,6 +116,18 @@ class TableContent:
     def significance(self) -> SignificanceTable:
         """Return how sure each of our figures is, and which rows differ from the best."""
         return table_significance(self.rows, self.inputs)
+
+    @cached_property
+    def departures(self) -> Mapping[str, str]:
+        """How rows with scores depart from their sources, by the raised number of the note that says so."""
+        rows = (row for row in self.rows if row.departs and any(cell.scores for cell in row.cells.values()))
+        texts = dict.fromkeys(row.departs for row in rows)
+        return {str(number).translate(_RAISED): text for number, text in enumerate(texts, 1)}
+
+    def label(self, row: Row) -> str:
+        """Return the label of a row with the number of the note on its departures."""
+        mark = next((f" {number}" for number, text in self.departures.items() if text == row.departs), "")
+        return row.label + mark
 
     @property
     def identifier(self) -> str:
@@ -269,7 +288,14 @@ def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bo
     }
     blank: dict[Input, Cell] = {input_: Cell() for input_ in inputs}
     rows = [
-        Row(name, row.title, "paper", row.values[table.identifier], blank | cells.get(name, {}))
+        Row(
+            name,
+            row.title,
+            "paper",
+            row.values[table.identifier],
+            blank | cells.get(name, {}),
+            departs=departs_of(name),
+        )
         for name, row in printed.items()
         if blanks or name in cells
     ]
@@ -327,7 +353,13 @@ def _further_row(
     title = str(titled["title"])
     if is_own and name.partition("[")[0] in BUILT_IN:
         title = re.sub(r"^Our\b", _NETWORK, title)
-    return Row(name, title, str(titled["family"]), None, cells)
+    return Row(name, title, str(titled["family"]), None, cells, departs=departs_of(name))
+
+
+def departs_of(method: str) -> str:
+    """Return how a method of the suite departs from its source; what a plugin says of itself is in no record."""
+    base = method.partition("[")[0]
+    return MethodSpec(base, BUILT_IN[base]).info.departs if base in BUILT_IN else ""
 
 
 def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:

@@ -125,6 +125,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         **({"scorer": table.scorer} if table.scorer else {}),
         **_preparations(cell),
         "outdated": cell.outdated or None,
+        **({"departs": row.departs} if row.departs else {}),
         "status": cell.status,
     }
 

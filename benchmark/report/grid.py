@@ -132,7 +132,7 @@ def grid_of(table: TableContent, further: Sequence[Group] = ()) -> Grid:
     paper = [Group("paper", "paper")] if table.has_paper else []
     groups = (*paper, *(Group(input_, "ours", input_, PRINTED) for input_ in table.inputs), *further)
     made = [_lines(table, group) for group in groups]
-    lines = [Line(row.label, tuple(figures), row) for row, *figures in zip(table.rows, *made, strict=True)]
+    lines = [Line(table.label(row), tuple(figures), row) for row, *figures in zip(table.rows, *made, strict=True)]
     return Grid(groups, (*lines, Line("Chance", tuple(_chance(table, group) for group in groups))))
 
 

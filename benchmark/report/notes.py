@@ -17,7 +17,7 @@ _WORTH_TELLING = 0.01
 
 _MARKS = (
     "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
-    "(paired permutation test over queries, Holm's correction, 5 %)."
+    "for other poses of these subjects (paired permutation test over queries, Holm's correction, 5 %)."
 )
 
 _OF_PREPARATIONS = "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}."
@@ -26,7 +26,7 @@ _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked 
 
 
 def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
-    """Return what a reader must know: thinned galleries, shapes left out, trainings, bridges, jobs without scores.
+    """Return what a reader must know: thinned galleries, trainings, jobs without scores, departures from sources.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     lines += _not_here(table)
     if bridges := _bridges(table):
         lines.append(bridges)
-    return [*lines, *_lost(table)]
+    return [*lines, *_lost(table), *(f"{number} {text}" for number, text in table.departures.items())]
 
 
 def _not_here(table: TableContent) -> Iterable[str]:

@@ -45,6 +45,10 @@ class DeformationField(StreamLearner):
         cite="deng2021deformed",
         family="extended",
         summary="canonical positions of all vertices by a network, trained on fresh bodies",
+        departs=(
+            "A network of our own: the source deforms a template's distance field, here a field moves the vertices of "
+            "the input, and an energy that is as rigid as possible keeps their detail."
+        ),
         requires=("torch", "safetensors"),
         inputs=("mesh",),
         scale="invariant",

@@ -37,6 +37,7 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
         cite="canonicalreconstruction",
         family="extended",
         summary="one code, trained on fresh bodies in free poses, blind to the frame",
+        departs="Another network: one code for the whole image, trained on generated bodies without end.",
         requires=("torch", "safetensors"),
         inputs=("view",),
         scale="invariant",

@@ -99,3 +99,24 @@ def test_an_even_surface_without_tips_pushes_points_all_over_it():
 def test_real_bodies_spread_their_limbs(data_root, name, points):
     form = check_real_body(EuclideanDistance(points=points), data_root / "tosca" / f"{name}.off")
     assert form.notes["mean_edge_strain"] <= 0.03
+
+
+def test_a_surface_that_shrinks_by_its_conformal_factors_is_more_evenly_curved():
+    ball = sphere(500)
+    mesh = ball.with_vertices(ball.vertices * [2.0, 1.0, 1.0])
+    laplacian = shape_of(mesh).laplacian()
+    factors = conformal_factors(mesh, laplacian)
+
+    def unevenness(power):
+        """How far the curvature is from even where lengths are multiplied by this power of the factors."""
+        scale = np.exp(power * factors / 2)
+        corners = mesh.vertices[mesh.faces]
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
+        lengths = lengths * np.roll(scale[mesh.faces], -1, axis=1) * np.roll(scale[mesh.faces], 1, axis=1)
+        before, after = np.roll(lengths, 1, axis=1), np.roll(lengths, -1, axis=1)
+        angles = np.arccos((before**2 + after**2 - lengths**2) / (2 * before * after))
+        shares = laplacian.mass * scale**4 / (laplacian.mass @ scale**4)
+        curvature = 2 * np.pi - np.bincount(mesh.faces.ravel(), angles.ravel(), mesh.n_vertices)
+        return np.abs(curvature - 4 * np.pi * shares).sum()
+
+    assert unevenness(-1) < 0.5 * unevenness(0) < unevenness(0) < unevenness(1)

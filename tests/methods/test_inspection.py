@@ -36,6 +36,7 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
         ({"name": "Big Name"}, "name 'Big Name' is not lower-case words"),
         ({"name": "a" * 61}, "60 characters at most"),
         ({"info": "title=None"}, "title None is not a text of one line; write a text"),
+        ({"info": "title='Odd', departs='a\\nb'"}, "departs 'a.*b' is not a text of one line; write a text"),
         ({"info": "title=''"}, "title is empty; say what the tables shall print"),
         ({"info": "title='T', inputs=('image',)"}, "inputs are .'image',.; name 'mesh', 'view' or both in a tuple"),
         ({"info": "title='T', inputs=5"}, "inputs are 5"),

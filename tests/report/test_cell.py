@@ -114,7 +114,7 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     table = tables_of(*FOUR)["IV"]
     (line,) = [line for line in markdown(table).splitlines() if line.startswith("| Our")]
     cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells[0] == "Our (4 models)"
+    assert cells[0] == "Our (4 models) ¹"
     assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
     assert r"\textbf{0.57}\,$\pm$0.15 & \textbf{0.50}\,$\pm$0.00" in latex(table)

@@ -31,12 +31,13 @@ def test_changed_queries_are_counted():
     assert (found.changed, found.better, found.worse, found.n_queries) == (2, 1, 1, 4)
     assert (found.first["NN"], found.second["NN"]) == (0.75, 1.0)
     assert found.largest == pytest.approx(0.25)
-    head, nn, ft, _, dcg, equal, legend = lines(compare_folders([FIRST], [SECOND]), "a", "b")
+    head, nn, ft, _, dcg, few, equal, legend = lines(compare_folders([FIRST], [SECOND]), "a", "b")
     assert head == "rods mesh classic-mds: 2 of 4 queries changed, 1 better, 1 worse in DCG"
     # One query of a cat is better: of two classes drawn anew, both, one or none is that of cats.
-    assert nn == "  NN   0.750 -> 1.000  +0.250  (+0.000 to +0.500)  p 1.0000"
-    assert ft == "  FT   0.500 -> 0.500  +0.000  (+0.000 to +0.000)  p 1.0000"
-    assert dcg == "  DCG  0.800 -> 0.800  +0.000  (-0.100 to +0.100)  p 1.0000"
+    assert nn == "  NN   0.750 -> 1.000  +0.250  (+0.000 to +0.500)  p 1.0000  classes 1.0000"
+    assert ft == "  FT   0.500 -> 0.500  +0.000  (+0.000 to +0.000)  p 1.0000  classes 1.0000"
+    assert dcg == "  DCG  0.800 -> 0.800  +0.000  (-0.100 to +0.100)  p 1.0000  classes 1.0000"
+    assert few == "  with 2 classes no p over classes is below 0.5000: of other subjects nothing can be said"
     assert equal == "0 of 1 pairs are equal"
     assert "classes are drawn anew" in legend
 
@@ -91,3 +92,20 @@ def test_the_verb_compares_folders_and_methods(tmp_path):
     none = CliRunner().invoke(cli, ["compare", "classic-mds", "random", "--results", str(tmp_path / "a")])
     assert isinstance(none.exception, ConfigurationError)
     assert "no gallery has scores of both" in str(none.exception)
+
+
+def test_the_better_method_is_named_with_what_that_holds_for():
+    shapes = [f"{animal}{pose}" for animal in "abcdefgh" for pose in range(3)]
+    first, second = (
+        record(
+            per_query={name: [value] * 24 for name in ("NN", "FT", "ST", "DCG")},
+            scores=dict.fromkeys(("NN", "FT", "ST", "DCG"), value),
+            shapes=shapes,
+            labels=[shape[0] for shape in shapes],
+            n_shapes=24,
+        )
+        for value in (0.4, 0.6)
+    )
+    said = lines(compare_folders([first], [second]), "old", "new")
+    assert said[1].endswith("p 0.0001  classes 0.0078  new is better for other poses and other subjects")
+    assert not any("nothing can be said" in line for line in said)

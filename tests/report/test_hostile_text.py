@@ -96,7 +96,7 @@ def unescaped(latex):
         r"\textbackslash{}": "\\", r"\textless{}": "<", r"\textgreater{}": ">", r"\textbar{}": "|", r"\dag{}": "†",
         r"$\pm$": "±", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\&": "&", r"\%": "%", r"\$": "$",
         r"\#": "#", r"\_": "_", r"\{": "{", r"\}": "}", "-{}": "-",
-    }  # fmt: skip
+    } | {rf"\textsuperscript{{{number}}}": digit for number, digit in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}  # fmt: skip
     known = re.compile("|".join(map(re.escape, sorted(shown, key=len, reverse=True))))
     assert not re.search(r"[\\{}$&#^_%~|<>]", known.sub("", latex)), latex
     return known.sub(lambda found: shown[found[0]], latex)

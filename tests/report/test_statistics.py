@@ -11,7 +11,14 @@ from scipy import stats
 from benchmark.report.content import contents
 from benchmark.report.files import render
 from benchmark.report.results import Result
-from benchmark.report.statistics.significance import holm, intervals, permutation_test
+from benchmark.report.statistics.significance import (
+    ALPHA,
+    class_permutation_test,
+    holm,
+    intervals,
+    least_class_probability,
+    permutation_test,
+)
 from tests.records import MEASURES, record
 
 #: Millionths, in which queries are counted.
@@ -59,6 +66,41 @@ def test_probability_by_hand():
     assert permutation_test(column(1, 1, 1, 1, 1)) == pytest.approx(2 / 32, abs=0.01)
     assert permutation_test(column(0, 0, 0)) == 1
     assert permutation_test(column(1, -1)) == 1
+
+
+def test_probability_over_classes_by_hand():
+    # Three classes gain, the fourth loses less: of 16 ways to exchange, all four alike and one turned are as large.
+    gains = column(1, 1, 1, 1, 1, 1, -0.5, -0.5)
+    assert class_permutation_test(gains, "aabbccdd").tolist() == [4 / 16]
+    assert class_permutation_test(column(1, 1, 0, 0), "aabb").tolist() == [1.0]
+    assert class_permutation_test(column(1, 1, 1, 1, 1), "abcde").tolist() == [least_class_probability(5)] == [0.0625]
+    assert least_class_probability(40) == pytest.approx(1e-4)
+
+
+def test_probabilities_over_many_classes_are_those_over_as_many_queries():
+    gains = np.rint(ONE * np.random.default_rng(4).normal(0.1, 0.4, (60, 2)))
+    whole = class_permutation_test(np.repeat(gains, 3, axis=0), np.repeat(np.arange(60), 3).tolist())
+    assert whole.tolist() == permutation_test(gains).tolist()
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("sizes", [(20,) * 5, (11, 6, 7, 9, 4, 8, 20, 12, 3), (10,) * 40])
+def test_at_most_six_in_a_hundred_galleries_without_a_difference_are_called_different(sizes):
+    generator, n_galleries = np.random.default_rng(0), 2000
+    of_query = np.repeat(np.arange(len(sizes)), sizes)
+    poses = generator.normal(0, 0.2, (len(of_query), n_galleries))
+    subjects = generator.normal(0, 0.1, (len(sizes), n_galleries))[of_query]
+
+    def share(probabilities):
+        return np.mean(np.concatenate(list(probabilities)) < ALPHA)
+
+    parts = range(0, n_galleries, 250)
+    # Other poses: the subjects are these, and their effects have no mean. Other subjects: effects are random.
+    these = np.rint(ONE * (poses + subjects - subjects.mean(axis=0)))
+    others = np.rint(ONE * (poses + subjects))
+    assert share(permutation_test(these[:, k : k + 250]) for k in parts) <= 0.06
+    assert share(class_permutation_test(others[:, k : k + 250], of_query.tolist()) for k in parts) <= 0.06
+    assert share(permutation_test(others[:, k : k + 250]) for k in parts) > 0.2
 
 
 def test_probabilities_are_those_of_scipy():

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from benchmark.errors import ConfigurationError
+from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import Row, TableContent, departs_of
 from benchmark.report.files import render, write
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
@@ -181,3 +182,34 @@ def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
     assert rows_as_json([content])[0]["outdated"] == "libigl 2.6.2 -> 2.6.3"
     assert rows_as_json([content])[0]["title"] == "Classic MDS"
     assert "†" not in markdown(table())
+
+
+def test_departures_from_sources_are_numbered_below_rows_with_scores():
+    content = table()
+    classic, fast, mine = content.rows
+    rows = (
+        replace(classic, departs="Fewer steps than in the source."),
+        replace(fast, departs="Not run, so not told."),
+        replace(mine, departs="Three axes_of many."),
+        replace(mine, method="mine[a=1]", departs="Fewer steps than in the source."),
+    )
+    departing = replace(content, rows=rows)
+    assert notes(departing)[-2:] == ["¹ Fewer steps than in the source.", "² Three axes_of many."]
+    labels = [line.split("|")[1].strip() for line in markdown(departing).splitlines() if line.startswith("| ")]
+    assert [label[-1] for label in labels[2:6]] == ["¹", "S", "²", "¹"]
+    text = latex(departing)
+    assert r"50 \% of\_mine \textsuperscript{2}" in text
+    assert r"\textsuperscript{2} Three axes\_of many." in text
+    told = [row.get("departs") for row in rows_as_json([departing]) if row["input"] == "mesh"]
+    assert told == [row.departs for row in rows]
+
+
+def test_methods_of_the_suite_say_how_they_depart_from_what_they_cite():
+    said = {name: departs_of(name) for name in BUILT_IN}
+    assert "level sets" in said["skeleton"]
+    assert "Rustamov" in said["gps"]
+    assert departs_of("least-squares-mds[start=classic]") == said["least-squares-mds"] != ""
+    assert departs_of("of-a-plugin[a=1]") == ""
+    cites = {name: MethodSpec(name, BUILT_IN[name]).info.cite for name in BUILT_IN}
+    assert not [name for name, text in said.items() if text and not cites[name]]
+    assert not [text for text in said.values() if text and (not text.endswith(".") or text.count(". ") > 1)]

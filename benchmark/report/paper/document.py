@@ -179,6 +179,7 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
         ],
         "seeds": sorted({str(table.seed) for table in tables}),
         "own": facts.own_methods(tables),
+        "n_departing": len({text for table in tables for text in table.departures.values()}),
         "n_models": len({model["digest"] for record in made for model in record.get("models", ())}),
         "most": _MOST_NAMED,
         "dates": (dates[0], dates[-1]),
@@ -218,7 +219,9 @@ def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableConte
                     table,
                     table=replace(table.table, caption=caption),
                     inputs=(input_,),
-                    rows=tuple(replace(row, paper=None, cells={input_: _plain(row.cells[input_])}) for row in rows),
+                    rows=tuple(
+                        replace(row, paper=None, departs="", cells={input_: _plain(row.cells[input_])}) for row in rows
+                    ),
                 )
                 group = Group("95 % interval", "interval", input_)
                 yield Latex(f"intervals-{_stem(table)}-{input_}"), shown, (group,)

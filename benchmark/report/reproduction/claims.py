@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmark.reference.paper import CLAIMS, Claim
 from benchmark.report.content import TableContent
 from benchmark.report.statistics.queries import queries_of
-from benchmark.report.statistics.significance import ALPHA, holm, permutation_test
+from benchmark.report.statistics.significance import ALPHA, class_permutation_test, holm
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
 
@@ -31,7 +31,7 @@ class AssessedClaim:
     leads, n_comparisons
         Comparisons in which the row leads, and all of them: rows times measures.
     certain
-        Comparisons that cannot be chance, either way.
+        Comparisons that other subjects would hardly turn, either way.
     missing
         Rows without scores.
     """
@@ -45,7 +45,7 @@ class AssessedClaim:
 
 
 def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[AssessedClaim]:
-    """Decide each claim by paired permutation tests over queries, with Holm's correction over its comparisons.
+    """Decide each claim by permutation tests over classes of all folds, with Holm's correction over its comparisons.
 
     Parameters
     ----------
@@ -66,13 +66,12 @@ def _judged(claim: Claim, content: TableContent | None) -> AssessedClaim:
     missing = tuple(name for name in (claim.better, *claim.others) if name not in records)
     if missing:
         return AssessedClaim(claim, "not comparable", missing=missing)
-    differences = np.column_stack(
-        [_differences(records[claim.better], records[name], claim.measures) for name in claim.others]
-    )
-    leads = differences.sum(axis=0) > 0
-    certain = np.array(holm(permutation_test(differences).tolist())) < ALPHA
+    parts = [_differences(records[claim.better], records[name], claim.measures) for name in claim.others]
+    totals = np.concatenate([differences.sum(axis=0) for differences, _ in parts])
+    leads = totals > 0
+    certain = np.array(holm([p for part in parts for p in class_permutation_test(*part).tolist()])) < ALPHA
     decision: Decision = "undecided"
-    if np.any(certain & (differences.sum(axis=0) < 0)):
+    if np.any(certain & (totals < 0)):
         decision = "contradicted"
     elif np.all(certain & leads):
         decision = "supported"
@@ -81,10 +80,10 @@ def _judged(claim: Claim, content: TableContent | None) -> AssessedClaim:
 
 def _differences(
     better: Sequence[Mapping[str, object]], other: Sequence[Mapping[str, object]], measures: Sequence[str]
-) -> NDArray[np.float64]:
-    """Shape (N, M): how much better each query is by each measure, over the queries that both rows have."""
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Shape (N, M): how much better each query is by each measure, over the queries of both, and their classes."""
     here, there = queries_of(better, measures), queries_of(other, measures)
     names = set(there.names)
     both = [name for name in here.names if name in names]
     here, there = here.among(both), there.among(both)
-    return np.column_stack([here.values[name] - there.values[name] for name in measures])
+    return np.column_stack([here.values[name] - there.values[name] for name in measures]), here.labels

@@ -141,7 +141,7 @@ def _rules() -> str:
 def _tests() -> str:
     return (
         "- Leads: in how many comparisons (rows times measures) the row is ahead. Certain: how many, either way, are "
-        "more than chance (paired permutation test over queries, Holm's correction over the claim's comparisons, 5 %). "
-        "Supported: all are. Contradicted: some certain comparison points the other way. Other subjects and other "
-        "trainings may decide otherwise than other queries do."
+        "more than chance for other subjects (permutation test over the classes of all folds, Holm's correction over "
+        "the claim's comparisons, 5 %; few classes can reach nothing). Supported: all are. Contradicted: some certain "
+        "comparison points the other way. Other trainings may decide otherwise."
     )

@@ -2,8 +2,9 @@
 
 Queries of one class stand or fall together, so that what an interval draws anew is the classes: it says what other
 subjects, or other animals, would have brought. Percentiles over few classes are too narrow rather than too wide: those
-of a gallery of five classes are a lower bound of what is unknown. Tests exchange the two rows query by query, with
-Holm's correction for many rows.
+of a gallery of five classes are a lower bound of what is unknown. Tests exchange the two rows query by query, which
+speaks of other poses of the same subjects, or class by class, which speaks of other subjects; with Holm's correction
+for many rows.
 
 References
 ----------
@@ -82,8 +83,8 @@ def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
 def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probabilities of so large a mean difference if both methods were as good for each query.
 
-    For each query the two methods are exchanged at random. The question is whether other queries of the same classes
-    could turn the sign; what other classes would do is told by the interval.
+    For each query the two methods are exchanged at random. The question is whether other queries of the same classes,
+    such as other poses of these subjects, could turn the sign; for other classes see :func:`class_permutation_test`.
 
     Parameters
     ----------
@@ -106,6 +107,38 @@ def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
         # Whole numbers below 2^53: the products are exact, so equal sums are equal on every machine.
         as_large += np.count_nonzero(np.abs(signs @ differences) >= found, axis=0)
     return (as_large + 1) / (RESAMPLES + 1)
+
+
+def class_permutation_test(differences: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArray[np.float64]:
+    """Probabilities of so large a mean difference if both methods were as good for each class.
+
+    The two methods are exchanged for all queries of a class at once, in every way where there are few. The question is
+    whether other subjects could turn the sign. With C classes no probability is below 2 / 2^C.
+
+    Parameters
+    ----------
+    differences
+        As for :func:`permutation_test`.
+    labels
+        Class of each query.
+
+    Returns
+    -------
+    ndarray
+        Shape (M,): two-sided probabilities.
+    """
+    classes = {label: number for number, label in enumerate(dict.fromkeys(labels))}
+    sums = np.zeros((len(classes), differences.shape[1]))
+    np.add.at(sums, [classes[label] for label in labels], differences)
+    if 2 ** len(classes) > RESAMPLES + 1:
+        return permutation_test(sums)
+    signs = 1.0 - 2.0 * (np.arange(2 ** len(classes))[:, None] >> np.arange(len(classes)) & 1)
+    return np.asarray((np.abs(signs @ sums) >= np.abs(sums.sum(axis=0))).mean(axis=0))
+
+
+def least_class_probability(n_classes: int) -> float:
+    """Least probability that :func:`class_permutation_test` can give."""
+    return max(2.0 ** (1 - n_classes), 1 / (RESAMPLES + 1))
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:

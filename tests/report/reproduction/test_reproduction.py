@@ -109,13 +109,13 @@ def test_the_official_set_comes_before_its_stand_in_and_quick_runs_are_not_judge
 # Claims --------------------------------------------------------------------------------------------------------------
 
 
-def queries(method: str, hits: int, input_: str = "view") -> Result:
+def queries(method: str, hits: int, input_: str = "view", n_classes: int = 20) -> Result:
     """A row that finds the first ``hits`` of forty queries, by all measures."""
     shapes = [f"shape{k}" for k in range(N)]
     values = [1.0] * hits + [0.0] * (N - hits)
     return scored(
         method, dict.fromkeys(MEASURES, hits / N), input_,
-        shapes=shapes, labels=["a", "b"] * (N // 2), per_query=dict.fromkeys(MEASURES, values),
+        shapes=shapes, labels=[f"class{k % n_classes}" for k in range(N)], per_query=dict.fromkeys(MEASURES, values),
     )  # fmt: skip
 
 
@@ -128,6 +128,8 @@ def decided(*results: Result, claim: Claim | None = None) -> AssessedClaim:
 def test_a_claim_that_all_queries_carry_is_supported_and_its_opposite_contradicted() -> None:
     rows = (queries("gps", 35), queries("fast-mds", 5), queries("skeleton", 6))
     assert decided(*rows) == AssessedClaim(decided(*rows).claim, "supported", 2, 2, 2)
+    few = [queries(method, hits, n_classes=5) for method, hits in (("gps", 35), ("fast-mds", 5), ("skeleton", 6))]
+    assert decided(*few).decision == "undecided"
     opposite = Claim("GPS is behind.", "III", "fast-mds", ("gps",), measures=("NN", "DCG"))
     assert decided(*rows, claim=opposite) == AssessedClaim(opposite, "contradicted", 0, 2, 2)
 
