@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from benchmark.report.grid import Figure, Style, grid_of
+from benchmark.report.frame import Style, figures, lines
 from benchmark.report.notes import notes
 from benchmark.text import clean
 
@@ -42,14 +42,14 @@ def draw(tables: Iterable[TableContent]) -> None:
     for table in tables:
         whole = drawn(table)
         fits = Console(width=_WIDEST).measure(whole).minimum <= console.width
-        for part in [whole] if fits else [drawn(table, group) for group in range(len(grid_of(table).groups))]:
+        for part in [whole] if fits else [drawn(table, name) for name in figures(table)["group"].unique()]:
             console.print()
             console.print(part)
         for note in notes(table):
             console.print(Padding(Text(f"- {clean(note)}"), (0, 0, 0, 1)))
 
 
-def drawn(table: TableContent, only: int | None = None) -> Table:
+def drawn(table: TableContent, only: str = "") -> Table:
     """A table for rich: figures stay whole, titles of methods are broken where the terminal is narrow.
 
     Parameters
@@ -57,30 +57,30 @@ def drawn(table: TableContent, only: int | None = None) -> Table:
     table
         The table.
     only
-        Which of its groups of columns to draw; all by default.
+        Title of the group of columns to draw; all by default.
     """
     from rich.box import Box
     from rich.table import Table
     from rich.text import Text
 
-    grid = grid_of(table)
-    shown = range(len(grid.groups)) if only is None else [only]
+    shown = [
+        (row, label, [figure for figure in of_row if only in ("", figure["group"])])
+        for row, label, of_row in lines(table)
+    ]
     title = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
     made = Table(
         title=Text(clean(title)), title_justify="left", title_style="bold", box=Box(_RULE), show_edge=False,
         pad_edge=False, padding=0,
     )  # fmt: skip
     made.add_column("Method", overflow="fold", min_width=_NARROWEST)
-    for group in (grid.groups[place] for place in shown):
-        for name in group.names:
-            made.add_column(f"{group.title}\n{name}", justify="right", no_wrap=True)
-    for line in grid.lines:
-        label = Text(clean(line.label), style="" if line.row else "italic")
-        made.add_row(label, *(_drawn(figure) for place in shown for figure in line.groups[place]))
+    for figure in shown[0][-1]:
+        made.add_column(f"{figure['group']}\n{figure['measure']}", justify="right", no_wrap=True)
+    for row, label, of_row in shown:
+        made.add_row(Text(clean(label), style="" if row else "italic"), *map(_drawn, of_row))
     return made
 
 
-def _drawn(figure: Figure) -> Text:
+def _drawn(figure: Mapping[str, str]) -> Text:
     from rich.text import Text
 
-    return Text(_STYLE.write(figure), style=_FONTS[figure.mark])
+    return Text(_STYLE.write(figure), style=_FONTS[figure["mark"]])

@@ -10,7 +10,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import sweep, write_text
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
-from benchmark.report.latex import Notes, latex_files
+from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.reproduction.document import reproduction_markdown
 from benchmark.report.reproduction.figures import paper_tables
 from benchmark.report.statistics.document import has_splits, intervals_markdown, splits_markdown
@@ -24,16 +24,29 @@ _BIBLIOGRAPHY = (
 )
 
 
-def render(tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table") -> dict[str, str]:
+def render(
+    tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table", *, has_variants: bool = True,
+    rows_only: bool = False, has_sources: bool = True,
+) -> dict[str, str]:  # fmt: skip
     """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
 
-    With LaTeX come the BibTeX entries of the methods, the scorer and the data; ``where`` says where its notes stand.
+    Parameters
+    ----------
+    tables, formats
+        The tables, and names of formats.
+    where, has_variants
+        For LaTeX, see :func:`benchmark.report.latex.latex_files`.
+    rows_only
+        Whether LaTeX is the rows of each table alone.
+    has_sources
+        Whether the BibTeX entries of the methods, the scorer and the data come with LaTeX.
     """
     files: dict[str, str] = {}
     for name in formats:
         if name == "latex":
-            files |= latex_files(tables, where)
-            files["references.bib"] = bibliography()
+            rows = {f"{table.file_stem}.tex": latex_rows(table) for table in tables if rows_only}
+            files |= rows or latex_files(tables, where, has_variants=has_variants)
+            files |= {"references.bib": bibliography()} if has_sources else {}
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
             files |= {f"splits-{t.file_stem}.md": splits_markdown(t) for t in tables if has_splits(t)}

@@ -12,7 +12,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
-from benchmark.report.grid import Style, grid_of
+from benchmark.report.frame import Style, figures, labels, printed
 from benchmark.report.notes import notes
 from benchmark.report.rounding import number
 from benchmark.report.statistics.table_significance import FigureSignificance
@@ -23,12 +23,11 @@ _STYLE = Style("**{}**", "*{}*")
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
-    grid = grid_of(table)
-    header = ["Method", *(f"{group.title} {name}" for group in grid.groups for name in group.names)]
-    body = [
-        [markdown_text(line.label) if line.row else f"*{line.label}*", *map(_STYLE.write, line.figures)]
-        for line in grid.lines
-    ]
+    wide = printed(figures(table), _STYLE)
+    header = ["Method", *map(" ".join, wide.columns)]
+    *names, chance = labels(table)
+    names = [*map(markdown_text, names), f"*{chance}*"]
+    body = [[name, *row] for name, row in zip(names, wide.to_numpy().tolist(), strict=True)]
     caption = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
     lines = [f"**{markdown_text(caption)}**", ""]
     lines += markdown_table(header, body, aligned=True)

@@ -14,7 +14,7 @@ from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
 from benchmark.report.escaping import csv_text, latex_text, markdown_table, markdown_text
-from benchmark.report.floats import SEPARATION, Block, Line, head, points, table_floats
+from benchmark.report.latex import Columns, float_of
 from benchmark.report.results import Result
 from benchmark.report.rounding import BLANK, millionths, number
 
@@ -215,19 +215,16 @@ def markdown(found: Robustness) -> str:
 def latex(found: Robustness) -> str:
     r"""The amounts at which each method fails, for ``\input``."""
     header = ["clean NN", *(PERTURBATIONS[perturbation].title for perturbation in found.curves)]
-    rows = {title: _halves(found, method) for method, title in found.titles.items()}
-    columns = zip(*rows.values(), strict=True)
-    blocks = [_block(head, column) for head, column in zip(header, columns, strict=True)]
-    lines = [Line(latex_text(t), points(t), tuple((latex_text(c),) for c in cells)) for t, cells in rows.items()]
+    rows = zip(*(_halves(found, method) for method in found.titles), strict=True)
+    columns = [_column(head, cells) for head, cells in zip(header, rows, strict=True)]
     caption = latex_text(f"What breaks the methods: {_title(found)}. {_LEGEND}")
-    return head(found.file_stem) + table_floats(found.file_stem, caption, blocks, lines)
+    return float_of(found.file_stem, caption, [latex_text(title) for title in found.titles.values()], columns)
 
 
-def _block(head: str, column: Iterable[str]) -> Block:
+def _column(head: str, cells: Sequence[str]) -> Columns:
     """A column; each word of its heading has a line."""
-    width = max(map(points, (*head.split(), *column)))
     words = r"\\".join(latex_text(word) for word in head.split())
-    return Block("", (rf"\shortstack[r]{{{words}}}",), width + SEPARATION)
+    return Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2)
 
 
 def as_csv(found: Sequence[Robustness]) -> str:

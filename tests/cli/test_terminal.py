@@ -31,7 +31,7 @@ def published(*methods, table="III", dataset="tosca", results=ROOT / "results", 
     return contents(selection.recorded(store), (table,), blanks=not selection.is_narrow)
 
 
-def shown(table, width, only=None):
+def shown(table, width, only=""):
     console = Console(width=width, record=True, file=open(os.devnull, "w"))  # noqa: SIM115, PTH123
     console.print(drawn(table, only))
     return console.export_text().splitlines()

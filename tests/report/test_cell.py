@@ -5,10 +5,10 @@ import re
 
 import pytest
 
+from benchmark.report import frame
 from benchmark.report.cell import cell_of
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, markdown, rows_as_json
-from benchmark.report.grid import grid_of
 from benchmark.report.html.pages import ENVIRONMENT
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
@@ -118,7 +118,7 @@ def test_all_formats_print_mean_deviation_and_number_of_models():
     assert cells[5:] == ["**0.57** ± 0.15", "**0.50** ± 0.00", "**0.75** ± 0.00", "**0.80** ± 0.00"]
     assert any(line.startswith("- Our: trained on ten humans: one pass") for line in markdown(table).splitlines())
     assert r"\textbf{0.57}\,$\pm$0.15 & \textbf{0.50}\,$\pm$0.00" in latex(table)
-    page = ENVIRONMENT.get_template("parts.html").module.score_table(grid_of(table))
+    page = ENVIRONMENT.get_template("parts.html").module.score_table(frame.lines(table))
     assert re.search("<td class='first' title='95 %: [0-9.]+ to [0-9.]+'><b>0.57</b> ± 0.15</td>", page)
     (row,) = [row for row in rows_as_json([table]) if row["method"] == "learned"]
     assert (row["n_models"], row["NN"], row["title"], row["n_galleries"]) == (4, 0.566667, "Our", 3)

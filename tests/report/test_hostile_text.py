@@ -19,7 +19,7 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render, stale, write
-from benchmark.report.grid import grid_of
+from benchmark.report.frame import lines
 from benchmark.report.html.folder import data_script
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import measured
@@ -191,7 +191,7 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
         4,
         4,
     ]  # a failed job has one cell
-    assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}; needs booktabs and graphicx", latex.split("\n")[0])
+    assert re.fullmatch(r"% [\w.-]+, made from records [0-9a-f]{32}; needs booktabs and tabularx", latex.split("\n")[0])
     assert re.search(r"^\\label\{tab:[\w.-]+\}$", latex, re.MULTILINE)
     rows = list(csv.reader(io.StringIO(files["tables.csv"])))
     assert len(rows) == 3
@@ -215,7 +215,7 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
         )
         assert "img" not in [tag for tag, _ in reader.tags], name
     reader = Reader()
-    reader.feed(ENVIRONMENT.get_template("parts.html").module.score_table(grid_of(table)))
+    reader.feed(ENVIRONMENT.get_template("parts.html").module.score_table(lines(table)))
     tags = [tag for tag, _ in reader.tags]
     assert (tags.count("table"), tags.count("script"), tags.count("td"), tags.count("tr")) == (1, 0, 3 * 4 + 1, 5)
     script = data_script(text, found.data)

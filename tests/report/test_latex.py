@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmark.report.content import contents
-from benchmark.report.floats import Block, Line, table_floats
-from benchmark.report.latex import latex_files
+from benchmark.report.files import render
+from benchmark.report.latex import Columns, float_of, latex_files
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
 
@@ -71,10 +71,18 @@ def test_notes_stand_under_the_table_or_in_a_file_of_their_own_or_nowhere():
     assert "stopped" not in "".join(latex_files(tables, "none").values())
 
 
+def test_what_is_printed_is_one_table_or_its_rows_alone():
+    tables = contents([Result(record("gps")), Result(record("mine", "view", title="Mine_1"))])
+    assert list(render(tables, ["latex"], has_variants=False, has_sources=False)) == ["table-rods.tex"]
+    (rows,) = render(tables, ["latex"], rows_only=True, has_sources=False).values()
+    assert re.findall(r"^(\S+?)(?:~.*| &.*)\\\\$", rows, re.MULTILINE) == ["Gps", r"Mine\_1", "Chance"]
+    assert all(line.count(" & ") == 8 for line in rows.splitlines() if line != r"\midrule")
+    assert "toprule" not in rows
+
+
 def test_what_is_too_wide_or_too_tall_is_continued_under_one_number():
-    wide = [Block("a", ("x",), 200.0), Block("b", ("y",), 200.0)]
-    lines = [Line(f"row {k}", 30.0, ((f"{k}",), (f"-{k}",))) for k in range(60)]
-    text = table_floats("t", "caption", wide, lines, notes=["noted"] * 400)
+    wide = [Columns(sign, ("x",), [f"{sign}{k}" for k in range(60)], 8) for sign in ("", "-")]
+    text = float_of("t", "caption", [f"row {k}" for k in range(60)], wide, notes=["noted"] * 400)
     parts = text.split(r"\begin{table*}")[1:]
     assert len(parts) >= 5
     assert [r"\caption{caption}" in part for part in parts] == [True] + [False] * (len(parts) - 1)
@@ -112,11 +120,11 @@ def test_published_tables_and_their_references_fit_a_paper(tmp_path, head):
     tables = sorted(Path("results/tables").glob("*.tex"))
     assert len(tables) > 10
     inputs = "\n".join(rf"\input{{{path.resolve()}}}\clearpage" for path in tables)
-    packages = r"\usepackage{booktabs,graphicx}"
-    report = r"\let\use\usebox\renewcommand{\usebox}[1]{\typeout{width \the\wd0 / \the\linewidth}\use{#1}}"
+    packages = r"\usepackage{booktabs,tabularx}"
+    assert not any("resizebox" in path.read_text() for path in tables)
     references = rf"\nocite{{*}}\bibliographystyle{{{PAPERS[head]}}}\bibliography{{references}}"
     shutil.copy("results/tables/references.bib", tmp_path)
-    text = f"{head}{packages}{report}\\begin{{document}}\n{inputs}\n{references}\n\\end{{document}}\n"
+    text = f"{head}{packages}\\begin{{document}}\n{inputs}\n{references}\n\\end{{document}}\n"
     (tmp_path / "paper.tex").write_text(text)
 
     def run(*command):
@@ -131,6 +139,3 @@ def test_published_tables_and_their_references_fit_a_paper(tmp_path, head):
     said = run(*latex)
     for complaint in ("Overfull", "Float too large", "undefined"):
         assert complaint not in said
-    widths = re.findall(r"width ([\d.]+)pt ?/ ([\d.]+)pt", said)
-    assert len(widths) >= len(tables)
-    assert [pair for pair in widths if float(pair[0]) > float(pair[1])] == []

@@ -15,7 +15,7 @@ from benchmark.report.cell import Cell
 from benchmark.report.comparison import compare_folders, lines
 from benchmark.report.content import Row, TableContent
 from benchmark.report.files import render
-from benchmark.report.grid import grid_of
+from benchmark.report.frame import figures
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
 from benchmark.report.robustness import Curve
@@ -95,7 +95,7 @@ def test_first_ranks_tie_where_nn_is_no_share_of_the_draws():
 def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
     best = cell(0.75)
     without, having = (table(best, tied(NN, tied_queries=count)) for count in (0, 1))
-    marks = [[line.groups[0][0].mark for line in grid_of(each).lines[:2]] for each in (without, having)]
+    marks = [figures(each).query("measure == 'NN'")["mark"].tolist()[:2] for each in (without, having)]
     assert marks == [["best", "inseparable"], ["best", ""]]
     assert not any(judged.is_inseparable for judged in having.significance.values())
     files = render([having], ("latex", "markdown"))

@@ -49,6 +49,8 @@ FORMATS = ("latex", "markdown", "csv", "json")
     show_default=True,
     help="LaTeX notes: below each table, in files notes-TABLE.tex, or none.",
 )
+@click.option("--rows-only", is_flag=True, help="LaTeX: the rows of each table, without float, heading and notes.")
+@click.option("--bibliography", is_flag=True, help="Print BibTeX entries after LaTeX; with -o, they are a file.")
 @click.option("--all", "everything", is_flag=True, help="Print whole tables for many methods, too.")
 @force_option
 @published_option
@@ -58,6 +60,8 @@ def tables(
     output: Path | None,
     check: bool,
     notes: Notes,
+    rows_only: bool,
+    bibliography: bool,
     everything: bool,
     force: bool,
     fresh: bool,
@@ -94,10 +98,14 @@ def tables(
             say_lines(text)
         return
     if output is None:
-        for text in (render(content, chosen := formats or ("markdown",), notes) | rendered(perturbed, chosen)).values():
+        chosen = formats or ("markdown",)
+        texts = render(
+            content, chosen, notes, has_variants=False, rows_only=rows_only, has_sources=bibliography
+        ) | rendered(perturbed, chosen)
+        for text in texts.values():
             say_lines(text)
         return
-    files = render(content, formats or FORMATS, notes) | rendered(perturbed, formats or FORMATS)
+    files = render(content, formats or FORMATS, notes, rows_only=rows_only) | rendered(perturbed, formats or FORMATS)
     if not check:
         write(files, output, force=force)
         if perturbed and "markdown" in (formats or FORMATS):

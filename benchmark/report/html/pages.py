@@ -14,7 +14,7 @@ from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import digest
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
-from benchmark.report.grid import Style, grid_of
+from benchmark.report.frame import Style, lines
 from benchmark.report.html.folder import script_json
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import Measured
@@ -122,7 +122,7 @@ def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
     """Return the scores of one table, and the charts that go with them."""
     families = list(dict.fromkeys(row.family for row in pages.table.rows))
     headings, costs = pages.costs()
-    told = {"grid": grid_of(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
+    told = {"lines": lines(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
     return _rendered("table.html", tables, pages=pages, data={"table": pages.stem}, families=families, **told)
 
 

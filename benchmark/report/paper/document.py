@@ -9,8 +9,6 @@ from dataclasses import replace
 from importlib import resources
 from typing import Any, Literal, get_args
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from benchmark import __version__
 from benchmark.geometry.depth import SIZE
 from benchmark.pipeline.stages.complete import N_VERTICES
@@ -22,9 +20,7 @@ from benchmark.report.cell import Cell
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose
 from benchmark.report.files import bibliography
-from benchmark.report.floats import Page
-from benchmark.report.grid import Group
-from benchmark.report.latex import appendix, data_source, latex, scorer_cited
+from benchmark.report.latex import ENVIRONMENT, Latex, appendix, data_source, latex, scorer_cited
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
 from benchmark.report.pictures.cost import MEASURE
@@ -33,7 +29,6 @@ from benchmark.report.pictures.kept_forms import kept_forms_figure
 from benchmark.report.pictures.scores import scores_figure
 from benchmark.report.reproduction.claims import assess_claims
 from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
-from benchmark.report.rounding import number
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
 
 Template = Literal["article", "ieee"]
@@ -41,8 +36,7 @@ Template = Literal["article", "ieee"]
 
 TEMPLATES: tuple[Template, ...] = get_args(Template)
 
-#: Room for tables by template, and inches of the text.
-_PAGES = {"article": Page(460.0, 220.0, 60.0, 110.0), "ieee": Page(505.0, 245.0, 60.0, 130.0)}
+#: Inches of the text by template.
 _INCHES = {"article": 6.45, "ieee": 7.1}
 
 #: Rows without results of all shapes that are named one by one.
@@ -55,16 +49,6 @@ _KNOWN = frozenset("\u00a0¡£§©¬®°±²³µ¶·¹¼½¾¿ÆØæßøıŁłŒ
 #: Accents, and letters with a cedilla, that are composed.
 _ABOVE = frozenset("\u0300\u0301\u0302\u0303\u0304\u0306\u0307\u0308\u030a\u030b\u030c")
 _CEDILLAS = frozenset(f"{letter}\u0327" for letter in "CcSsTt")
-
-
-class Latex(str):
-    """Text that is LaTeX already."""
-
-    __slots__ = ()
-
-    def __html__(self) -> str:
-        """Return the text as a template prints it."""
-        return self
 
 
 def main_tables(tables: Sequence[TableContent]) -> list[TableContent]:
@@ -89,7 +73,7 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     template
         The class of the paper.
     """
-    page, width = _PAGES[template], _INCHES[template]
+    width = _INCHES[template]
     texts: dict[str, str] = {}
     figures: dict[str, bytes] = {}
     told = []
@@ -97,9 +81,9 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
         name = f"figures/scores-{_stem(table)}.pdf"
         if (figure := scores_figure(table, width)) is not None:
             figures[name] = as_file(figure, ".pdf")
-        texts[f"tables/{_stem(table)}.tex"] = latex(table, _stem(table), page=page, has_notes=False)
+        texts[f"tables/{_stem(table)}.tex"] = latex(table, _stem(table), has_notes=False)
         told.append(_table(table, name.partition("/")[2] if name in figures else ""))
-    intervals = {name: latex(table, name, more, page, has_notes=False) for name, table, more in _intervals(tables)}
+    intervals = {name: latex(table, name, "interval", has_notes=False) for name, table in _intervals(tables)}
     texts |= {f"tables/{name}.tex": text for name, text in intervals.items()}
     given = {"tables": told, "forms": "", "intervals": list(intervals)} | _run(tables) | _reproduced(tables)
     for table in tables:
@@ -208,8 +192,8 @@ def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
     }
 
 
-def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableContent, tuple[Group, ...]]]:
-    """Name, content and further columns of the tables of intervals, one for each input."""
+def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableContent]]:
+    """Name and content of the tables of intervals, one for each input."""
     for table in tables:
         caption = f"{table.table.caption}, with intervals"
         for input_ in table.inputs:
@@ -223,43 +207,9 @@ def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableConte
                         replace(row, paper=None, departs="", cells={input_: _plain(row.cells[input_])}) for row in rows
                     ),
                 )
-                group = Group("95 % interval", "interval", input_)
-                yield Latex(f"intervals-{_stem(table)}-{input_}"), shown, (group,)
+                yield Latex(f"intervals-{_stem(table)}-{input_}"), shown
 
 
 def _plain(cell: Cell) -> Cell:
     """Return a cell without its spread, which stands in the table itself."""
     return replace(cell, deviation=None)
-
-
-def _joined(parts: Sequence[object]) -> Latex:
-    *others, last = (part if isinstance(part, Latex) else latex_prose(part) for part in parts)
-    return Latex(f"{', '.join(others)} and {last}" if others else last)
-
-
-def _quoted(title: str) -> Latex:
-    """Return a title between quotation marks, for some hold a comma."""
-    return Latex(f"``{latex_prose(title)}''")
-
-
-def _finalized(value: object) -> Latex:
-    return value if isinstance(value, Latex) else Latex(latex_prose(value))
-
-
-#: What a template prints is cleaned and escaped, whatever it is; what is LaTeX already stays.
-ENVIRONMENT = Environment(
-    loader=PackageLoader("benchmark.report.paper"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    finalize=_finalized,
-    block_start_string="<%",
-    block_end_string="%>",
-    variable_start_string="<<",
-    variable_end_string=">>",
-    comment_start_string="<#",
-    comment_end_string="#>",
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
-ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

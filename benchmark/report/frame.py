@@ -1,0 +1,131 @@
+"""The printed figures of a table as a tidy frame: a row for each method, group of columns and measure.
+
+Every format writes these figures in its own style. A column that is no measure is a group of its own kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from benchmark.api.contracts import Input
+from benchmark.report.content import Row, TableContent
+from benchmark.report.rounding import BLANK, number
+from benchmark.report.statistics.table_significance import CONTROL
+from retrieval.measures import PRINTED
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Extra = Literal["difference", "interval"]
+"""Groups beside ours: ours minus the paper's, and intervals of ours."""
+
+_TITLES: Mapping[Extra, str] = {"difference": "{} minus paper", "interval": "95 % interval"}
+
+
+@dataclass(frozen=True)
+class Style:
+    """Style of figures in a format.
+
+    Parameters
+    ----------
+    best, inseparable
+        Patterns of a figure that is the best of its column, and of one that cannot be told from it.
+    spread
+        Pattern of a standard deviation behind a mean.
+    minus
+        The sign of a negative difference.
+    """
+
+    best: str
+    inseparable: str
+    spread: str = " ± {}"
+    minus: str = "-"
+
+    def write(self, figure: Mapping[str, str]) -> str:
+        """Return a row of the frame as text, with its mark and its spread."""
+        text, spread = figure["text"], figure["spread"]
+        if text.startswith("-") and text != BLANK:
+            text = self.minus + text[1:]
+        patterns = {"best": self.best, "inseparable": self.inseparable, "": "{}"}
+        return patterns[figure["mark"]].format(text) + (self.spread.format(spread) if spread else "")
+
+
+def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
+    """Return the figures of a table: those of the paper first, if it has the table, then ours, then the extra ones.
+
+    Marked as best is what reads as best: figures are compared after rounding, and equals are all marked. Controls and
+    rows that lack shapes take no part.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``row`` (its place; the last is chance), ``group``, ``kind`` (paper, ours or the extra one), ``input``,
+        ``measure``, ``text``, ``mark`` ("best", "inseparable" or ""), ``spread`` (the standard deviation behind a mean,
+        or "") and ``interval``.
+    """
+    from pandas import DataFrame
+
+    groups: list[tuple[str, str, Input | None]] = [("paper", "paper", None)] if table.has_paper else []
+    groups += [(input_, "ours", input_) for input_ in table.inputs]
+    groups += [(_TITLES[extra].format(input_), extra, input_) for input_ in table.inputs if extra]
+    frame = DataFrame(
+        {"row": place, "group": group, "kind": kind, "input": input_, "measure": name}
+        | _figure(table, row, kind, input_, name)
+        for place, row in enumerate([*table.rows, None])
+        for group, kind, input_ in groups
+        for name in PRINTED
+    )
+    contest = frame["text"].where(frame["competes"] & (frame["text"] != BLANK), "")
+    best = contest.groupby([frame["group"], frame["measure"]]).transform("max")
+    return frame.assign(mark=frame["mark"].mask((contest != "") & (contest == best), "best"))
+
+
+def _figure(table: TableContent, row: Row | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
+    """Return text, mark, spread and interval of one figure; without a row, of chance."""
+    text, mark, spread, interval, competes = BLANK, "", "", "", False
+    if row is None:
+        text = number(table.chance[measure]) if kind in ("paper", "ours") else BLANK
+    elif kind == "paper":
+        text = number(row.paper[measure] if row.paper else None)
+    elif input_ is not None and input_ in row.cells:
+        cell, judged = row.cells[input_], table.significance.get((row.method, input_, measure))
+        text = number(cell.scores.get(measure) if cell.scores else None)
+        if judged:
+            interval = f"{number(judged.low)} to {number(judged.high)}"
+        if kind == "difference":
+            text = _difference(text, number(row.paper[measure] if row.paper else None))
+        elif kind == "interval":
+            text = interval.replace(" to ", "\u2013") or BLANK
+        else:
+            competes = row.family != CONTROL and not cell.is_partial
+            mark = "inseparable" if judged and judged.is_inseparable else ""
+            spread = number(cell.deviation[measure]) if cell.deviation and measure in cell.deviation else ""
+    return {"text": text, "mark": mark, "spread": spread, "interval": interval, "competes": competes}
+
+
+def _difference(ours: str, theirs: str) -> str:
+    """Our figure minus the paper's, both as they are printed, so that a reader finds the same."""
+    if BLANK in (ours, theirs):
+        return BLANK
+    hundredths = round(float(ours) * 100) - round(float(theirs) * 100)
+    return f"{'-' if hundredths < 0 else '+' if hundredths else ''}{number(abs(hundredths) / 100)}"
+
+
+def printed(frame: DataFrame, style: Style) -> DataFrame:
+    """Return the figures as texts: a row for each method and one for chance, columns by group and measure."""
+    texts = [style.write(figure) for figure in frame.to_dict("records")]
+    wide = frame.assign(text=texts).pivot(index="row", columns=["group", "measure"], values="text")
+    return wide[[*dict.fromkeys(zip(frame["group"], frame["measure"], strict=True))]]
+
+
+def labels(table: TableContent) -> list[str]:
+    """Return what stands before each row of the frame."""
+    return [*(table.label(row) for row in table.rows), "Chance"]
+
+
+def lines(table: TableContent) -> list[tuple[Row | None, str, list[dict[Any, Any]]]]:
+    """Return row, label and figures of each line of a table; the row of chance is None."""
+    by_row = [of_row.to_dict("records") for _, of_row in figures(table).groupby("row")]
+    return list(zip([*table.rows, None], labels(table), by_row, strict=True))
