@@ -36,7 +36,7 @@ def test_the_network_is_not_ours_there_and_the_papers_schedule_is_not_told():
     assert "trained on humans: 60 epochs" in text
     for words in ("Our", "paper", "bridges"):
         assert words not in text
-    assert r"Reconstruction network \textsuperscript{1}~\cite{canonicalreconstruction}" in latex(table)
+    assert r"Reconstruction network \textsuperscript{1} \cite{canonicalreconstruction}" in latex(table)
     own = table_of(learned("mine", "Our thing", notes={"bridges": {"mean": 0.5, "max": 2.0}}))
     assert "| Our thing " in markdown(own)
     assert "0.5 bridges per shape on average, 2 at most" in markdown(own)
