@@ -47,8 +47,8 @@ def cases():
 
 
 def plain(text):
-    """Text with single blanks and without marks of bold and italic."""
-    return " ".join(re.sub(r"\*+(?=[^\s*|])|(?<=[^\s*|])\*+", "", text).split())
+    """Text with single blanks and without marks of bold and italic, and without numbers of notes on departures."""
+    return " ".join(re.sub(r"\*+(?=[^\s*|])|(?<=[^\s*|])\*+| [⁰¹²³⁴⁵⁶⁷⁸⁹]+", "", text).split())
 
 
 @pytest.mark.parametrize("case", cases())

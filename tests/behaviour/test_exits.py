@@ -111,7 +111,7 @@ def test_a_terminal_gets_the_same_figures(place):
             shown += part
     assert process.wait(60) == 0
     text = " ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).split())
-    assert "GPS ‡ † 0.97 0.93 0.98 0.96" in text
+    assert "GPS ‡ † ³ 0.97 0.93 0.98 0.96" in text
     assert "Chance 0.40 0.40 0.80 0.71" in text
 
 

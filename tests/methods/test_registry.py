@@ -140,6 +140,7 @@ def test_every_way_to_write_a_variant_is_one_method():
     assert spec.title == "Least Square MDS (start=classic, max_iterations=7)"
     assert spec.parameters == {"start": "classic", "max_iterations": 7}
     assert spec.resolved_parameters() == {
+        "algorithm": "quasi-newton",
         "start": "classic",
         "weights": "uniform",
         "max_iterations": 7,

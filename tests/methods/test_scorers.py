@@ -70,7 +70,9 @@ def test_a_plugin_file_may_hold_a_scorer_alone(plugin):
     assert plugin_methods(plugin) == []
     (spec,) = plugin_scorers(plugin)
     assert scorer_of("extent[power=2]", scorers([plugin])).create().power == 2
-    assert describe(str(plugin)) == [{"name": "extent", "title": "Extent", "parameters": {"power": 1.0}}]
+    (facts,) = describe(str(plugin))
+    assert (facts["kind"], facts["name"], facts["info"]["title"]) == ("scorer", "extent", "Extent")
+    assert facts["parameters"] == {"power": 1.0}
     assert spec.name in CliRunner().invoke(cli, ["list", "scorers", "--plugin", str(plugin)]).output
 
 
