@@ -52,7 +52,7 @@ def test_ways_to_write_one_method_are_one_job_and_one_row(rods, tmp_path):
     assert call("plan", *arguments).splitlines()[-1] == "2 of 2 jobs to run"
     text = call("run", *arguments, "--executor", "serial")
     assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| Shape")] == [
-        "ShapeDNA", "ShapeDNA (count=6)",
+        "ShapeDNA ¹", "ShapeDNA (count=6) ¹",
     ]  # fmt: skip
     assert sorted(record["method"] for record in Store.open(tmp_path).records) == ["shape-dna", "shape-dna[count=6]"]
     rows = json.loads(call("tables", *arguments, "--format", "json"))
