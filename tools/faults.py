@@ -427,13 +427,14 @@ def kill_and_recover(case: Case) -> None:
 
 
 def victim_of(command: Command, target: str, age: float) -> int:
-    """Number of the process to strike, if it is there and the youngest worker is of the right age; else 0."""
+    """Number of the process to strike, if it is there and a worker is of the right age; else 0."""
     with suppress(psutil.Error):
         for worker in psutil.Process(command.pid).children():
-            if "python" in worker.name() and time.time() - worker.create_time() >= age:
-                children = [child.pid for child in worker.children()]
-                found = {"worker": [worker.pid], "child": children}.get(target, [command.pid])
-                return found[0] if found else 0
+            if "reaper.py" in " ".join(worker.cmdline()) or time.time() - worker.create_time() < age:
+                continue
+            children = [child.pid for child in worker.children()]
+            if victims := {"worker": [worker.pid], "child": children}.get(target, [command.pid]):
+                return victims[0]
     return 0
 
 
