@@ -23,6 +23,7 @@ def unit(mesh: Mesh) -> np.ndarray:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("subject", "pose"), [("woman-3", "kicking"), ("child-2", "throwing")])
 def test_an_unseen_person_stands_again(subject: str, pose: str) -> None:
     posed, standing = (human_mesh(SUBJECTS[subject], POSES[name]) for name in (pose, "standing"))
     form = form_of(posed)
