@@ -86,10 +86,11 @@ def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) ->
         )
     from benchmark.datasets.catalogue import has_official_sets
 
+    if has_official_sets(root):
+        return root
     absolute = root.absolute()
-    near = [absolute, *absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
-    right = next(filter(has_official_sets, near), absolute)
-    if right != absolute:
+    near = [*absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
+    if right := next(filter(has_official_sets, near), None):
         raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
     return root
 
