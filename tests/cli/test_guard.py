@@ -12,9 +12,9 @@ from benchmark.cli.options import _inspected
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins import inspection
-from tests.plugins import ACTS, write_plugin
+from tests.plugins.written import ACTS, write_plugin
 from tests.records import record
-from tests.system.test_processes import is_alive, wait_until
+from tests.run.test_processes import is_alive, wait_until
 from tests.toy import rod, write_off, write_rods
 
 pytestmark = pytest.mark.usefixtures("forked_workers")

@@ -17,7 +17,7 @@ from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
 from benchmark.run.plan import make_plan
 from tests import records as made_up
-from tests.storage.test_records import put_aliens
+from tests.pipeline.test_records import put_aliens
 from tests.toy import write_rods
 
 METHODS = ("identity", "surface-area", "classic-mds[solver=dijkstra]")

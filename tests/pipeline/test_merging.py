@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.merging import merge_records, publish
 from benchmark.pipeline.storage.records import Records
+from tests.pipeline.test_records import put_aliens
 from tests.records import failed, record
-from tests.storage.test_records import put_aliens
 
 LATER = "2026-02-01T00:00:00+00:00"
 

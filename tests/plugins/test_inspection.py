@@ -8,7 +8,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import inspection, modules
 from benchmark.plugins.inspection import describe, inspect
-from tests.plugins import write_plugin
+from tests.plugins.written import write_plugin
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 

@@ -12,7 +12,7 @@ from benchmark.run.job_specs import ComparisonTask, ScoringTask, ShapeBatch
 from benchmark.run.pools import LocalPool
 from benchmark.run.queue import JobQueue
 from benchmark.run.runner import failure, keep
-from tests.jobs.test_executors import orders
+from tests.run.test_executors import orders
 from tests.toy import write_rods
 
 

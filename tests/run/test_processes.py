@@ -185,7 +185,7 @@ def test_one_without_a_request_leaves_after_a_while():
 
 
 def test_a_program_that_ends_waits_for_no_process():
-    program = "from tests.system.test_processes import Process, serve; print(Process(serve).request({}))"
+    program = "from tests.run.test_processes import Process, serve; print(Process(serve).request({}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "({}, {})\n"
 

@@ -7,7 +7,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import conformance
 from benchmark.plugins.conformance import checks
-from tests.methods.test_conformance import call_here
+from tests.plugins.test_conformance import call_here
 
 RETURN = 'return cdist(shares, shares, "cityblock")'
 

@@ -10,7 +10,7 @@ import pytest
 from benchmark.pipeline.storage.store import Store
 from benchmark.run.job_specs import Job, ScoringTask
 from benchmark.run.pools import LocalPool
-from tests.jobs.test_executors import orders
+from tests.run.test_executors import orders
 
 
 class ForeignJob(Job):

@@ -7,7 +7,7 @@ import pytest
 from benchmark.plugins import conformance
 from benchmark.plugins.conformance import checks
 from benchmark.plugins.registry import methods, variant
-from tests.methods.test_conformance import call_here
+from tests.plugins.test_conformance import call_here
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from benchmark.pipeline.storage.merging import publish
 from benchmark.pipeline.storage.records import Records, as_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.run.claims import Claims
+from tests.pipeline.test_records import put_aliens
 from tests.records import SHAPES, copy_published, failed, published, record
-from tests.storage.test_records import put_aliens
 
 MADE = (
     record("gps", environments=[{"environment": "{}"}, {"python": "3"}]),
