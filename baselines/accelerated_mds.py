@@ -32,20 +32,20 @@ class AcceleratedMDS(CheckedParameters):
 
     .. math:: D \circ D \approx P W P^\top \qquad \text{("samples")},
 
-    and we also use what the rows say away from the samples,
+    and as an option we use what the rows say away from the samples, too,
 
     .. math:: D \circ D \approx P F + F^\top P^\top - P W P^\top \qquad \text{("interpolated")},
 
     which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
     costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, see
-    :func:`baselines._kernels.low_rank.low_rank_scaling`. For the same idea in a few eigenfunctions see
-    :class:`baselines.spectral_mds.SpectralMDS`, and for one that asks the distances alone
+    :func:`baselines._kernels.low_rank.low_rank_scaling`. For the average of the two continuations see
+    :class:`baselines.fast_classical_scaling.FastClassicalScaling`, and for one that asks the distances alone
     :class:`baselines.nystrom_mds.NystromMDS`.
 
     Parameters
     ----------
     variant
-        ``"interpolated"`` or ``"samples"``, as above.
+        ``"samples"``, as published, or ``"interpolated"``, the Boolean sum, which is ours.
     samples
         Number p of farthest-point samples.
     solver
@@ -58,13 +58,10 @@ class AcceleratedMDS(CheckedParameters):
         cite="shamai2015accelerated",
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
-        departs=(
-            "By default the Boolean sum of both interpolations, which is ours; `variant=samples` is as published. "
-            "Signs of axes and the side of the mirror follow a rule of ours."
-        ),
+        departs="Signs of axes and the side of the mirror follow a rule of ours.",
     )
 
-    variant: Literal["interpolated", "samples"] = "interpolated"
+    variant: Literal["samples", "interpolated"] = "samples"
     samples: Annotated[int, Interval(4)] = 25
     solver: GeodesicSolver = "default"
 
@@ -76,14 +73,14 @@ class AcceleratedMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.interpolation import biharmonic_interpolation
+        from baselines._kernels.interpolation import smooth_interpolation
         from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
 
         require_vertices(shape)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
         rows = shape.geodesics_from(samples, self.solver)
-        interpolation = biharmonic_interpolation(shape.laplacian(), samples)
+        interpolation = smooth_interpolation(shape.laplacian(), samples)
         between = squares_between(samples, rows)
         if self.variant == "samples":
             points = low_rank_scaling(shape.mesh, interpolation, between)

@@ -10,12 +10,14 @@ from benchmark.api.contracts import FloatArray
 from benchmark.geometry.laplacian import Laplacian
 
 
-def biharmonic_interpolation(laplacian: Laplacian, samples: ArrayLike) -> FloatArray:
+def smooth_interpolation(
+    laplacian: Laplacian, samples: ArrayLike, *, weights: FloatArray | None = None, fidelity: float = np.inf
+) -> FloatArray:
     r"""Matrix that continues values at sampled vertices smoothly to all vertices.
 
-    Column j minimises the Laplacian energy :math:`x^\top L M^{-1} L x` among the functions that are 1 at sample j and 0
-    at the others. Every such function is a combination of Green's functions :math:`L^+ M L^+ e_s` of the samples and
-    a constant, so one sparse factorisation of L and a dense system as large as the number of samples give them all.
+    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2`, W being diagonal. Every minimiser is a
+    combination of Green's functions :math:`L^+ W L^+ e_s` of the samples and a constant, so one sparse factorisation of
+    L and a dense system as large as the number of samples give them all.
 
     Parameters
     ----------
@@ -23,15 +25,20 @@ def biharmonic_interpolation(laplacian: Laplacian, samples: ArrayLike) -> FloatA
         Of a surface in one piece.
     samples
         Distinct vertex indices, shape (p,).
+    weights
+        The diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
+    fidelity
+        The weight :math:`\mu` of the fit; values at samples are met exactly if it is infinite.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n, p); the rows of the samples form the identity, every row sums to 1.
+        Shape (n, p); every row sums to 1, and the rows of samples form the identity if the fit is exact.
     """
     samples = np.asarray(samples)
+    weights = laplacian.mass if weights is None else weights
     n, p = len(laplacian.mass), len(samples)
-    shares = laplacian.mass / laplacian.mass.sum()
+    shares = weights / weights.sum()
     # The Laplacian is singular only for the constant: without its first row and column it has a factor.
     grounded = laplacian.stiffness.tocsc()[1:, 1:]
     factor = splu(grounded, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
@@ -43,9 +50,11 @@ def biharmonic_interpolation(laplacian: Laplacian, samples: ArrayLike) -> FloatA
 
     units = np.zeros((n, p))
     units[samples, np.arange(p)] = 1.0
-    green = solve(laplacian.mass[:, None] * solve(units))
-    green /= np.abs(green[samples]).max()
+    green = solve(weights[:, None] * solve(units))
+    scale = np.abs(green[samples]).max()
+    green /= scale
     border = np.ones((p, 1))
-    system = np.block([[green[samples], border], [border.T, np.zeros((1, 1))]])
+    inner = green[samples] + np.eye(p) / (fidelity * scale)
+    system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
     coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
     return np.asarray(green @ coefficients[:-1] + coefficients[-1])

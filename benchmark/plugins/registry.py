@@ -31,7 +31,7 @@ BUILT_IN: dict[str, str] = {
     "skeleton": "baselines.skeleton:Skeleton",
     "learned": "learned.paired.methods:Learned",
     "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
-    "spectral-mds": "baselines.spectral_mds:SpectralMDS",
+    "fast-classical-scaling": "baselines.fast_classical_scaling:FastClassicalScaling",
     "nystrom-mds": "baselines.nystrom_mds:NystromMDS",
     "subspace-mds": "baselines.subspace_mds:SubspaceMDS",
     "scikit-learn-classical-mds": "baselines.scikit_learn_classical_mds:ScikitLearnClassicalMDS",

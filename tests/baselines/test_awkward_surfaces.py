@@ -14,7 +14,7 @@ from tests.baselines.embedding import sphere
 
 METRICS = ("diffusion", "commute-time", "biharmonic")
 FORMS = (
-    "spectral-mds",
+    "fast-classical-scaling",
     "nystrom-mds",
     "scikit-learn-classical-mds",
     "scikit-learn-smacof",

@@ -18,7 +18,7 @@ OPEN = (
     "classic-mds[metric=biharmonic]",
     "fast-mds",
     "nystrom-mds",
-    "spectral-mds",
+    "fast-classical-scaling",
     "accelerated-mds",
     "scikit-learn-classical-mds",
     "scikit-learn-isomap",

@@ -11,7 +11,7 @@ from benchmark.api.contracts import Shape, UnsupportedShape
 from benchmark.plugins.registry import methods, variant
 from tests.baselines.embedding import sphere
 
-FEW_ROWS = ("spectral-mds", "euclidean-distance")
+FEW_ROWS = ("fast-classical-scaling", "euclidean-distance")
 #: These need eigenfunctions like spectral MDS, or go the way of the other feature points.
 FEW_ROWS_LIKE_OTHERS = (
     "nystrom-mds",

@@ -11,7 +11,7 @@ from tests.baselines.embedding import (
     sphere,
     spread,
 )
-from tests.baselines.test_spectral_mds import RowsOnly
+from tests.baselines.test_fast_classical_scaling import RowsOnly
 
 
 @pytest.mark.parametrize(("samples", "rank"), [(60, 25)])

@@ -10,7 +10,7 @@ from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
 from benchmark.geometry.preparation import prepare
 from tests.baselines.embedding import brute_force_stress, limbed, spread
-from tests.baselines.test_spectral_mds import RowsOnly
+from tests.baselines.test_fast_classical_scaling import RowsOnly
 
 
 def published(shape: Shape, eigenfunctions: int, samples: int, iterations: int) -> np.ndarray:

@@ -194,7 +194,7 @@ UNFIT = {
     },
     "skeleton": {"max_iterations": ["0"], "rtol": ["nan"], "bands": ["1"], "open_border": ["-1", "inf"]},
     "accelerated-mds": {"variant": ["sample"], "samples": ["3"], "solver": ["heta"]},
-    "spectral-mds": {"samples": ["3"], "eigenfunctions": ["9"], "fidelity": ["0"], "solver": ["heta"]},
+    "fast-classical-scaling": {"samples": ["3"], "fidelity": ["0"], "solver": ["heta"]},
     "nystrom-mds": {"samples": ["3"], "rank": ["3"], "solver": ["heta"]},
     "scikit-learn-classical-mds": {"solver": ["heta"]},
     "scikit-learn-smacof": {"start": ["clasic"], "max_iterations": ["0"], "rtol": ["1"], "solver": ["heta"]},

@@ -24,7 +24,7 @@ from tools.speed.timing import Row, alternately, least
 
 FloatArray = NDArray[np.float64]
 REPEATS = 5
-FEW_ROWS = ("accelerated-mds", "spectral-mds", "nystrom-mds", "fast-mds")
+FEW_ROWS = ("accelerated-mds", "fast-classical-scaling", "nystrom-mds", "fast-mds")
 #: Iterations of scikit-learn's non-metric scaling, whose whole run takes minutes.
 NON_METRIC_ITERATIONS = 10
 ELASTIC_STEPS = 50

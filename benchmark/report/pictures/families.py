@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Methods of each family, by the name of its picture.
 FAMILIES: Mapping[str, Sequence[str]] = {
     "scaling": ("classic-mds", "least-squares-mds", "non-metric-mds"),
-    "few-rows": ("fast-mds", "accelerated-mds", "spectral-mds", "nystrom-mds", "subspace-mds"),
+    "few-rows": ("fast-mds", "accelerated-mds", "fast-classical-scaling", "nystrom-mds", "subspace-mds"),
     "metrics": (
         *(f"classic-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")),
         *(f"least-squares-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")),
