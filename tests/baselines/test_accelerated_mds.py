@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from baselines._kernels.interpolation import smooth_interpolation
 from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import Shape
@@ -9,20 +8,6 @@ from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import prepare
 from tests.baselines.embedding import brute_force_stress, limbed
-
-
-def test_interpolation_solves_the_constrained_quadratic_problem():
-    laplacian = limbed(150).laplacian()
-    samples = [3, 40, 77, 120, 149]
-    energy = (laplacian.stiffness.T @ (laplacian.stiffness / laplacian.mass[:, None])).toarray()
-    free = np.setdiff1d(np.arange(150), samples)
-    expected = np.zeros((150, 5))
-    expected[samples] = np.eye(5)
-    expected[free] = np.linalg.solve(energy[np.ix_(free, free)], -energy[np.ix_(free, samples)])
-    found = smooth_interpolation(laplacian, samples)
-    np.testing.assert_allclose(found, expected, atol=1e-7)
-    np.testing.assert_allclose(found[samples], np.eye(5), atol=1e-9)
-    np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-9)
 
 
 def test_all_vertices_as_samples_give_classic_scaling():

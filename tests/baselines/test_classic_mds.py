@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.sparse.linalg import eigsh
 from scipy.spatial.distance import cdist
 
-from baselines._kernels.eigen import centred_eigenpairs
 from baselines._kernels.orientation import canonical_signs, vertex_areas
 from baselines.classic_mds import ClassicMDS, classic_scaling
 from tests.baselines.embedding import (
@@ -35,32 +31,6 @@ def test_a_euclidean_shape_comes_back_in_its_canonical_frame():
     assert form.notes["handedness"] >= 0
     mirrored = ClassicMDS().canonicalise(PointShape(points * [1, 1, -1]))
     np.testing.assert_allclose(mirrored.vertices, form.vertices, atol=1e-8)
-
-
-def test_eigenpairs_agree_with_double_centring_and_arpack(n=401):
-    points = np.random.default_rng(0).standard_normal((n, 6)) * [3, 2, 1.5, 0.8, 0.5, 0.2]
-    distances = cdist(points, points) ** 0.8
-    values, vectors = centred_eigenpairs(distances, 4, accurate=3)
-    squared = distances**2
-    means = squared.mean(axis=0)
-    centred = -0.5 * (squared - means - means[:, None] + means.mean())
-    expected = np.sort(eigsh(centred, k=4, which="LA", return_eigenvectors=False))[::-1]
-    np.testing.assert_allclose(values, expected, rtol=1e-10)
-    residuals = np.linalg.norm(centred @ vectors - vectors * values, axis=0)[:3]
-    assert (residuals <= 2e-9 * values[0]).all()
-    np.testing.assert_allclose(vectors.T @ vectors, np.eye(4), atol=1e-12)
-
-
-@settings(max_examples=20)
-@given(st.integers(0, 10**6), st.integers(4, 140))
-def test_eigenvalues_agree_on_any_symmetric_matrix(seed, n):
-    distances = np.random.default_rng(seed).random((n, n))
-    distances = distances + distances.T
-    np.fill_diagonal(distances, 0)
-    squared = distances**2
-    means = squared.mean(axis=0)
-    expected = np.linalg.eigvalsh(-0.5 * (squared - means - means[:, None] + means.mean()))[:-4:-1]
-    np.testing.assert_allclose(centred_eigenpairs(distances, 3, accurate=3)[0], expected, rtol=1e-9, atol=1e-12)
 
 
 def test_negative_eigenvalues_count_as_zero():

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.spatial.distance import cdist
 
-from baselines._kernels.spectral import clear_eigenpairs, clear_length, distances_under, spectral_embedding
-from baselines.classic_mds import ClassicMDS, classic_scaling
+from baselines._kernels.spectral import distances_under
+from baselines.classic_mds import ClassicMDS
 from baselines.gps import GPS
 from baselines.least_squares_mds import LeastSquaresMDS
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
@@ -44,17 +43,6 @@ def test_with_all_eigenfunctions_the_distances_are_those_of_the_definition(metri
     np.testing.assert_allclose(found**2, expected, atol=1e-9 * expected.max())
 
 
-@pytest.mark.parametrize("metric", METRICS)
-def test_the_form_is_the_classic_scaling_of_the_matrix_of_distances(metric):
-    shape = limbed(300)
-    form = ClassicMDS(metric=metric, eigenfunctions=40).canonicalise(shape)
-    functions = spectral_embedding(shape, metric, 0.05, 40)
-    points, ratios = classic_scaling(cdist(functions, functions))
-    np.testing.assert_allclose(spread(form.vertices), spread(points), atol=1e-7)
-    assert [form.notes[f"eigenvalue_ratio_{k}"] for k in (2, 3, 4)] == pytest.approx(ratios[1:], rel=1e-6)
-    assert form.notes["eigenfunctions"] == functions.shape[1] == 40
-
-
 def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature():
     # Classic scaling weighs vertices alike and GPS by their area, which on this sphere is the same but for 1 %.
     mesh = sphere(800)
@@ -68,16 +56,6 @@ def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature
 def test_bending_does_not_change_the_form(metric):
     flat, rolled = (ClassicMDS(metric=metric).canonicalise(shape_of(sheet(bend=bend))).vertices for bend in (0.0, 2.0))
     assert np.abs(spread(rolled) - spread(flat)).max() < 0.02 * spread(flat).max()
-
-
-def test_equal_eigenvalues_are_kept_together_or_left_out_together():
-    values = np.array([5.0, 3.0, 3.0 - 1e-9, 1.0, 1.0, 1.0])
-    assert [clear_length(values, most) for most in (1, 2, 3, 4, 5, 6, 9)] == [1, 1, 3, 3, 3, 6, 6]
-    assert clear_length(np.ones(4), 2) == 2
-    # A sphere has 3, 5, 7 functions of one degree; eight cannot be ten.
-    side = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
-    octahedron = Mesh(side, np.array([[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]))
-    assert [clear_eigenpairs(shape_of(octahedron).laplacian(), most)[1].shape[1] for most in (4, 5)] == [3, 5]
 
 
 def test_parts_that_hang_together_by_nothing_are_refused():

@@ -6,7 +6,7 @@ from scipy.optimize import isotonic_regression as scipy_isotonic_regression
 from sklearn.isotonic import IsotonicRegression
 from sklearn.manifold import smacof as sklearn_smacof
 
-from baselines._kernels.isotonic import RankedPairs, isotonic_regression
+from baselines._kernels.isotonic import isotonic_regression
 from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
 from tests.baselines.embedding import (
     PointShape,
@@ -20,14 +20,6 @@ pytestmark = pytest.mark.kernels
 def random_problem(seed: int, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)
     return spread(generator.standard_normal((n, 5))), generator.standard_normal((n, 3))
-
-
-def test_isotonic_regression_by_hand():
-    np.testing.assert_allclose(
-        isotonic_regression(np.array([1.0, 3, 2, 2, 5, 4]), np.arange(1, 7)), [1, 7 / 3, 7 / 3, 7 / 3, 4.5, 4.5]
-    )
-    # Places 1 and 2 are tied: they share one value.
-    np.testing.assert_allclose(isotonic_regression(np.array([1.0, 4, 2, 5]), np.array([1, 3, 4])), [1, 3, 3, 5])
 
 
 @settings(max_examples=60)
@@ -47,37 +39,6 @@ def test_ties_agree_with_scikit_learn(seed, length, levels):
     ends = np.append(np.flatnonzero(np.diff(ranks)) + 1, length)
     found = isotonic_regression(values, ends)
     np.testing.assert_allclose(found, IsotonicRegression().fit_transform(ranks, values), atol=1e-12)
-
-
-@pytest.mark.parametrize("levels", [3, 100, None])
-def test_pairs_dealt_by_digits_come_in_the_order_of_pairs_compared(levels):
-    dissimilarities = np.abs(random_problem(2, 90)[0])
-    if levels:
-        dissimilarities = np.round(dissimilarities * levels) / levels
-    single = dissimilarities.astype(np.float32).astype(np.float64)
-    single[0, 1:3] = single[1:3, 0] = -0.0  # as small as 0.0, and zero like the diagonal
-    dealt, compared = RankedPairs.of(single), RankedPairs.of(single * (1 / 3))  # the third needs double precision
-    np.testing.assert_array_equal(dealt.tie_ends, compared.tie_ends)
-    for begin, end in zip([0, *dealt.tie_ends[:-1]], dealt.tie_ends, strict=True):
-        group, other = (set(zip(p.first[begin:end], p.second[begin:end], strict=True)) for p in (dealt, compared))
-        assert group == other
-
-
-def test_one_iteration_agrees_with_scipy_and_the_definition():
-    dissimilarities, points = random_problem(1)
-    points -= points.mean(axis=0)
-    first, second = np.triu_indices(60, 1)
-    order = dissimilarities[first, second].argsort()
-    distances = spread(points)
-    disparities = np.zeros((60, 60))
-    disparities[first[order], second[order]] = scipy_isotonic_regression(distances[first[order], second[order]]).x
-    disparities += disparities.T
-    disparities *= np.linalg.norm(dissimilarities) / np.linalg.norm(disparities)
-    ratios = disparities / (distances + np.eye(60))
-    expected = (np.diag(ratios.sum(axis=1)) - ratios) @ points / 60
-    found, course = non_metric_scaling(dissimilarities, points, max_iterations=1, rtol=0)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert course[0] == pytest.approx(np.linalg.norm(disparities - distances) / np.linalg.norm(disparities), rel=1e-12)
 
 
 @settings(max_examples=25)

@@ -1,21 +1,15 @@
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels import contraction as contraction_module
-from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.contraction import contract
-from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton, level_set_skeleton
+from baselines._kernels.curve_skeleton import contraction_skeleton
 from baselines._kernels.deformation_transfer import follow_rotations
 from baselines.skeleton import (
     Skeleton,
-    bones_of_triangles,
-    geodesics_from_extremity,
 )
 from benchmark.api.contracts import Mesh
-from benchmark.geometry.edges import edges_of
 from tests.baselines.deformable import (
     capsule,
     centre_line,
@@ -61,36 +55,6 @@ class TestTransfer:
         np.testing.assert_allclose(moved - moved.mean(axis=0), solution - solution.mean(axis=0), atol=1e-9)
 
 
-class TestBones:
-    def test_triangles_are_split_by_the_planes_of_bisection(self):
-        """Three joints on a strip: the middle part divides between its two bones at the middle joint."""
-        mesh = sheet(rows=31, columns=5)
-        x = mesh.vertices[:, 0]
-        owners = np.digitize(x, [x.max() / 3, 2 * x.max() / 3])
-        joints = np.array([mesh.vertices[owners == j].mean(axis=0) for j in range(3)])
-        skeleton = CurveSkeleton(joints, owners, np.array([[0, 1], [1, 2]]))
-        centroids = mesh.vertices[mesh.faces].mean(axis=1)
-        np.testing.assert_array_equal(bones_of_triangles(mesh, skeleton), centroids[:, 0] > joints[1, 0])
-
-
-class TestContraction:
-    def test_it_leaves_a_hundredth_of_the_area_inside_the_surface(self, y_shape):
-        contracted = y_shape.with_vertices(contract(y_shape))
-        assert contracted.area <= contraction_module.AREA_RATIO * y_shape.area
-        depth = np.min([capsule(contracted.vertices, [0, 0, 0], tip, 0.2) for tip in scaled_tips(y_shape)[0]], axis=0)
-        assert (depth < 0).mean() > 0.98
-
-    @pytest.mark.kernels
-    def test_surgery_leaves_no_triangle_and_connected_parts(self, y_shape):
-        owners = collapse(y_shape.with_vertices(contract(y_shape)))
-        np.testing.assert_array_equal(owners[owners], owners)
-        assert max(len(set(face)) for face in owners[y_shape.faces].tolist()) == 2
-        start, end = edges_of(y_shape.faces).ends.T
-        inner = owners[start] == owners[end]
-        graph = coo_array((np.ones(inner.sum()), (start[inner], end[inner])), shape=(y_shape.n_vertices,) * 2)
-        assert connected_components(graph, directed=False, return_labels=False) == len(np.unique(owners))
-
-
 def scaled_tips(mesh):
     """Tips of the Y in the coordinates of the prepared mesh, whose area is 1, and the factor between both."""
     reach = np.linalg.norm(TIPS, axis=1).max() + 0.2
@@ -99,25 +63,6 @@ def scaled_tips(mesh):
 
 
 class TestCurveSkeleton:
-    def test_of_a_straight_tube_is_its_axis(self):
-        mesh = tube(0.0)
-        skeleton = contraction_skeleton(mesh, contract(mesh))
-        assert (skeleton.degrees == 1).sum() == 2
-        assert skeleton.degrees.max() == 2
-        assert np.abs(skeleton.joints[:, 1:]).max() < 0.02
-        assert skeleton.joints[:, 0].min() < 0.15
-        assert skeleton.joints[:, 0].max() > 1.85
-        inner = skeleton.joints[skeleton.degrees == 2]
-        assert np.abs(inner[:, 1:]).max() < 0.01
-
-    def test_of_a_bent_tube_follows_the_arc(self):
-        mesh = tube(2.4)
-        skeleton = contraction_skeleton(mesh, contract(mesh))
-        radius = 2 / 2.4
-        distance = np.hypot(skeleton.joints[:, 0], skeleton.joints[:, 2] - radius)
-        assert np.abs(distance - radius)[skeleton.degrees > 1].max() < 0.05
-        assert np.abs(skeleton.joints[:, 1]).max() < 0.04
-
     def test_of_a_y_has_three_branches(self, y_shape):
         skeleton = contraction_skeleton(y_shape, contract(y_shape))
         assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
@@ -127,25 +72,9 @@ class TestCurveSkeleton:
         junction = skeleton.joints[skeleton.degrees == 3][0]
         assert np.linalg.norm(junction) < 0.15 * factor
 
-    def test_level_sets_of_a_y_have_three_branches(self, y_shape):
-        skeleton = level_set_skeleton(y_shape, geodesics_from_extremity(shape_of(y_shape)), 24)
-        assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
-
-    def test_a_pocket_is_no_limb(self):
-        def pocketed(points):
-            body = capsule(points, [-0.7, 0, 0], [0.7, 0, 0], 0.45)
-            return np.maximum(body, -capsule(points, [0.35, 0, 0], [1.4, 0, 0], 0.2))
-
-        mesh = implicit_surface(pocketed)
-        skeleton = contraction_skeleton(mesh, contract(mesh))
-        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-        part = np.sort(skeleton.owners[mesh.faces], axis=1)[:, 1]
-        outward = np.einsum("fi,fi->f", np.cross(b - a, c - a), (a + b + c) / 3 - skeleton.joints[part])
-        flux = np.bincount(part, weights=outward)
-        assert (flux[skeleton.degrees == 1] > 0).all()
-
 
 class TestForm:
+    @pytest.mark.kernels
     def test_a_bent_tube_becomes_straight(self, bend=2.4):
         mesh = tube(bend)
         form = Skeleton().canonicalise(shape_of(mesh))

@@ -1,11 +1,8 @@
-import hashlib
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
-from scipy.spatial.transform import Rotation
 
 from benchmark.datasets.animals import CANONICAL_POSE, CLASSES, Animals, animals_mesh
 from benchmark.datasets.animals.generate import SPECIES
@@ -20,15 +17,6 @@ from benchmark.geometry.edges import edges_of
 pytestmark = pytest.mark.kernels
 
 SOME = [f"{name}{number}" for name in ("cat", "gorilla") for number in range(3)]
-
-
-GOLDEN = {"cat2": "6e79ff660aa6c72b", "gorilla1": "6d29336883a877bc"}
-
-
-def digest(mesh):
-    # Tenths of a millimetre, with boundaries between the coordinates that rounding allows.
-    quantised = np.floor(mesh.vertices * 100 + 0.5 + 3e-3).astype("<i4")
-    return hashlib.sha256(quantised.tobytes() + mesh.faces.astype("<i4").tobytes()).hexdigest()[:16]
 
 
 def edge_lengths(mesh, edges):
@@ -122,26 +110,6 @@ def test_meshes_are_closed_and_share_their_triangles(some):
         assert np.array_equal(mesh.faces, some[f"{identifier[:-1]}0"].faces)
 
 
-def test_meshes_stand_on_the_ground_and_look_ahead(some):
-    for identifier, mesh in some.items():
-        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        np.testing.assert_allclose([*(low + high)[:2], low[2]], 0.0, atol=2e-4)
-        assert np.abs(mesh.vertices).max() < 2 * Animals().half_width
-        assert (high - low).max() < 2 * 0.95 * Animals().half_width, identifier
-    cat = SPECIES["cat"]
-    nose = max(section.forward for part in cat.parts() for section in part.sections)
-    assert some["cat0"].vertices[:, 1].min() < 0 < nose
-
-
-def test_a_standing_animal_is_symmetric(some):
-    from scipy.spatial import cKDTree
-
-    for name in ("cat", "gorilla"):
-        vertices = some[f"{name}0"].vertices
-        gap, _ = cKDTree(vertices).query(vertices * [-1.0, 1.0, 1.0])
-        assert np.percentile(gap, 99) < 2.5
-
-
 def test_poses_are_nearly_isometric(some):
     for identifier, mesh in some.items():
         stretched = strain(some[f"{identifier[:-1]}0"], mesh)
@@ -151,35 +119,8 @@ def test_poses_are_nearly_isometric(some):
         assert signed_volume(mesh) == pytest.approx(signed_volume(some[f"{identifier[:-1]}0"]), rel=0.2)
 
 
-def test_poses_differ_far_beyond_a_rigid_motion(some):
-    for name in ("cat", "gorilla"):
-        poses = [some[f"{name}{k}"].vertices for k in range(3)]
-        size = np.ptp(poses[0], axis=0).max()
-        for i in range(3):
-            for j in range(i):
-                a, b = poses[i] - poses[i].mean(axis=0), poses[j] - poses[j].mean(axis=0)
-                rotation, _ = Rotation.align_vectors(a, b)
-                assert np.sqrt(((a - rotation.apply(b)) ** 2).sum(axis=1).mean()) > 0.02 * size
-
-
 def test_spectra_tell_classes_apart_whatever_the_pose(some):
     assert nearest_neighbour_accuracy(some) == 1.0
-
-
-def test_golden_shapes(some):
-    assert {name: digest(some[name]) for name in GOLDEN} == GOLDEN
-
-
-def test_people_come_from_the_generator_of_humans():
-    pytest.importorskip("anny")
-    meshes = {name: animals_mesh(f"{name}0") for name in PEOPLE}
-    heights = {name: np.ptp(mesh.vertices[:, 2]) for name, mesh in meshes.items()}
-    assert all(140 < height < 200 for height in heights.values())
-    areas = sorted(mesh.area for mesh in meshes.values())
-    assert areas[0] < 0.9 * areas[2]
-    for mesh in meshes.values():
-        assert_sphere_like(mesh)
-        assert np.ptp(mesh.vertices, axis=0)[1] < 0.5 * np.ptp(mesh.vertices, axis=0)[0]
 
 
 # Parts of the generator

@@ -29,12 +29,6 @@ def made(*subjects: str) -> list[Mesh]:
     return list(human_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
 
 
-def digest(mesh: Mesh) -> str:
-    # Tenths of a millimetre: a value within rounding error (1e-15 m) of a boundary has odds of about 1 in 10^6.
-    quantised = np.floor(mesh.vertices * 1e4 + 0.5 + 1e-3).astype("<i4")
-    return hashlib.sha256(quantised.tobytes() + mesh.faces.astype("<i4").tobytes()).hexdigest()[:16]
-
-
 def shape(subject: str, pose: str) -> Mesh:
     return human_mesh(SUBJECTS[subject], POSES[pose])
 
@@ -71,15 +65,6 @@ def test_a_pose_is_rotations_of_anatomical_angles(pose: Pose) -> None:
     assert pose.mirrored().mirrored() == pose
 
 
-def test_a_mirrored_pose_has_mirrored_rotations() -> None:
-    mirror = np.diag([-1.0, 1.0, 1.0])
-    swapped = {"L": "R", "R": "L"}
-    rotations, mirrored = bone_rotations(POSES["throwing"]), bone_rotations(POSES["throwing"].mirrored())
-    for bone, rotation in rotations.items():
-        stem, dot, side = bone.partition(".")
-        np.testing.assert_allclose(mirrored[stem + dot + swapped.get(side, "")], mirror @ rotation @ mirror, atol=1e-12)
-
-
 def test_a_body_is_one_closed_surface_of_genus_zero() -> None:
     mesh = shape("woman-2", "sitting")
     assert (mesh.n_vertices, mesh.n_faces) == (13348, 26692)
@@ -89,24 +74,6 @@ def test_a_body_is_one_closed_surface_of_genus_zero() -> None:
     assert solid.euler_number == 2
     assert solid.body_count == 1
     assert 0.02 < solid.volume < 0.2
-
-
-def test_a_standing_body_faces_the_front_camera() -> None:
-    mesh = shape("man-1", "standing")
-    width, thickness, height = np.ptp(mesh.vertices, axis=0)
-    assert height > width > thickness
-    feet = mesh.vertices[mesh.vertices[:, 2] < mesh.vertices[:, 2].min() + 0.05 * height]
-    shins = mesh.vertices[np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].min() - 0.15 * height) < 0.02 * height]
-    assert feet[:, 1].min() < shins[:, 1].min() - 0.05 * height
-
-
-def test_golden_shapes() -> None:
-    golden = {
-        ("man-1", "standing"): "02ff082e3c1a08f6",
-        ("woman-3", "throwing"): "d5a4c8d12bf9a6ec",
-        ("child-5", "crouching"): "9280501f75f0a53e",
-    }
-    assert {key: digest(shape(*key)) for key in golden} == golden
 
 
 @pytest.mark.slow

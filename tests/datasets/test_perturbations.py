@@ -14,7 +14,6 @@ from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.datasets.perturbations.shortcuts import shortcuts
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
-from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline import recipes
@@ -47,25 +46,6 @@ def test_each_hole_is_a_boundary_and_fewer_holes_are_among_more(monkeypatch):
     assert {*map(tuple, more.vertices)} < {*map(tuple, few.vertices)} < {*map(tuple, BALL.vertices)}
 
 
-def test_missing_parts_are_a_share_of_the_area_beyond_a_plane():
-    cut = surface.missing_parts(BALL, 0.3, random())
-    assert cut.area == pytest.approx(0.7 * BALL.area, rel=0.02)
-    assert as_trimesh(cut).euler_number == 1  # a cap is gone, a disc is left
-
-
-def test_a_surface_gets_the_vertices_that_are_asked_for_without_losing_its_shape():
-    for amount in (300, 1500):
-        found = surface.resolution(BALL, amount, random())
-        assert abs(found.n_vertices - amount) <= 0.02 * amount
-        assert as_trimesh(found).is_watertight
-        assert found.area == pytest.approx(BALL.area, rel=0.02)
-
-
-def test_scale_stays_between_its_bounds():
-    ratios = [surface.scale(BALL, 2.0, np.random.default_rng(k)).area / BALL.area for k in range(20)]
-    assert 0.25 <= min(ratios) < 0.6 < 1.6 < max(ratios) <= 4
-
-
 def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
     assert as_trimesh(HORSESHOE).euler_number == 2
     glued = shortcuts(HORSESHOE, 1, random())
@@ -77,16 +57,6 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
     assert along.min() < 15 and along.max() > 45  # from one arm to the other
     with pytest.raises(UnsupportedShape, match="comes near itself at 0 places"):
         shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
-
-
-def test_a_sensor_adds_noise_and_steps_to_the_surface_alone():
-    depth = np.zeros((100, 100), dtype=np.float32)
-    depth[20:80, 20:80] = 0.5
-    assert (DepthSensor(0, 0, 0).perturbed(depth) == depth).all()
-    found = DepthSensor(0.01, 0.004, 0).perturbed(depth)
-    assert ((found > 0) == (depth > 0)).all()
-    assert found[depth > 0].std() == pytest.approx(0.01, rel=0.1)
-    np.testing.assert_allclose(found / 0.004, np.round(found / 0.004), atol=1e-4)
 
 
 @pytest.fixture(scope="module")

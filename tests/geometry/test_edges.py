@@ -7,19 +7,6 @@ from benchmark.geometry.edges import edges_of, sides_of
 TRIANGLES = st.lists(st.tuples(*[st.integers(0, 9)] * 3), max_size=30)
 
 
-def test_a_pair_of_triangles_by_hand():
-    starts, ends = sides_of(np.array([[0, 1, 2], [2, 1, 5]]))
-    np.testing.assert_array_equal(starts, [0, 1, 2, 2, 1, 5])
-    np.testing.assert_array_equal(ends, [1, 2, 0, 1, 5, 2])
-    edges = edges_of(np.array([[0, 1, 2], [2, 1, 5]]))
-    np.testing.assert_array_equal(edges.ends, [[0, 1], [0, 2], [1, 2], [1, 5], [2, 5]])
-    np.testing.assert_array_equal(edges.counts, [1, 1, 2, 1, 1])
-    np.testing.assert_array_equal(edges.of_sides, [0, 2, 1, 2, 3, 4])
-    np.testing.assert_array_equal(edges.grouped_sides, [0, 2, 1, 3, 4, 5])
-    np.testing.assert_array_equal(edges.first, [0, 1, 2, 4, 5])
-    np.testing.assert_array_equal(edges.boundary, [[0, 1], [0, 2], [1, 5], [2, 5]])
-
-
 @given(TRIANGLES)
 def test_any_triangles(triangles):
     """Against sorting rows; corners may repeat, faces may be doubled, edges may have many faces."""

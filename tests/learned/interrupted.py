@@ -1,8 +1,4 @@
-"""A training in a process of its own that is killed on the way: ``python -m tests.learned.interrupted FOLDER WHERE``.
-
-``WHERE`` is ``batch`` to die between two batches of an epoch, ``checkpoint`` to die while a checkpoint is written, and
-``nowhere`` to finish.
-"""
+"""A training that is killed while it writes a checkpoint: ``python -m tests.learned.interrupted FOLDER``."""
 
 from __future__ import annotations
 
@@ -17,12 +13,10 @@ from collections.abc import Callable  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
-from learned.paired import configuration, fitting, training  # noqa: E402
+from learned.paired import configuration, fitting  # noqa: E402
 from learned.training import loop  # noqa: E402
 from tests.learned.toy import OPTIONS, TINY, toy_data  # noqa: E402
 
-#: Of three batches in each epoch, the second of the ninth.
-BATCH = 26
 #: A checkpoint is written after each epoch.
 CHECKPOINT = 13
 
@@ -41,16 +35,8 @@ def deadly(function: Callable[..., Any], call: int) -> Callable[..., Any]:
     return wrapped
 
 
-def main(folder: Path, where: str) -> None:
-    """Train."""
+if __name__ == "__main__":
     configuration.CONFIGURATIONS[TINY.name] = TINY
     loop.CHECKPOINT_SECONDS = 0.0
-    if where == "batch":
-        training.losses = deadly(training.losses, BATCH)
-    if where == "checkpoint":
-        os.fsync = deadly(os.fsync, CHECKPOINT)
-    fitting.fit(TINY.name, 0, toy_data(), folder, OPTIONS, print)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    os.fsync = deadly(os.fsync, CHECKPOINT)
+    fitting.fit(TINY.name, 0, toy_data(), Path(sys.argv[1]), OPTIONS, print)

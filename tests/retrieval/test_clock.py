@@ -54,15 +54,6 @@ def test_equals_the_dense_definition_exactly() -> None:
     assert match_all(signatures)[0, 1] == pytest.approx(unrounded.sum(axis=1).min(), abs=1e-10)
 
 
-@pytest.mark.parametrize(("subdivisions", "n_views", "bits"), [(0, 6, 49), (1, 18, 47), (3, 258, 43)])
-def test_equals_the_dense_definition_with_fewer_and_more_views(subdivisions: int, n_views: int, bits: int) -> None:
-    rng = np.random.default_rng(1)
-    signatures = [random_signature(rng, 40, n_views=n_views) for _ in range(4)]
-    dense = [histograms(s, 40) for s in signatures]
-    expected = [[dense_distance(a, b, subdivisions, bits) for b in dense] for a in dense]
-    np.testing.assert_array_equal(match_all(signatures), expected)
-
-
 @pytest.mark.parametrize("count", [1, BLOCK, 2 * BLOCK + 7])
 def test_blocks_threads_and_order_change_nothing(count: int) -> None:
     rng = np.random.default_rng(count)
@@ -96,20 +87,6 @@ def test_progress_is_told_block_by_block_and_an_interrupt_ends_the_work() -> Non
     assert threading.active_count() == threads_before
 
 
-def test_all_24_turns_are_found() -> None:
-    rng = np.random.default_rng(5)
-    dense = histograms(random_signature(rng, 50), 50)
-
-    def sparse(table: NDArray[Any]) -> Signature:
-        views, words = np.nonzero(table)
-        offsets = np.searchsorted(views, np.arange(N_VIEWS + 1))
-        return Signature(words.astype(np.int32), table[views, words].astype(np.int32), offsets.astype(np.int32))
-
-    turned = [sparse(dense[turn]) for turn in VIEW_PERMUTATIONS]
-    assert (match_all(turned) == 0).all()
-    assert match_all([turned[0], sparse(dense[::-1])])[0, 1] > 10
-
-
 def test_empty_views() -> None:
     nothing = Signature(*(np.zeros(0, np.int32),) * 2, np.zeros(N_VIEWS + 1, np.int32))
     offsets = np.arange(N_VIEWS + 1, dtype=np.int32)
@@ -119,13 +96,3 @@ def test_empty_views() -> None:
     expected = [[0, 0, 66, 1], [0, 0, 66, 1], [66, 66, 0, 65], [1, 1, 65, 0]]
     np.testing.assert_array_equal(match_all([nothing, nothing, everything, one_view]), expected)
     assert match_all([]).shape == (0, 0)
-
-
-def test_counting_words_by_hand() -> None:
-    offsets = np.full(N_VIEWS + 1, 5, np.int32)
-    offsets[:2] = 0, 3
-    signature = count_words(np.array([7, 2, 7, 1, 1], np.int32), offsets, 10)
-    assert signature.words.tolist() == [2, 7, 1]
-    assert signature.counts.tolist() == [1, 2, 2]
-    assert signature.view_offsets[:3].tolist() == [0, 2, 3]
-    assert signature.view_sizes[:3].tolist() == [3, 2, 0]

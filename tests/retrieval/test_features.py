@@ -10,7 +10,6 @@ from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
 from retrieval.features import EDGE_RATIO, _checked, _detect_all, detect_views
-from retrieval.gaussian_blur import blur, gaussian_kernel
 
 pytestmark = pytest.mark.kernels
 
@@ -61,40 +60,6 @@ def matched(expected: Keypoints, found: Keypoints, inside: NDArray[Any]) -> tupl
     return hits / max(inside.sum(), 1), float(np.median(cosines))
 
 
-@pytest.mark.parametrize("shape", [(40, 33), (4, 8), (1, 1)])
-def test_blur_agrees_with_scipy(shape: tuple[int, int]) -> None:
-    image = np.random.default_rng(0).uniform(size=shape).astype(np.float32)
-    result = np.empty_like(image)
-    blur(image, result, gaussian_kernel(1.7))
-    np.testing.assert_allclose(result, gaussian_filter(image, 1.7, mode="nearest", truncate=4.2), atol=2e-6)
-
-
-def test_blur_rounds_every_product_and_sum_in_the_order_of_the_weights() -> None:
-    image = np.random.default_rng(0).uniform(size=(37, 45)).astype(np.float32)
-    kernel, result = gaussian_kernel(1.7), np.empty_like(image)
-    blur(image, result, kernel)
-    expected = image
-    for _ in range(2):
-        padded = np.pad(expected, ((len(kernel) - 1,) * 2, (0, 0)), mode="edge")
-        total = kernel[0] * expected
-        for j in range(1, len(kernel)):
-            above, below = (padded[len(kernel) - 1 + step :][: len(expected)] for step in (-j, j))
-            total += kernel[j] * (above + below)
-        expected = total.T
-    np.testing.assert_array_equal(result, expected)
-
-
-def test_a_gaussian_blob_is_one_keypoint_of_its_own_scale(sigma: float = 5.0) -> None:
-    rows, columns = np.mgrid[:128, :128]
-    blob = 1 - np.exp(-((columns - 70.3) ** 2 + (rows - 58.8) ** 2) / (2 * sigma**2)).astype(np.float32)
-    found = detect(blob, peak_threshold=0.02)
-    strongest = np.unique(np.round(found.positions, 1), axis=0)
-    assert len(strongest) == 1
-    np.testing.assert_allclose(strongest[0], [70.3, 58.8], atol=0.1)
-    # Of G(k s) - G(s) over a blob of width b the extremum lies where s^2 = (b^2 - nominal blur^2) / k, k = 2^(1/3).
-    assert found.scales[0] == pytest.approx(np.sqrt((sigma**2 - 0.25) / 2 ** (1 / 3)), rel=0.02)
-
-
 def test_agrees_with_opencv(photograph: NDArray[Any]) -> None:
     cv2 = pytest.importorskip("cv2")
     points, descriptors = cv2.SIFT.create().detectAndCompute(photograph, None)
@@ -132,21 +97,6 @@ def test_keypoints_follow_rotation_and_scale(
     rate, cosine = matched(expected, find(moved), inside)
     assert rate > least
     assert cosine > 0.99
-
-
-def test_a_mirrored_image_has_the_mirrored_features(photograph: NDArray[Any]) -> None:
-    # An odd width keeps the sampling of the octaves symmetric under reflection.
-    image = photograph[:257, :257].astype(np.float32) / 255
-    original = detect_views(image[None], peak_threshold=PEAK, background=np.nan)
-    mirrored = detect_views(image[None, :, ::-1].copy(), peak_threshold=PEAK, background=np.nan)
-    flipped = original.mirrored(np.array([0], dtype=np.int32))
-
-    def nearest(descriptors: NDArray[Any]) -> NDArray[Any]:
-        differences = descriptors[:, None].astype(float) - mirrored.descriptors[None]
-        return np.linalg.norm(differences, axis=2).min(axis=1)
-
-    assert np.quantile(nearest(flipped.descriptors), 0.8) < 20
-    assert np.median(nearest(original.descriptors)) > 150
 
 
 @pytest.mark.parametrize("peak_threshold", [1e-3, 0.0])

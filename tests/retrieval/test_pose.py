@@ -10,10 +10,7 @@ from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from retrieval.pose import (
     normalise,
-    pca_rotation,
     rectilinearity_rotation,
-    rounded,
-    to_unit_sphere,
 )
 from tests.retrieval.figures import figure, turned
 
@@ -24,15 +21,6 @@ def projected_area(mesh: Mesh) -> float:
     """Sum over triangles of the areas of their projections on the three coordinate planes."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
-
-
-def test_unit_sphere_ignores_unused_vertices() -> None:
-    mesh = figure()
-    stray = Mesh(np.concatenate([mesh.vertices, [[1e3, 0, 0]]]), mesh.faces)
-    used = to_unit_sphere(mesh).vertices
-    np.testing.assert_allclose(used.mean(axis=0), 0, atol=1e-12)
-    assert np.linalg.norm(used, axis=1).max() == pytest.approx(1)
-    np.testing.assert_allclose(to_unit_sphere(stray).vertices[:-1], used, atol=1e-12)
 
 
 def test_a_turned_box_is_set_upright() -> None:
@@ -63,28 +51,6 @@ def test_the_rotation_is_the_minimiser(seed: int = 1) -> None:
         for _ in range(30)
     ]
     assert reached <= min(references) * (1 + 1e-6)
-
-
-def test_pca_axes_are_ordered_and_right_handed() -> None:
-    for seed in range(5):
-        mesh = figure(seed)
-        rotation = pca_rotation(mesh)
-        assert np.linalg.det(rotation) == pytest.approx(1)
-        covariance = np.cov(turned(mesh, rotation).vertices.T)
-        assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 1e-10
-        assert (np.diff(np.diag(covariance)) < 0).all()
-
-
-def test_the_smaller_silhouette_wins() -> None:
-    box = trimesh.creation.box([1.0, 0.98, 0.96])
-    # Crowded vertices in one corner pull the principal axes away from the faces of the box.
-    dense = trimesh.remesh.subdivide_loop(box.vertices, box.faces, 0)
-    mesh = turned(Mesh(*dense[:2]), Rotation.from_euler("xyz", [0.3, 0.5, 0.2]).as_matrix())
-    both = normalise(mesh, ("pca", "rectilinearity"), 128)
-    alone = normalise(mesh, ("rectilinearity",), 128)
-    np.testing.assert_allclose(both.vertices, alone.vertices)
-    assert projected_area(both) == pytest.approx(both.area, rel=1e-4)
-    np.testing.assert_array_equal(normalise(mesh, (), 128).vertices, rounded(to_unit_sphere(mesh)).vertices)
 
 
 @pytest.mark.parametrize(

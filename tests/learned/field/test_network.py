@@ -36,23 +36,6 @@ def test_the_order_of_points_and_of_positions_is_of_no_account():
     assert torch.allclose(one.rotations[:, asked], other.rotations, atol=1e-4)
 
 
-def test_a_point_at_the_rim_of_a_neighbourhood_may_be_another_one():
-    """The farthest of the neighbours adds nothing, so which of two that are equally far it is makes no difference."""
-    made = batch()
-    network = build_field(TOY).eval()
-    place = made.points[:1, :1]
-    squares = (made.points[:1] - place).square().sum(-1)
-    farthest = int(squares.topk(TOY.neighbours, largest=False).indices[0, -1])
-    normals = made.normals.clone()
-    normals[0, farthest] = -normals[0, farthest]
-    with torch.no_grad():
-        seen = [
-            network._neighbourhoods(made.points[:1], each[:1], place, made.normals[:1, :1])
-            for each in (made.normals, normals)
-        ]
-    assert torch.equal(*seen)
-
-
 def test_terms_of_the_loss_by_hand():
     """A quarter turn that is predicted as none, of edges of length 1 that are predicted with length 2."""
     positions = torch.tensor([[[0.0, 0, 0], [1, 0, 0]]])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist, pdist
 
 from benchmark.geometry.mesh import Mesh
 from learned.field.sampling import even_samples, random_samples
@@ -26,24 +25,6 @@ def test_numbering_leaves_no_trace(mesh):
     one, other = even_samples(mesh, 100), even_samples(relabelled(mesh, 1)[0], 100)
     assert np.abs(one.points - other.points).max() < 1e-9
     assert np.abs(one.normals - other.normals).max() < 1e-6
-
-
-def test_rounding_errors_leave_no_trace():
-    random = np.random.default_rng(0)
-    moved = BODY.with_vertices(BODY.vertices + 1e-13 * random.normal(size=BODY.vertices.shape))
-    assert np.abs(even_samples(BODY, 200).points - even_samples(moved, 200).points).max() < 1e-9
-
-
-def test_samples_of_a_sphere_lie_on_it_and_cover_it():
-    mesh = sphere(4)
-    samples = even_samples(mesh, 128)
-    assert np.linalg.norm(samples.points, axis=1) == pytest.approx(1, abs=0.01)
-    assert np.einsum("nk,nk->n", samples.points, samples.normals) == pytest.approx(1, abs=0.02)
-    # 128 discs that cover the sphere: no place is further away than about the distance of two points.
-    assert cdist(mesh.vertices, samples.points).min(axis=1).max() < 0.3
-    assert pdist(samples.points).min() > 0.2
-    # The first few are as even as all.
-    assert pdist(samples.points[:16]).min() > 0.6
 
 
 def test_random_samples_are_uniform_by_area():

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from learned.paired.configuration import CONFIGURATIONS, LITERAL, configuration
 from learned.paired.network import (
-    LongRangeFeatures,
     SameSizeDeconvolution,
     build,
 )
-from learned.weights import n_parameters
-
-#: Maxima of a pool depend on the input, so receptive fields are the union over some of them.
-N_INPUTS = 3
 
 PROGRESSIVE = [name for name, each in CONFIGURATIONS.items() if each.architecture == "progressive"]
 
@@ -31,72 +25,16 @@ def no_gradient() -> Iterator[None]:
         yield
 
 
-def weights(before: int, after: int, kernel: int = 3) -> int:
-    """Numbers of one convolution, transposed or not: a kernel for each pair of channels, and a bias."""
-    return before * after * kernel**2 + after
-
-
-SHORT = weights(1, 16) + 7 * weights(16, 16) + weights(16, 1)
-LONG = weights(2, 16) + 8 * weights(16, 16) + weights(16, 1)
-ENCODER = weights(3, 32) + weights(32, 64) + weights(64, 128) + weights(128, 256)
-DECODER = weights(256, 128, 4) + weights(128, 64, 4) + weights(64, 32, 4) + weights(32, 32, 4)
-HEAD = weights(32, 2, 1)
 #: Both parts that follow see one channel less: nine numbers for each of 16 and of 32 channels.
 LESS_TO_LONG, LESS_TO_RECONSTRUCTION = 9 * 16, 9 * 32
-#: The innermost features have 8 * 16 channels and 4 x 4 pixels; the vector has 256 numbers.
-CODE = 128 * 4**2
-WIDE_EXTRA = (
-    (weights(1, 16, 4) + weights(16, 32, 4) + weights(32, 64, 4) + weights(64, 128, 4) + weights(128, 128, 4))
-    + (weights(128, 128, 4) + weights(128, 64, 4) + weights(64, 32, 4) + weights(32, 16, 4) + weights(16, 16, 4))
-    + 2 * (16 + 32 + 64 + 128 + 128)
-    + 2 * (128 + 64 + 32 + 16 + 16)
-    + (CODE * 256 + 256)
-    + (256 * CODE + CODE)
-    + weights(16, 2)
-)
-PARAMETERS = {
-    "literal": (SHORT + LONG + ENCODER + DECODER + HEAD, 1_128_804),
-    "without_srf": (LONG - LESS_TO_LONG + ENCODER + DECODER + HEAD - LESS_TO_RECONSTRUCTION, 1_111_827),
-    "without_lrf": (SHORT + ENCODER + DECODER + HEAD - LESS_TO_RECONSTRUCTION, 1_109_507),
-    "wide-extra": (WIDE_EXTRA, 1_925_746),
-}
-
-
-def seeded(part: Callable[..., nn.Module], *arguments: Any) -> nn.Module:
-    """A part of a network whose weights are the same in every run."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)
-        return part(*arguments)
-
-
-def convolutions(network: nn.Module) -> list[nn.Module]:
-    return [layer for layer in network.modules() if isinstance(layer, (nn.Conv2d, nn.ConvTranspose2d))]
 
 
 def images(count: int, height: int, width: int, seed: int = 0) -> Tensor:
     return torch.rand(count, 1, height, width, generator=torch.Generator().manual_seed(seed))
 
 
-def field_of(network: nn.Module, size: int, pixel: int) -> tuple[int, int]:
-    """Rows and columns of the input that one output pixel on the diagonal depends on, over several random inputs."""
-    seen = torch.zeros(size, size, dtype=torch.bool)
-    for seed in range(N_INPUTS):
-        image = torch.rand(1, 1, size, size, generator=torch.Generator().manual_seed(seed)).requires_grad_()
-        network(image)[0, :, pixel, pixel].sum().backward()
-        seen |= (image.grad[0] != 0).any(dim=0)
-    rows, columns = seen.any(dim=1).nonzero(), seen.any(dim=0).nonzero()
-    return int(rows.max() - rows.min()) + 1, int(columns.max() - columns.min()) + 1
-
-
 def is_mask(values: Tensor) -> bool:
     return bool(values.min() > 0 and values.max() < 1)
-
-
-@pytest.mark.parametrize("name", CONFIGURATIONS)
-def test_number_of_parameters(name: str) -> None:
-    by_hand, golden = PARAMETERS[name]
-    assert by_hand == golden
-    assert n_parameters(build(configuration(name))) == golden
 
 
 @pytest.mark.usefixtures("no_gradient")
@@ -114,16 +52,6 @@ def test_an_image_does_not_depend_on_its_batch(name: str) -> None:
     network = build(configuration(name)).eval()
     batch = images(3, 128, 128)
     torch.testing.assert_close(network(batch)[1:2], network(batch[1:2]), atol=1e-5, rtol=1e-5)
-
-
-def test_short_range_features_see_19_pixels() -> None:
-    # Nine kernels of three: 1 + 9 * 2.
-    assert field_of(build(LITERAL).short_range, size=41, pixel=20) == (19, 19)
-
-
-def test_long_range_features_see_81_pixels() -> None:
-    # 1 + 2 (2 + 3 + 4 + 5 + 6) = 41, and 40 more with the transposed convolutions.
-    assert field_of(seeded(LongRangeFeatures, 1, 4), size=101, pixel=50) == (81, 81)
 
 
 def test_weights_depend_on_the_seed_alone() -> None:
