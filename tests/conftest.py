@@ -70,7 +70,7 @@ def server_of_workers() -> Iterator[Any]:
 def forked_workers(server_of_workers: Any) -> Iterator[None]:
     """Fork the workers of all runs of a module, whose tests are not about processes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.run.processes.process._start", server_of_workers)
+        patch.setattr("benchmark.execution.processes.process._start", server_of_workers)
         yield
 
 

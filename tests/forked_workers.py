@@ -17,7 +17,7 @@ from multiprocessing.reduction import DupFd
 from pathlib import Path
 from typing import Any
 
-from benchmark.run.processes import process as processes
+from benchmark.execution.processes import process as processes
 
 _SERVER = forkserver._forkserver
 
@@ -72,7 +72,7 @@ def _begin(address: str, inherited: tuple[Any, ...], quiet: bool) -> None:
 
 
 def start(pipe: int, trace: int, mark: str, quiet: bool) -> Any:
-    """Fork a process; see :func:`benchmark.run.processes.process._start`."""
+    """Fork a process; see :func:`benchmark.execution.processes.process._start`."""
     context = multiprocessing.get_context("forkserver")
     inherited = _Inherited(mark, 1, 2, pipe, trace)
     process = context.Process(target=_begin, args=(_SERVER._forkserver_address, inherited, quiet))

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     ("benchmark.errors", "benchmark.cgroup", "benchmark.plugins.closing"),
     ("benchmark.threads", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
-    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.run.processes", "benchmark.plugins.parameters"),
+    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.execution.processes", "benchmark.plugins.parameters"),
     ("benchmark.geometry", "benchmark.plugins.modules", "benchmark.plugins.services"),
     ("benchmark.api", "benchmark.depth"),
     ("baselines", "learned", "retrieval"),
@@ -20,7 +20,7 @@ LAYERS = (
     ("benchmark.plugins",),
     ("benchmark.protocols",),
     ("benchmark.pipeline",),
-    ("benchmark.run", "benchmark.protocols.pairs"),
+    ("benchmark.execution", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.bundles", "benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli",),
@@ -72,9 +72,9 @@ def test_a_package_imports_only_from_layers_below(name, path):
 
 
 def test_an_arrow_from_the_store_to_the_runner_would_fail():
-    assert not may_import("benchmark.pipeline.storage.store", "benchmark.run.runner")
+    assert not may_import("benchmark.pipeline.storage.store", "benchmark.execution.runner")
     assert not may_import("benchmark.datasets.folder", "benchmark.pipeline.storage.store")
-    assert may_import("benchmark.run.runner", "benchmark.pipeline.storage.store")
+    assert may_import("benchmark.execution.runner", "benchmark.pipeline.storage.store")
 
 
 def test_every_module_has_a_layer():

@@ -18,13 +18,13 @@ from benchmark.bundles.outcome import Fault, Outcome, RowOutcome, claim, lie
 from benchmark.bundles.remaking import Remade, Remaking, made_again
 from benchmark.bundles.rows import RowCheck
 from benchmark.errors import BenchmarkError
+from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
 from benchmark.plugins.parameters.grid import split_name
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals
-from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.source_code import digest_of_source
 from benchmark.text import is_name
 from retrieval.measures import PRINTED

@@ -19,6 +19,8 @@ from benchmark.bundles.outcome import Fault, claim, lie
 from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.process import ForeignError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation, require_arrays
@@ -35,8 +37,6 @@ from benchmark.plugins.shuffling import in_shuffled_order
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import Model, find_models
 from benchmark.report.content import own_table
-from benchmark.run.processes.calls import Guard, call_apart
-from benchmark.run.processes.process import ForeignError
 
 #: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
 #: in distances of the scorer, relative to their mean. Other processors move forms by 2e-4 at most.

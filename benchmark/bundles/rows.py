@@ -17,6 +17,7 @@ from benchmark.bundles.outcome import Fault, claim, lie
 from benchmark.bundles.writing import FACES
 from benchmark.datasets.catalogue import catalogued
 from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.execution.plan import data_recipe
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.recipes import scorer_recipe
 from benchmark.pipeline.stages import measures
@@ -30,7 +31,6 @@ from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.rounding import number
-from benchmark.run.plan import data_recipe
 
 #: Largest difference between a score that is told and the one that is computed: half of a printed digit.
 SCORE_TOLERANCE = 0.005

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.errors import ConfigurationError
+from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.plugins.output_checks import form_of
 from benchmark.plugins.registry import methods, variant
-from benchmark.run.processes.calls import Guard, call_apart
 
 #: A form in plain values: vertices, faces and notes.
 Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]

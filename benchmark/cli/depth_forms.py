@@ -13,7 +13,7 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import READERS, is_depth_file
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.run.processes.calls import call_apart
+from benchmark.execution.processes.calls import call_apart
 
 
 @dataclass(frozen=True)

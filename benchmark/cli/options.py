@@ -18,12 +18,12 @@ from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
+    from benchmark.execution.job_specs import Job
+    from benchmark.execution.sharding import Shard
     from benchmark.pipeline.storage.records import Record
     from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.scorers import ScorerSpec
     from benchmark.report.results import Result, Results
-    from benchmark.run.job_specs import Job
-    from benchmark.run.sharding import Shard
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -311,10 +311,10 @@ class RunOptions:
         """Plan the run, or the shard of it; without tables and data sets, those of plugin files are meant."""
         from benchmark.datasets.catalogue import sources
         from benchmark.datasets.own import data_sets_of
+        from benchmark.execution.plan import JobSettings, make_plan, require_jobs
         from benchmark.plugins.registry import methods, select
         from benchmark.protocols.galleries import galleries
         from benchmark.protocols.tables import INPUTS
-        from benchmark.run.plan import JobSettings, make_plan, require_jobs
 
         specs = select(self._methods(store), methods(self.plugins), self.plugins)
         if not self.methods or EVERY in self.methods:
@@ -471,7 +471,7 @@ class ShardOption(click.ParamType["Shard"]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
         """Parse a part."""
-        from benchmark.run.sharding import Shard
+        from benchmark.execution.sharding import Shard
 
         return value if isinstance(value, Shard) else Shard.parse(str(value))
 

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 
 from benchmark.cli.options import RunOptions
 from benchmark.errors import ConfigurationError
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import Job
+from benchmark.execution.plan import unavailable_record
 from benchmark.kernels import drop_stale_kernels
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store, sweep_leftovers
 from benchmark.report.rounding import number
-from benchmark.run.claims import Claims
-from benchmark.run.job_specs import Job
-from benchmark.run.plan import unavailable_record
 from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say
 from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
-    from benchmark.run.pools import Pool
+    from benchmark.execution.pools import Pool
 
 #: Seconds between two lines about progress where there is no terminal.
 _SILENCE = 15.0
@@ -83,7 +83,7 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
         if claims.take(job.key):
             store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
             claims.release(job.key)
-    from benchmark.run.scheduler import Scheduler
+    from benchmark.execution.scheduler import Scheduler
 
     fine = True
     with _Display(jobs) as display, make_pool(options, jobs) as pool:
@@ -105,10 +105,10 @@ def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
         The jobs.
     """
     if options.executor == "dask":
-        from benchmark.run.dask_pool import DaskPool
+        from benchmark.execution.dask_pool import DaskPool
 
         return DaskPool(options.scheduler, jobs, options.workers)
-    from benchmark.run.pools import LocalPool, PoolHere
+    from benchmark.execution.pools import LocalPool, PoolHere
 
     if options.executor == "serial":
         return PoolHere()

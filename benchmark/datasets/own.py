@@ -14,6 +14,7 @@ from benchmark.arrays import Arrays
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import file_digest
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_line
+from benchmark.execution.processes.process import Process, Requester
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
@@ -21,7 +22,6 @@ from benchmark.plugins.closing import facts_of_file, is_closed
 from benchmark.plugins.modules import classes_of, import_plugin, sources_of
 from benchmark.plugins.parameters.values import parameter_values
 from benchmark.plugins.services import service
-from benchmark.run.processes.process import Process, Requester
 from benchmark.text import LONGEST_NAME, clean, is_name
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "problems_of", "sources_in"]

@@ -14,6 +14,7 @@ from benchmark.datasets.base import Entry, Watched
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import EXTENSIONS
 from benchmark.errors import ConfigurationError
+from benchmark.execution.plan import data_facts, data_recipe
 from benchmark.external.records import external_record, method_name
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline import recipes
@@ -26,7 +27,6 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import REFUSED, form_distances, signature_of
 from benchmark.plugins.specs import ScorerSpec
 from benchmark.protocols.galleries import Gallery
-from benchmark.run.plan import data_facts, data_recipe
 
 
 def score_forms(

@@ -18,6 +18,7 @@ from benchmark.api.scoring import Scorer
 from benchmark.arrays import ABOUT, Arrays
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
+from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline import recipes
 from benchmark.pipeline.method_run import MethodRun, ShapeResult, features_of, files_of
 from benchmark.pipeline.storage import keys
@@ -27,7 +28,6 @@ from benchmark.pipeline.storage.store import Artefact, Store
 from benchmark.plugins.output_checks import distances_of, form_distances
 from benchmark.plugins.remote import Foreign
 from benchmark.plugins.shuffling import in_shuffled_order
-from benchmark.run.processes.opened_files import with_files
 
 T = TypeVar("T")
 

@@ -14,6 +14,7 @@ from benchmark.api.contracts import Descriptor, Mesh, Method
 from benchmark.api.scoring import Scorer
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
+from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline.preparation import Arrays, Preparation, attempted, notes, require_arrays
 from benchmark.pipeline.recipes import Recipe, features_recipe, form_recipe
 from benchmark.pipeline.stages import form
@@ -23,7 +24,6 @@ from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.remote import Foreign
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.models import Model
-from benchmark.run.processes.opened_files import with_files
 
 __all__ = ["MethodRun", "ShapeResult"]
 

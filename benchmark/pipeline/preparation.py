@@ -15,6 +15,7 @@ from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError, UnsupportedShape
+from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline.recipes import Recipe, frame_recipe, original_of, sensor_of, shape_recipe, source_recipe
 from benchmark.pipeline.stages.complete import complete
 from benchmark.pipeline.stages.view import frame_of, half_width_of, seen
@@ -24,7 +25,6 @@ from benchmark.pipeline.storage.lock import key_of
 from benchmark.pipeline.storage.store import Artefact, Store
 from benchmark.plugins.output_checks import REFUSED
 from benchmark.plugins.serving import SharedStages
-from benchmark.run.processes.opened_files import with_files
 
 Arrays = Mapping[str, NDArray[Any]]
 

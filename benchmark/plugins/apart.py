@@ -11,11 +11,11 @@ import msgspec
 
 from benchmark.api.contracts import MethodInfo
 from benchmark.api.learning import read_card
+from benchmark.execution.processes.calls import Guard
 from benchmark.plugins.inspection import LIMIT, facts_of_file, look, told
 from benchmark.plugins.remote import Foreign, Remote, RemoteMethod
 from benchmark.plugins.serving import spec_of, tell
 from benchmark.plugins.specs import PluginSpec
-from benchmark.run.processes.calls import Guard
 
 __all__ = ["facts_of_file", "reach"]
 

@@ -12,10 +12,10 @@ from typing import Any, get_args
 from benchmark.api.learning import Split
 from benchmark.datasets.own import KIND, data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.execution.processes.calls import BrokenCall, Guard, KilledCall, call_apart
 from benchmark.plugins.information import problems_of
 from benchmark.plugins.modules import is_imported, require_file
 from benchmark.plugins.specs import MethodSpec, PluginSpec, S, ScorerSpec, plugin_methods, plugins_of
-from benchmark.run.processes.calls import BrokenCall, Guard, KilledCall, call_apart
 
 __all__ = ["LIMIT", "inspect", "inspect_package"]
 

@@ -9,11 +9,11 @@ from importlib.metadata import Distribution, EntryPoint, distributions
 from typing import Generic, NoReturn
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.execution.processes.process import is_child
 from benchmark.plugins.information import is_name
 from benchmark.plugins.inspection import inspect_package
 from benchmark.plugins.modules import unknown
 from benchmark.plugins.specs import S
-from benchmark.run.processes.process import is_child
 
 __all__ = ["Installed", "KnownPlugins", "entry_points_of", "installed"]
 

@@ -18,10 +18,10 @@ from types import ModuleType
 from typing import TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
+from benchmark.execution.processes.forks import one_of_us
+from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file
+from benchmark.execution.processes.process import adopt
 from benchmark.plugins.closing import require_open_process
-from benchmark.run.processes.forks import one_of_us
-from benchmark.run.processes.opened_files import NOT_OF_PLUGINS, digest_of_file
-from benchmark.run.processes.process import adopt
 from benchmark.source_code import digest_of_source
 
 Info = TypeVar("Info")

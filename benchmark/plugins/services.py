@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from benchmark.run.processes.process import Process, Serve
+from benchmark.execution.processes.process import Process, Serve
 
 #: Kind and plugin, and the name of one that leaves threads or processes behind.
 Place = tuple[str, ...]

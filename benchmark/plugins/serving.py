@@ -9,12 +9,12 @@ from typing import Any
 
 from benchmark.api.contracts import Shape
 from benchmark.arrays import Arrays
+from benchmark.execution.processes.process import Requester
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
 from benchmark.plugins.registry import variant
 from benchmark.plugins.specs import MethodSpec, PluginSpec, ScorerSpec
-from benchmark.run.processes.process import Requester
 
 Facts = Mapping[str, Any]
 Answer = tuple[Facts, Arrays]

@@ -20,6 +20,8 @@ from benchmark.api.contracts import Descriptor, Method, MethodInfo
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.execution.processes.forks import one_of_us
+from benchmark.execution.processes.process import adopt
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
 from benchmark.plugins.closing import facts_of_file, is_closed, reached, require_open_process
@@ -33,8 +35,6 @@ from benchmark.plugins.modules import (
 from benchmark.plugins.parameters.description import ParameterText, described
 from benchmark.plugins.parameters.grid import quoted
 from benchmark.plugins.parameters.values import format_value, non_default_values, parameter_values
-from benchmark.run.processes.forks import one_of_us
-from benchmark.run.processes.process import adopt
 from benchmark.source_code import FIRST_PARTY
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo)

@@ -12,6 +12,7 @@ from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.own import sources_in
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.execution.plan import data_recipe, what_changed
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.environment import changed_packages
 from benchmark.pipeline.storage.lock import edited, key_of, read_lock, words_of_edit
@@ -23,7 +24,6 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec, scorer_of, scorers
 from benchmark.protocols.galleries import Gallery, galleries, gallery_name
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
-from benchmark.run.plan import data_recipe, what_changed
 
 __all__ = ["Result", "Results", "with_repeats"]
 

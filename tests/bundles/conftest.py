@@ -14,7 +14,7 @@ def ran(tmp_path_factory, server_of_workers) -> Path:
     """A folder with a data set, a plug-in, results, and the bundle of its method."""
     folder = tmp_path_factory.mktemp("bundles")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.run.processes.process._start", server_of_workers)
+        patch.setattr("benchmark.execution.processes.process._start", server_of_workers)
         run(folder)
     words = ("submit", "flat", "--scorer", SCORER, "--forms", "--author", "Ada <b>", *where(folder))
     made = command(*words, "-o", folder / "flat.zip")

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from benchmark.cli.canonicalise import FormRequest, canonicalise_file, plain_form, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
+from benchmark.execution.processes.calls import BrokenCall
 from benchmark.geometry.mesh import Mesh
-from benchmark.run.processes.calls import BrokenCall
 from tests.geometry.surfaces import sphere
 from tests.toy import files_of_at_most, rod, write_off
 

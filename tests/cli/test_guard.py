@@ -12,9 +12,9 @@ from benchmark.cli.options import _inspected
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins import inspection
+from tests.execution.test_processes import is_alive, wait_until
 from tests.plugins.written import ACTS, write_plugin
 from tests.records import record
-from tests.run.test_processes import is_alive, wait_until
 from tests.toy import rod, write_off, write_rods
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
@@ -59,7 +59,7 @@ def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
     def denied(store):
         raise PermissionError(13, "Permission denied", "runs/claims")
 
-    monkeypatch.setattr("benchmark.run.claims.Claims.of", denied)
+    monkeypatch.setattr("benchmark.execution.claims.Claims.of", denied)
     said = refused(call("prune", "--results", tmp_path / "results"))
     assert said == "error: runs/claims: Permission denied; change its rights or choose another place"
 

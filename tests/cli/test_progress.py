@@ -1,7 +1,7 @@
 """Progress of a run where there is no terminal."""
 
 from benchmark.cli import run_plan
-from tests.run.test_executors import orders
+from tests.execution.test_executors import orders
 
 
 def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path, monkeypatch, capsys):

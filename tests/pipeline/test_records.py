@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from benchmark.cli.main import cli
 from benchmark.cli.verbs.results import _explain_record
+from benchmark.execution.plan import difference
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Records, as_text, outcome, portable
@@ -24,7 +25,6 @@ from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, index_page, table_page
 from benchmark.report.paper.document import paper_files
 from benchmark.report.results import Result
-from benchmark.run.plan import difference
 from tests.records import MEASURES, failed, record
 
 

@@ -8,10 +8,10 @@ import re
 
 import pytest
 
+from benchmark.execution.processes import process as system_processes
 from benchmark.plugins import conformance, registry
 from benchmark.plugins.conformance import checks
 from benchmark.plugins.registry import MethodSpec
-from benchmark.run.processes import process as system_processes
 from benchmark.text import DATA_VARIABLE
 
 #: Starts processes afresh.

@@ -9,13 +9,13 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
+from benchmark.execution.plan import make_plan
 from benchmark.pipeline.storage import keys, lock
 from benchmark.pipeline.storage.records import as_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
 from benchmark.protocols.galleries import galleries
 from benchmark.report.results import Results
-from benchmark.run.plan import make_plan
 from tests import records as made_up
 from tests.pipeline.test_records import put_aliens
 from tests.toy import write_rods

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchmark.errors import ConfigurationError
+from benchmark.execution.plan import difference
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
@@ -13,7 +14,6 @@ from benchmark.report.files import render, write
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
-from benchmark.run.plan import difference
 from retrieval.chance import chance_levels
 from tests.records import record
 

@@ -74,8 +74,8 @@ SAMPLERS = {
 
 #: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
 NO_FIGURES = (
-    "benchmark", "benchmark/plugins", "benchmark/pipeline", "benchmark/pipeline/storage", "benchmark/run",
-    "benchmark/run/processes",
+    "benchmark", "benchmark/plugins", "benchmark/pipeline", "benchmark/pipeline/storage", "benchmark/execution",
+    "benchmark/execution/processes",
 )  # fmt: skip
 
 _STAGES, _SETS = "benchmark.pipeline.stages.", "benchmark.datasets."

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from benchmark.api.contracts import Input
     from benchmark.arrays import Arrays
+    from benchmark.execution.processes.channel import Facts
+    from benchmark.execution.processes.process import Requester
     from benchmark.plugins.registry import MethodSpec
-    from benchmark.run.processes.channel import Facts
-    from benchmark.run.processes.process import Requester
 
 
 @click.command("compile")
@@ -52,9 +52,9 @@ def compile_parts(jobs: int) -> bool:
     bool
         Whether all went well; what went wrong has been said.
     """
+    from benchmark.execution.processes.channel import wait_for
+    from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded
     from benchmark.kernels import drop_stale_kernels
-    from benchmark.run.processes.channel import wait_for
-    from benchmark.run.processes.process import INTERVAL, ForeignError, Process, ProcessEnded
     from benchmark.source_code import ROOT
 
     start = time.monotonic()

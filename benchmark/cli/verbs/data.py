@@ -140,7 +140,7 @@ def _on_data(
     """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
     from benchmark.datasets.catalogue import sources
     from benchmark.datasets.own import is_own
-    from benchmark.run.processes.calls import Guard, call_apart
+    from benchmark.execution.processes.calls import Guard, call_apart
 
     with told_what_it_is(name, "data set"):
         (source,) = sources([name], plugins)

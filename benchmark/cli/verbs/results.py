@@ -27,9 +27,9 @@ from benchmark.errors import ConfigurationError
 from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
+    from benchmark.execution.job_specs import Job
     from benchmark.pipeline.storage.records import Record
     from benchmark.plugins.scorers import ScorerSpec
-    from benchmark.run.job_specs import Job
 
 #: Characters of a key that name a job, and those more that tell apart some that begin alike.
 _SHORTEST_KEY, _FURTHER = 6, 6
@@ -44,9 +44,9 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 
     Writes one file per data set and one line per record, unless a run is writing records there.
     """
+    from benchmark.execution.claims import Claims
     from benchmark.pipeline.storage.merging import merge_records, publish, records_under, told
     from benchmark.pipeline.storage.store import Store, sweep_leftovers
-    from benchmark.run.claims import Claims
 
     store = Store.open(results)
     is_target = results.resolve().__eq__
@@ -141,8 +141,8 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions)
 @results_option
 def prune(dry_run: bool, results: Path) -> None:
     """Delete data that no record needs, and remains of killed processes."""
+    from benchmark.execution.claims import Claims
     from benchmark.pipeline.storage.store import Store, remove, unneeded
-    from benchmark.run.claims import Claims
 
     store = Store.open(results)
     with Claims.of(store) as claims:

@@ -59,7 +59,7 @@ def retrieve(
     from benchmark.cli.depth_forms import FrameOptions
     from benchmark.cli.retrieval import retrieved
     from benchmark.datasets.catalogue import sources
-    from benchmark.run.processes.calls import Guard, call_apart
+    from benchmark.execution.processes.calls import Guard, call_apart
 
     with told_what_it_is(gallery, "data set"):
         datasets = tuple(sources([gallery], given["plugins"]))

@@ -18,7 +18,7 @@ from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.api.contracts import Input
-    from benchmark.run.job_specs import Job
+    from benchmark.execution.job_specs import Job
 
 #: Most jobs that have a line each, unless somebody asks for all.
 _SCREEN = 100
@@ -138,8 +138,8 @@ def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
 @click.option("--all-jobs", is_flag=True, help="A line for each job, however many there are.")
 def plan(all_jobs: bool, **given: Any) -> None:
     """Show what would run, why, and how long it would take."""
+    from benchmark.execution.estimates import estimate
     from benchmark.pipeline.storage.store import Store
-    from benchmark.run.estimates import estimate
     from benchmark.threads import available_cores
 
     options = RunOptions.of(given)

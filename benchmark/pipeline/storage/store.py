@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmark.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.errors import BenchmarkError
+from benchmark.execution.processes.opened_files import FILES, changed_files, files_among
 from benchmark.files import is_alive, leftovers, write_atomically
 from benchmark.pipeline.storage.adoption import CODE_FILE, EDITED, RECIPE, adopt_edited, stale_edits
 from benchmark.pipeline.storage.costs import Cost, Meter
@@ -22,7 +23,6 @@ from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.keys import bare_key, plain
 from benchmark.pipeline.storage.lock import edited, key_of
 from benchmark.pipeline.storage.records import Record, Records, by_place
-from benchmark.run.processes.opened_files import FILES, changed_files, files_among
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 

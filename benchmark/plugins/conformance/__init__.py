@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.process import is_child
 from benchmark.plugins.conformance.cases import MethodCase, Skipped, Warned, case_of, explain
 from benchmark.plugins.conformance.checks import (
     OF_METHODS_ALONE,
@@ -28,8 +30,6 @@ from benchmark.plugins.conformance.targets import Target
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import ScorerSpec
-from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
-from benchmark.run.processes.process import is_child
 
 __all__ = ["Finding", "Outcome", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 

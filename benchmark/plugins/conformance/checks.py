@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, MethodInfo, Shape
 from benchmark.api.learning import CARD, Split
+from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.pipeline.storage import keys
 from benchmark.plugins.conformance.cases import (
     REPEAT_TOLERANCE,
@@ -37,7 +38,6 @@ from benchmark.plugins.conformance.cases import (
 from benchmark.plugins.conformance.shapes import BENDS
 from benchmark.plugins.information import problems_of
 from benchmark.plugins.specs import PluginSpec
-from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.text import DATA_VARIABLE
 
 Check = Callable[[Any], str]

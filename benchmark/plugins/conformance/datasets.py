@@ -11,11 +11,11 @@ from benchmark.datasets import checking
 from benchmark.datasets.base import Entry, check_retrievable
 from benchmark.datasets.own import OwnDataset, open_own
 from benchmark.errors import BenchmarkError
+from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.plugins.conformance.cases import Failed, Warned
-from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
 
 __all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]
 

@@ -16,6 +16,9 @@ from benchmark.api.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
+from benchmark.execution.job_specs import Job, to_json
+from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.runner import make_forms
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.method_run import MethodRun
@@ -23,9 +26,6 @@ from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
-from benchmark.run.job_specs import Job, to_json
-from benchmark.run.processes.calls import Guard, call_apart
-from benchmark.run.runner import make_forms
 from benchmark.text import clean
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ import pytest
 from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
+from benchmark.execution import pools
+from benchmark.execution.job_specs import Job, shape_batches
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
-from benchmark.run import pools
-from benchmark.run.job_specs import Job, shape_batches
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]

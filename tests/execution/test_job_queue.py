@@ -4,15 +4,15 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.execution import queue as module
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import ComparisonTask, ScoringTask, ShapeBatch
+from benchmark.execution.pools import LocalPool
+from benchmark.execution.queue import JobQueue
+from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
-from benchmark.run import queue as module
-from benchmark.run.claims import Claims
-from benchmark.run.job_specs import ComparisonTask, ScoringTask, ShapeBatch
-from benchmark.run.pools import LocalPool
-from benchmark.run.queue import JobQueue
-from benchmark.run.runner import failure, keep
-from tests.run.test_executors import orders
+from tests.execution.test_executors import orders
 from tests.toy import write_rods
 
 

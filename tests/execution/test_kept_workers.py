@@ -7,10 +7,10 @@ import time
 import psutil
 import pytest
 
+from benchmark.execution.job_specs import Job, ScoringTask
+from benchmark.execution.pools import LocalPool
 from benchmark.pipeline.storage.store import Store
-from benchmark.run.job_specs import Job, ScoringTask
-from benchmark.run.pools import LocalPool
-from tests.run.test_executors import orders
+from tests.execution.test_executors import orders
 
 
 class ForeignJob(Job):

@@ -9,8 +9,8 @@ from typing import Any
 
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
-from benchmark.run.processes.channel import Facts
-from benchmark.run.processes.process import (
+from benchmark.execution.processes.channel import Facts
+from benchmark.execution.processes.process import (
     BY_HAND,
     ForeignError,
     Process,

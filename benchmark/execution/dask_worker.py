@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import BenchmarkError, one_line
+from benchmark.execution.job_specs import job_of, task_of
+from benchmark.execution.pools import LOST, LocalPool
+from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.kernel_cache import choose_kernel_cache
 from benchmark.pipeline.storage.environment import PACKAGES, environment
 from benchmark.pipeline.storage.store import Store
-from benchmark.run.job_specs import job_of, task_of
-from benchmark.run.pools import LOST, LocalPool
-from benchmark.run.processes.calls import Guard, call_apart
 from benchmark.source_code import suite_texts
 from benchmark.threads import pin_threads
 
@@ -50,8 +50,8 @@ def do(message: str) -> str:
     Parameters
     ----------
     message
-        JSON with the ``task`` as :func:`benchmark.run.job_specs.to_json` writes it; ``run``, its name; ``name`` of the
-        task in the cluster; ``workers``, the number of tasks that share the memory of this machine.
+        JSON with the ``task`` as :func:`benchmark.execution.job_specs.to_json` writes it; ``run``, its name; ``name``
+        of the task in the cluster; ``workers``, the number of tasks that share the memory of this machine.
 
     Returns
     -------
@@ -118,8 +118,8 @@ async def inspect(message: str) -> str:
     Parameters
     ----------
     message
-        JSON with ``jobs`` as :func:`benchmark.run.job_specs.to_json` writes them; ``results``, the folder; ``marker``,
-        a file in it, and what is ``written`` there.
+        JSON with ``jobs`` as :func:`benchmark.execution.job_specs.to_json` writes them; ``results``, the folder;
+        ``marker``, a file in it, and what is ``written`` there.
 
     Returns
     -------
@@ -143,9 +143,9 @@ def _inspected(message: str) -> str:
 def _inspect(asked: Mapping[str, Any]) -> dict[str, Any]:
     from benchmark.api.learning import card_digest, read_card
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.execution.plan import difference
     from benchmark.pipeline import recipes
     from benchmark.plugins.remote import close_to_plugins
-    from benchmark.run.plan import difference
 
     if not _is_shared(Path(asked["marker"]), asked["written"]):
         return {

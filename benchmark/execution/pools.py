@@ -11,12 +11,9 @@ from typing import Any, Protocol, Self
 
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.storage import lock
-from benchmark.pipeline.storage.store import StorageError
-from benchmark.plugins.remote import close_to_plugins
-from benchmark.run.job_specs import Task, task_of, to_json
-from benchmark.run.processes.channel import Facts, wait_for
-from benchmark.run.processes.process import (
+from benchmark.execution.job_specs import Task, task_of, to_json
+from benchmark.execution.processes.channel import Facts, wait_for
+from benchmark.execution.processes.process import (
     INTERVAL,
     ForeignError,
     Process,
@@ -24,6 +21,9 @@ from benchmark.run.processes.process import (
     Requester,
     memory_per_process,
 )
+from benchmark.pipeline.storage import lock
+from benchmark.pipeline.storage.store import StorageError
+from benchmark.plugins.remote import close_to_plugins
 from benchmark.text import say
 
 #: Exit code of a process that could not write what it had to: by custom, an error of input or output.
@@ -289,6 +289,6 @@ def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> t
 
 
 def _work(task: Task, tell: Callable[[Status], object]) -> None:
-    from benchmark.run.runner import work
+    from benchmark.execution.runner import work
 
     work(task, lambda job, steps, shape="": tell(Status(job, steps, shape)))

@@ -12,6 +12,8 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
+from benchmark.execution.job_specs import LARGE_FILE, Job, State
+from benchmark.execution.processes.opened_files import changed_files
 from benchmark.pipeline import recipes
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.lock import edited, key_of, words_of_edit
@@ -22,8 +24,6 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
-from benchmark.run.job_specs import LARGE_FILE, Job, State
-from benchmark.run.processes.opened_files import changed_files
 from retrieval.chance import chance_levels
 
 #: Recipe parts in the order in which a change is worth telling.

@@ -7,9 +7,9 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from benchmark.execution.job_specs import Job
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
-from benchmark.run.job_specs import Job
 
 __all__ = ["Estimate", "estimate"]
 

@@ -6,13 +6,13 @@ import signal
 import pytest
 
 from benchmark.errors import BenchmarkError
+from benchmark.execution import pools, scheduler
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import Job, ScoringTask, to_json
+from benchmark.execution.pools import UNWRITTEN, Running, Status
+from benchmark.execution.scheduler import Scheduler
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.registry import methods, select
-from benchmark.run import pools, scheduler
-from benchmark.run.claims import Claims
-from benchmark.run.job_specs import Job, ScoringTask, to_json
-from benchmark.run.pools import UNWRITTEN, Running, Status
-from benchmark.run.scheduler import Scheduler
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -170,7 +170,7 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     def leave(code):
         raise SystemExit(code)
 
-    monkeypatch.setattr("benchmark.run.runner.work", work)
+    monkeypatch.setattr("benchmark.execution.runner.work", work)
     monkeypatch.setattr(pools.os, "_exit", leave)
     monkeypatch.setattr(pools, "close_to_plugins", lambda starting: None)  # this process has further tests to run
     with pytest.raises(SystemExit) as left:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.api.contracts import UnsupportedShape, canonical_form
-from benchmark.run.processes.process import is_child
+from benchmark.execution.processes.process import is_child
 
 #: Where methods say which processes they are and have started.
 NOTES = Path(os.environ["FAULTS_NOTES"])

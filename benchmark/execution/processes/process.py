@@ -32,10 +32,10 @@ import numpy as np
 from benchmark.arrays import Arrays
 from benchmark.cgroup import memory_limit
 from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
-from benchmark.run.processes import reaper
-from benchmark.run.processes.channel import Channel, Facts, Message
-from benchmark.run.processes.opened_files import opened_files, watch_opened_files
-from benchmark.run.processes.process_state import ProcessState
+from benchmark.execution.processes import reaper
+from benchmark.execution.processes.channel import Channel, Facts, Message
+from benchmark.execution.processes.opened_files import opened_files, watch_opened_files
+from benchmark.execution.processes.process_state import ProcessState
 from benchmark.text import DATA_VARIABLE, say
 
 #: Answers a request, facts and arrays; the last argument is whoever sent it.
@@ -68,7 +68,7 @@ _BEGUN, _PROGRESS, _ANSWER, _ERROR, _RAISED = "begun", "progress", "answer", "er
 
 #: What a new process runs.
 _PROGRAM = (
-    "import sys; sys.path[:] = sys.argv[4:]; from benchmark.run.processes.process import run; run(*sys.argv[1:4])"
+    "import sys; sys.path[:] = sys.argv[4:]; from benchmark.execution.processes.process import run; run(*sys.argv[1:4])"
 )
 
 _numbers = itertools.count()

@@ -8,13 +8,13 @@ import pytest
 from benchmark.cli.options import RunOptions
 from benchmark.cli.run_plan import run_plan
 from benchmark.errors import ConfigurationError
+from benchmark.execution.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
+from benchmark.execution.plan import JobSettings, make_plan
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import MethodSpec, methods, select
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
-from benchmark.run.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
-from benchmark.run.plan import JobSettings, make_plan
 
 NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
 

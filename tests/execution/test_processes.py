@@ -22,12 +22,12 @@ import psutil
 import pytest
 
 from benchmark.errors import BenchmarkError, UnsupportedShape
+from benchmark.execution.processes import process as processes
+from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.channel import Channel
+from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, end_like
 from benchmark.plugins.closing import close_process
 from benchmark.plugins.modules import import_plugin
-from benchmark.run.processes import process as processes
-from benchmark.run.processes.calls import BrokenCall, Guard, call_apart
-from benchmark.run.processes.channel import Channel
-from benchmark.run.processes.process import ForeignError, Process, ProcessEnded, end_like
 from benchmark.text import DATA_VARIABLE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
@@ -185,7 +185,7 @@ def test_one_without_a_request_leaves_after_a_while():
 
 
 def test_a_program_that_ends_waits_for_no_process():
-    program = "from tests.run.test_processes import Process, serve; print(Process(serve).request({}))"
+    program = "from tests.execution.test_processes import Process, serve; print(Process(serve).request({}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "({}, {})\n"
 
@@ -334,7 +334,7 @@ def test_what_it_started_ends_with_it(tmp_path):
 
 def test_what_a_killed_program_and_its_copies_started_ends_with_it(tmp_path):
     lines = (
-        "import os, subprocess, sys, time", "from benchmark.run.processes.process import adopt", "adopt()",
+        "import os, subprocess, sys, time", "from benchmark.execution.processes.process import adopt", "adopt()",
         "child = subprocess.Popen(['sleep', '600'], start_new_session=True).pid", "copy = os.fork()",
         "if not copy: os.setsid(); time.sleep(600)", "print(child, copy, flush=True)", "time.sleep(600)",
     )  # fmt: skip

@@ -8,15 +8,15 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 
 from benchmark.errors import BenchmarkError
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import Job, ShapeBatch
+from benchmark.execution.plan import UNSAVED
+from benchmark.execution.pools import LOST, UNWRITTEN, Pool, Running
+from benchmark.execution.processes.process import BIRTH, BY_HAND, ending
+from benchmark.execution.queue import JobQueue
+from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
-from benchmark.run.claims import Claims
-from benchmark.run.job_specs import Job, ShapeBatch
-from benchmark.run.plan import UNSAVED
-from benchmark.run.pools import LOST, UNWRITTEN, Pool, Running
-from benchmark.run.processes.process import BIRTH, BY_HAND, ending
-from benchmark.run.queue import JobQueue
-from benchmark.run.runner import failure, keep
 
 #: Deaths by somebody else's hand after which a job is not tried again.
 _MAX_RETRIES = 2

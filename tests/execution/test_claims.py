@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from benchmark.run.claims import Claims
+from benchmark.execution.claims import Claims
 
 ROOT = Path(__file__).parents[2]
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmark.run.claims import Claims
+from benchmark.execution.claims import Claims
 claims = Claims(Path(sys.argv[1]))
 assert claims.take(sys.argv[2])
 print("taken", flush=True)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmark.run.runner import _guarded
+from benchmark.execution.runner import _guarded
 from tests.test_errors import Mute, MuteRefusal, Quits
 
 
@@ -39,5 +39,5 @@ def test_whatever_a_method_raises_is_the_record_of_its_job_and_names_the_shape(e
 def test_an_interrupt_of_a_method_is_told_from_one_of_the_user(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         recorded(KeyboardInterrupt())
-    monkeypatch.setattr("benchmark.run.runner.is_child", lambda: True)  # a worker, which hears of no Ctrl-C
+    monkeypatch.setattr("benchmark.execution.runner.is_child", lambda: True)  # a worker, which hears of no Ctrl-C
     assert recorded(KeyboardInterrupt())["reason"] == "cat0: KeyboardInterrupt"

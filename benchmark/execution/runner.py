@@ -17,6 +17,9 @@ from benchmark.api.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
+from benchmark.execution.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, job_of
+from benchmark.execution.plan import CHANGED, UNSAVED, difference
+from benchmark.execution.processes.process import ForeignError, is_child
 from benchmark.pipeline import recipes
 from benchmark.pipeline.gallery import RankedGallery, Signatures, settled
 from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
@@ -28,9 +31,6 @@ from benchmark.pipeline.storage.environment import commit
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.remote import close_to_plugins
-from benchmark.run.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, job_of
-from benchmark.run.plan import CHANGED, UNSAVED, difference
-from benchmark.run.processes.process import ForeignError, is_child
 
 __all__ = ["failure", "keep", "make_forms", "ranked", "work"]
 
@@ -196,7 +196,7 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
     Parameters
     ----------
     description
-        The job, as :func:`benchmark.run.job_specs.to_json` writes it.
+        The job, as :func:`benchmark.execution.job_specs.to_json` writes it.
     identifiers
         The shapes.
     say

@@ -184,7 +184,7 @@ def at_the_trap(place, cluster, number):
     ],
 )
 def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypatch, number):
-    from benchmark.run import dask_pool
+    from benchmark.execution import dask_pool
 
     monkeypatch.setattr(dask_pool, "SILENCE", 6.0)
     assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
@@ -203,7 +203,7 @@ def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypa
 
 @pytest.mark.slow
 def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluster, monkeypatch):
-    from benchmark.run import job_specs
+    from benchmark.execution import job_specs
 
     monkeypatch.setattr(job_specs, "LARGEST_BATCH", 5)
     words = ("-d", place / "rods", "--input", "mesh", "-m", "pca", "-m", "surface-area", "--results")
@@ -263,7 +263,7 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     changed = other / "benchmark" / "run" / "dask_worker.py"
     changed.write_text(changed.read_text().replace('asked["run"]', 'asked["name_of_run"]'))
     cluster.worker(other)
-    said = "tcp.*: code changed: benchmark/run .*; install there the suite"
+    said = "tcp.*: code changed: benchmark/execution .*; install there the suite"
     with pytest.raises(ConfigurationError, match=said):
         run(*selection(place, "results"), *on(cluster))
 
@@ -272,16 +272,16 @@ def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_ea
     ("answer", "problem", "told"),
     [
         ({}, "another version of this suite", False),
-        ({"suite": {"code": {}, "packages": {}, "distributed": "1"}}, "code changed: benchmark/run", True),
+        ({"suite": {"code": {}, "packages": {}, "distributed": "1"}}, "code changed: benchmark/execution", True),
         ({"suite": None}, "", False),
     ],
     ids=["a suite that does not tell", "another one", "the same"],
 )
 def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, told):
-    from benchmark.run import dask_pool
+    from benchmark.execution import dask_pool
 
     pool = object.__new__(dask_pool.DaskPool)
-    pool._suite = {"code": {"benchmark/run": "a"}, "packages": {}, "distributed": "2"}
+    pool._suite = {"code": {"benchmark/execution": "a"}, "packages": {}, "distributed": "2"}
     node = dask_pool.WorkerNode("tcp://a", "a", 1, futures.Future())
     found = {"problem": "", "hint": ""} | answer
     if "suite" in answer:
@@ -295,7 +295,7 @@ def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, t
 
 @pytest.mark.slow
 def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begins(place, cluster, monkeypatch):
-    from benchmark.run import dask_pool
+    from benchmark.execution import dask_pool
 
     def without_marker(self, address):
         self._marker.unlink(missing_ok=True)
@@ -313,7 +313,7 @@ def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begi
 
 @pytest.mark.parametrize("written", ["by this run", "by another run", None])
 def test_the_results_folder_is_shared_if_a_worker_reads_what_the_run_wrote(tmp_path, written):
-    from benchmark.run import dask_worker
+    from benchmark.execution import dask_worker
 
     if written is not None:
         (tmp_path / "marker").write_text(written)
@@ -321,7 +321,7 @@ def test_the_results_folder_is_shared_if_a_worker_reads_what_the_run_wrote(tmp_p
 
 
 def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
-    from benchmark.run import dask_pool
+    from benchmark.execution import dask_pool
 
     monkeypatch.setattr(dask_pool, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):

@@ -21,12 +21,12 @@ from distributed import Client
 from distributed import Future as Answer
 
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
+from benchmark.execution import dask_worker
+from benchmark.execution.job_specs import Job, Task, to_json
+from benchmark.execution.plan import changed_names
+from benchmark.execution.pools import LOST, Running, Status
+from benchmark.execution.processes.process import INTERVAL
 from benchmark.pipeline.storage.store import Store
-from benchmark.run import dask_worker
-from benchmark.run.job_specs import Job, Task, to_json
-from benchmark.run.plan import changed_names
-from benchmark.run.pools import LOST, Running, Status
-from benchmark.run.processes.process import INTERVAL
 from benchmark.text import brief, say
 
 T = TypeVar("T")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmark.errors import ConfigurationError
+from benchmark.execution.job_specs import Job
 from benchmark.pipeline.storage import keys
-from benchmark.run.job_specs import Job
 
 
 @dataclass(frozen=True)

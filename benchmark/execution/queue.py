@@ -8,12 +8,12 @@ from math import ceil
 
 from msgspec.structs import replace
 
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
-from benchmark.run.claims import Claims
-from benchmark.run.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, shape_batches
-from benchmark.run.runner import failure, keep
 
 #: Shapes from which on it takes longer to compare a gallery than to hand out a task and read its signatures again.
 LARGE = 200

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
+from benchmark.execution.sharding import Shard
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
-from benchmark.run.sharding import Shard
 from tests.toy import write_rods
 
 #: Enough for every shard to have some; the last one has no model, and takes no mesh.
