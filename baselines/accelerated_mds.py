@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import side_notes
+from baselines._kernels.handedness import Side, side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import (
@@ -50,6 +50,9 @@ class AcceleratedMDS(CheckedParameters):
         Number p of farthest-point samples.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -64,6 +67,7 @@ class AcceleratedMDS(CheckedParameters):
     variant: Literal["samples", "interpolated"] = "samples"
     samples: Annotated[int, Interval(4)] = 25
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the form of the chosen variant, centred at the origin.
@@ -83,11 +87,11 @@ class AcceleratedMDS(CheckedParameters):
         interpolation = smooth_interpolation(shape.laplacian(), samples)
         between = squares_between(samples, rows)
         if self.variant == "samples":
-            points = low_rank_scaling(shape.mesh, interpolation, between)
+            points = low_rank_scaling(shape.mesh, interpolation, between, self.side)
         else:
             identity = np.eye(len(samples))
             coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
-            points = low_rank_scaling(shape.mesh, np.hstack([interpolation, rows.T**2]), coupling)
+            points = low_rank_scaling(shape.mesh, np.hstack([interpolation, rows.T**2]), coupling, self.side)
         return shape.form(
             points,
             samples=len(samples),

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_pairs, require_vertices
-from baselines._kernels.handedness import right_handed, side_notes
-from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
+from baselines._kernels.handedness import Side, oriented, side_notes
+from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.spectral import Metric, spectral_embedding
 from benchmark.api.contracts import (
     CanonicalForm,
@@ -51,6 +51,9 @@ class ClassicMDS(CheckedParameters):
         Largest number of eigenfunctions that the other three are summed over.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -69,6 +72,7 @@ class ClassicMDS(CheckedParameters):
     time: Annotated[float, Interval(0, closed="neither")] = 0.05
     eigenfunctions: Annotated[int, Interval(10)] = 100
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the distances.
@@ -85,13 +89,13 @@ class ClassicMDS(CheckedParameters):
             require_vertices(shape)
             require_pairs(shape)
             distances = shape.geodesics(self.solver)
-            points, ratios = oriented_classic_scaling(shape.mesh, distances)
+            points, ratios = oriented_classic_scaling(shape.mesh, distances, self.side)
             notes = {"stress": normalised_stress(points, distances)}
         else:
             require_vertices(shape, 5)
             embedding = spectral_embedding(shape, self.metric, self.time, self.eigenfunctions)
             points, ratios = principal_scaling(embedding)
-            points = oriented(shape.mesh, points, ratios)
+            points = oriented(shape.mesh, points, np.array(ratios[:3]), side=self.side)
             notes = {"eigenfunctions": embedding.shape[1]}
         return shape.form(
             points,
@@ -103,8 +107,10 @@ class ClassicMDS(CheckedParameters):
         )
 
 
-def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatArray, list[float]]:
-    """Classic scaling of the vertices of a mesh, with the axes of :func:`oriented`.
+def oriented_classic_scaling(
+    mesh: Mesh, distances: FloatArray, side: Side = "moment"
+) -> tuple[FloatArray, list[float]]:
+    """Classic scaling of the vertices of a mesh, with the axes of :func:`baselines._kernels.handedness.oriented`.
 
     Parameters
     ----------
@@ -112,6 +118,8 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
         Gives the vertex areas.
     distances
         Geodesic distances, symmetric, shape (n, n) with n at least 4.
+    side
+        As of :func:`baselines._kernels.handedness.oriented`.
 
     Returns
     -------
@@ -121,24 +129,7 @@ def oriented_classic_scaling(mesh: Mesh, distances: FloatArray) -> tuple[FloatAr
         As from :func:`classic_scaling`.
     """
     points, ratios = classic_scaling(distances)
-    return oriented(mesh, points, ratios), ratios
-
-
-def oriented(mesh: Mesh, points: FloatArray, ratios: list[float]) -> FloatArray:
-    """Settle what a scaling leaves open: axes of equal eigenvalues, signs, and the side of the mirror.
-
-    Parameters
-    ----------
-    mesh
-        Gives the vertex areas.
-    points
-        Positions along the axes, shape (n, 3).
-    ratios
-        Eigenvalues of the axes over the first, at least three.
-    """
-    points = settled_axes(points, np.array(ratios[:3]), mesh.vertices)
-    areas = vertex_areas(mesh)
-    return right_handed(points * canonical_signs(points, areas, mesh.vertices), areas)
+    return oriented(mesh, points, np.array(ratios[:3]), side=side), ratios
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import side_notes
+from baselines._kernels.handedness import Side, side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import (
@@ -47,6 +47,9 @@ class FastClassicalScaling(CheckedParameters):
         Weight :math:`\mu` of the fit against the smoothness, on a surface of mean vertex area 1.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -64,6 +67,7 @@ class FastClassicalScaling(CheckedParameters):
     samples: Annotated[int, Interval(4)] = 20
     fidelity: Annotated[float, Interval(0, closed="neither")] = 50.0
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the continued distances, centred at the origin.
@@ -85,7 +89,7 @@ class FastClassicalScaling(CheckedParameters):
         interpolation = smooth_interpolation(laplacian, samples, weights=areas**2, fidelity=self.fidelity)
         half, zero = np.eye(len(samples)) / 2, np.zeros((len(samples), len(samples)))
         points = low_rank_scaling(
-            shape.mesh, np.hstack([interpolation, rows.T**2]), np.block([[zero, half], [half, zero]])
+            shape.mesh, np.hstack([interpolation, rows.T**2]), np.block([[zero, half], [half, zero]]), self.side
         )
         return shape.form(
             points,

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from baselines._kernels.handedness import right_handed, side_notes
-from baselines._kernels.orientation import canonical_signs, vertex_areas
+from baselines._kernels.handedness import Side, oriented, side_notes
+from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -45,6 +45,9 @@ class FastMDS(CheckedParameters):
         Largest number of steps from a pivot to the vertex farthest from it, per axis.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics_from`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -61,6 +64,7 @@ class FastMDS(CheckedParameters):
 
     sweeps: Annotated[int, Interval(1)] = 5
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the FastMap embedding, centred at the origin.
@@ -84,11 +88,12 @@ class FastMDS(CheckedParameters):
             if apart > 0.0:
                 points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
         points -= points.mean(axis=0)
-        areas = vertex_areas(shape.mesh)
-        points = right_handed(points * canonical_signs(points, areas, shape.mesh.vertices), areas)
+        points = oriented(shape.mesh, points, side=self.side)
         known = list(rows.known)
         stress = stress_of_rows(points, known, np.stack([rows.known[vertex] for vertex in known]))
-        return shape.form(points, rows=len(known), stress_of_rows=stress, **side_notes(points, areas))
+        return shape.form(
+            points, rows=len(known), stress_of_rows=stress, **side_notes(points, vertex_areas(shape.mesh))
+        )
 
     def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
         near, far = start, start

@@ -8,13 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import right_handed, side_notes
-from baselines._kernels.orientation import canonical_signs, settled_axes
-from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
+from baselines._kernels.handedness import Side, oriented, side_notes
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class GPS:
+class GPS(CheckedParameters):
     r"""Global point signature of the first three non-constant eigenfunctions.
 
     With :math:`L \phi_k = \lambda_k M \phi_k` for the cotangent Laplacian L and the mass matrix M, vertex x moves to
@@ -27,6 +26,12 @@ class GPS:
     between the form and its mirror image, see :mod:`baselines._kernels.handedness`. Neighbouring
     eigenvalues of nearly the same size let eigenfunctions change places between poses; the smallest relative gap is
     noted. Rustamov (2007), "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
+
+    Parameters
+    ----------
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -42,6 +47,8 @@ class GPS:
         ),
         scale="invariant",
     )
+
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the global point signatures of the vertices.
@@ -60,8 +67,7 @@ class GPS:
         # The constant function comes first; the fourth non-constant one only tells how far away the next axis is.
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
-        points = settled_axes(points, values[:3], shape.mesh.vertices)
-        points = right_handed(points * canonical_signs(points, laplacian.mass, shape.mesh.vertices), laplacian.mass)
+        points = oriented(shape.mesh, points, values[:3], areas=laplacian.mass, side=self.side)
         gaps = np.diff(values) / values[:-1]
         return shape.form(
             points,

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import side_notes
+from baselines._kernels.handedness import Side, side_notes
 from baselines._kernels.low_rank import low_rank_scaling
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import (
@@ -46,6 +46,9 @@ class NystromMDS(CheckedParameters):
         Largest number r of eigenvalues that are kept, up to a gap between their magnitudes.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -63,6 +66,7 @@ class NystromMDS(CheckedParameters):
     samples: Annotated[int, Interval(4)] = 50
     rank: Annotated[int, Interval(4)] = 20
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the approximate distances, centred at the origin.
@@ -83,7 +87,7 @@ class NystromMDS(CheckedParameters):
         largest_first = np.argsort(-np.abs(values), kind="stable")
         kept = largest_first[: clear_length(values[largest_first], self.rank)]
         columns = rows.T**2 @ (vectors[:, kept] / values[kept])
-        points = low_rank_scaling(shape.mesh, columns, np.diag(values[kept]))
+        points = low_rank_scaling(shape.mesh, columns, np.diag(values[kept]), self.side)
         return shape.form(
             points,
             samples=len(samples),

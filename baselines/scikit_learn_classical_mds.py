@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from baselines._kernels.checks import require_connected, require_pairs, require_vertices
-from baselines._kernels.handedness import side_notes
+from baselines._kernels.handedness import Side, oriented, side_notes
 from baselines._kernels.orientation import vertex_areas
-from baselines.classic_mds import oriented
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, MethodInfo, Shape
 
 
@@ -23,6 +22,9 @@ class ScikitLearnClassicalMDS(CheckedParameters):
     ----------
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -34,6 +36,7 @@ class ScikitLearnClassicalMDS(CheckedParameters):
     )
 
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the distances, centred at the origin.
@@ -52,5 +55,5 @@ class ScikitLearnClassicalMDS(CheckedParameters):
         scaling = ClassicalMDS(n_components=3, metric="precomputed")
         points = scaling.fit_transform(shape.geodesics(self.solver))
         ratios = scaling.eigenvalues_ / scaling.eigenvalues_[0]
-        points = oriented(shape.mesh, points, ratios.tolist())
+        points = oriented(shape.mesh, points, ratios[:3], side=self.side)
         return shape.form(points, eigenvalue_ratio_3=float(ratios[2]), **side_notes(points, vertex_areas(shape.mesh)))

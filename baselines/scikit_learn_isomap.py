@@ -9,9 +9,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_pairs, require_vertices
-from baselines._kernels.handedness import side_notes
+from baselines._kernels.handedness import Side, oriented, side_notes
 from baselines._kernels.orientation import vertex_areas
-from baselines.classic_mds import oriented
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, Interval, MethodInfo, Shape
 
 MARGIN = 1e-6
@@ -35,6 +34,9 @@ class ScikitLearnIsomap(CheckedParameters):
         neighbours in a mesh.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
+    side
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
+        leaves it to the signs of the axes, as the source does.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -51,6 +53,7 @@ class ScikitLearnIsomap(CheckedParameters):
 
     neighbours: Annotated[int, Interval(3)] = 12
     solver: GeodesicSolver = "default"
+    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic scaling of the shortest paths, centred at the origin.
@@ -77,5 +80,5 @@ class ScikitLearnIsomap(CheckedParameters):
             warnings.simplefilter("ignore")  # it joins what the radius leaves apart, and says so at length
             points = isomap.fit_transform(distances)
         values = isomap.kernel_pca_.eigenvalues_
-        points = oriented(shape.mesh, points, (values / values[0]).tolist())
+        points = oriented(shape.mesh, points, values[:3] / values[0], side=self.side)
         return shape.form(points, **side_notes(points, vertex_areas(shape.mesh)))

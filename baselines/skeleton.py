@@ -49,6 +49,8 @@ class Skeleton(CheckedParameters):
     ----------
     max_iterations, rtol
         End of the scaling of the joints: number of Guttman transforms, and relative fall of the stress.
+    sampling
+        Weight of even spacing against shape when the contracted surface collapses to a graph; the released code has 1.
     bands
         Number of level bands of an open surface.
     open_border
@@ -63,15 +65,16 @@ class Skeleton(CheckedParameters):
         family="paper",
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
-            "Against the released code: sampling weight .1 instead of 1, summed quadrics, joints centred by "
-            "displacement instead of loop centroids and merged after centring, pockets absorbed; contraction goes on "
-            "where that code stops. On open views joints are level sets of the geodesic distance, which is another "
+            "Against the released code: sampling weight .1, not 1 (`sampling=1`), summed quadrics, joints centred "
+            "by displacement instead of loop centroids and merged after centring, pockets absorbed; contraction goes "
+            "on where that code stops. On open views joints are level sets of the geodesic distance, which is another "
             "method."
         ),
     )
 
     max_iterations: Annotated[int, Interval(1)] = 100
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    sampling: Annotated[float, Interval(0, closed="neither")] = 0.1
     bands: Annotated[int, Interval(2)] = 24
     open_border: Annotated[float, Interval(0)] = 1.0
 
@@ -130,7 +133,7 @@ class Skeleton(CheckedParameters):
             reason = "open surface"
         else:
             try:
-                skeleton = contraction_skeleton(mesh, contract(mesh))
+                skeleton = contraction_skeleton(mesh, contract(mesh), self.sampling)
             except ContractionFailed as failure:
                 reason = f"contraction failed: {failure}"
             else:

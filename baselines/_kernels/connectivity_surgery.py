@@ -14,12 +14,12 @@ SAMPLING = 0.1
 """Weight of the sampling cost against the shape cost, as in Au et al. (2008)."""
 
 
-def collapse(mesh: Mesh) -> NDArray[np.int32]:
+def collapse(mesh: Mesh, sampling: float = SAMPLING) -> NDArray[np.int32]:
     r"""Collapse half-edges until no triangle is left (Au et al. 2008, section 5).
 
     Collapsing vertex :math:`i` onto its neighbour :math:`j` costs
 
-    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + 0.1 \, \|v_i - v_j\| \sum_{k \in N(i)} \|v_i - v_k\|,
+    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + w \, \|v_i - v_j\| \sum_{k \in N(i)} \|v_i - v_k\|,
 
     where :math:`Q_i` measures the squared distances to the lines of the edges that have been merged into i. The first
     term keeps the curve in shape, the second prefers short edges and so an even spacing. The cheapest edge that still
@@ -29,6 +29,8 @@ def collapse(mesh: Mesh) -> NDArray[np.int32]:
     ----------
     mesh
         Contracted surface; of two collapses of exactly equal cost the one of the lower vertex index goes first.
+    sampling
+        The weight w of the second term.
 
     Returns
     -------
@@ -39,7 +41,9 @@ def collapse(mesh: Mesh) -> NDArray[np.int32]:
     edges = edges_of(faces).ends
     directed = np.concatenate([edges, edges[:, ::-1]])
     directed = directed[np.argsort(directed[:, 0], kind="stable")].astype(np.int32)
-    return np.asarray(_collapse(mesh.vertices, faces, directed, _line_quadrics(mesh.vertices, edges)))
+    # The kernel has a weight of its own; the order of the costs is that of their multiples.
+    quadrics = SAMPLING / sampling * _line_quadrics(mesh.vertices, edges)
+    return np.asarray(_collapse(mesh.vertices, faces, directed, quadrics))
 
 
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, shortest_path
 
-from baselines._kernels.connectivity_surgery import collapse
+from baselines._kernels.connectivity_surgery import SAMPLING, collapse
 from baselines._kernels.orientation import vertex_areas
 from baselines._kernels.ties import TIE
 from benchmark.api.contracts import FloatArray
@@ -61,7 +61,7 @@ class CurveSkeleton:
         return np.asarray(shortest_path(graph, directed=False))
 
 
-def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
+def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = SAMPLING) -> CurveSkeleton:
     """Turn a contracted surface into a curve skeleton in the middle of the surface (Au et al. 2008, sections 5 and 6).
 
     Connectivity surgery gives the joints. Each is moved back by the mean displacement that the contraction gave to the
@@ -77,8 +77,10 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray) -> CurveSkeleton:
         The surface.
     contracted
         Contracted positions of its vertices, shape (n, 3).
+    sampling
+        Weight of even spacing against shape in the surgery.
     """
-    survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
+    survivors, owners = np.unique(collapse(mesh.with_vertices(contracted), sampling), return_inverse=True)
     owners = owners.astype(np.int64)
     areas = vertex_areas(mesh)
     edges = edges_of(mesh.faces).ends

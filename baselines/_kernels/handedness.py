@@ -12,9 +12,14 @@ What remains are proper rotations: half a turn about an axis is one of the 24 tu
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
-from benchmark.api.contracts import FloatArray
+from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
+from benchmark.api.contracts import FloatArray, Mesh
+
+Side = Literal["moment", "off"]
 
 NEGLIGIBLE = 1e-6
 """Below it a form is its own mirror image, up to rounding errors, and is left as it is."""
@@ -69,6 +74,36 @@ def right_handed(points: FloatArray, weights: FloatArray) -> FloatArray:
         Shape (n, 3).
     """
     return points * [1.0, 1.0, -1.0] if handedness(points, weights) < -NEGLIGIBLE else points
+
+
+def oriented(
+    mesh: Mesh,
+    points: FloatArray,
+    eigenvalues: FloatArray | None = None,
+    *,
+    areas: FloatArray | None = None,
+    side: Side = "moment",
+) -> FloatArray:
+    """Settle what an embedding leaves open: axes of equal eigenvalues, signs, and the side of the mirror.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    points
+        Positions along the axes, shape (n, 3).
+    eigenvalues
+        Of the axes, shape (3,), where equal ones leave axes open.
+    areas
+        Of the vertices, shape (n,); those of the mesh by default.
+    side
+        ``"moment"``: see :func:`right_handed`; ``"off"``: the side that the signs of the axes happen to give.
+    """
+    if eigenvalues is not None:
+        points = settled_axes(points, eigenvalues, mesh.vertices)
+    areas = vertex_areas(mesh) if areas is None else areas
+    points = points * canonical_signs(points, areas, mesh.vertices)
+    return right_handed(points, areas) if side == "moment" else points
 
 
 def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines._kernels.handedness import right_handed
-from baselines._kernels.orientation import canonical_signs, settled_axes, vertex_areas
+from baselines._kernels.handedness import Side, oriented
 from benchmark.api.contracts import FloatArray, Mesh
 
 
-def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> FloatArray:
+def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
     r"""Classic scaling of the squared distances :math:`Z M Z^\top`, without making that matrix.
 
     The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, as large as Z has
@@ -23,6 +22,8 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> F
         The matrix Z, shape (n, k) with k at least 3.
     coupling
         The symmetric matrix M, shape (k, k).
+    side
+        As of :func:`baselines._kernels.handedness.oriented`.
 
     Returns
     -------
@@ -32,6 +33,4 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> F
     orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
     leading = np.maximum(values[:-4:-1], 0.0)
-    points = settled_axes(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, mesh.vertices)
-    areas = vertex_areas(mesh)
-    return right_handed(points * canonical_signs(points, areas, mesh.vertices), areas)
+    return oriented(mesh, orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, side=side)

@@ -62,6 +62,17 @@ def scaled_tips(mesh):
     return TIPS * factor, factor
 
 
+class TestSampling:
+    def test_a_larger_weight_spaces_joints_more_evenly(self, y_shape):
+        contracted = contract(y_shape)
+        spreads = []
+        for sampling in (0.01, 0.1, 1.0):
+            skeleton = contraction_skeleton(y_shape, contracted, sampling)
+            lengths = np.linalg.norm(np.diff(skeleton.joints[skeleton.bones], axis=1)[:, 0], axis=1)
+            spreads.append(lengths.std() / lengths.mean())
+        assert spreads[2] < spreads[0]
+
+
 class TestCurveSkeleton:
     def test_of_a_y_has_three_branches(self, y_shape):
         skeleton = contraction_skeleton(y_shape, contract(y_shape))
