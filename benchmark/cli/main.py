@@ -18,7 +18,6 @@ from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE
 from benchmark.cli.verbs.compilation import compile_
 from benchmark.cli.verbs.data import data
 from benchmark.cli.verbs.forms import canonicalise, check
-from benchmark.cli.verbs.leaderboard import leaderboard
 from benchmark.cli.verbs.names import describe, list_
 from benchmark.cli.verbs.new import new
 from benchmark.cli.verbs.paper import paper
@@ -57,7 +56,7 @@ class _GroupedVerbs(click.Group):
     sections: ClassVar[dict[str, tuple[str, ...]]] = {
         "Daily use": ("run", "plan", "tables", "report", "list", "describe", "canonicalise", "retrieve"),
         "Own methods and data": ("new", "check", "train", "data"),
-        "Results": ("why", "compare", "paper", "merge", "prune", "submit", "verify", "leaderboard"),
+        "Results": ("why", "compare", "paper", "merge", "prune", "submit", "verify"),
         "Set-up": ("compile", "completion"),
     }
 
@@ -85,7 +84,7 @@ def completion_(shell: str) -> None:
 
 for verb in (
     run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
-    data, train, merge, compare, score, submit, verify, leaderboard, prune, why, compile_,
+    data, train, merge, compare, score, submit, verify, prune, why, compile_,
 ):  # fmt: skip
     cli.add_command(verb)
 

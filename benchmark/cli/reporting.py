@@ -20,6 +20,7 @@ FIGURES = ("forms", "effect", "cost")
 
 def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> None:
     """Write the static report of a selection; with force, over what is of no report, too."""
+    from benchmark.bundles.board import boards
     from benchmark.plugins.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
@@ -33,7 +34,9 @@ def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> 
         raise no_table(selection)
     artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
-    written = write_report(tables, artefacts, Folder(output, force), command, lambda line: say(line, err=True))
+    written = write_report(
+        tables, artefacts, Folder(output, force), command, lambda line: say(line, err=True), boards(selection.results)
+    )
     say(
         f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
         f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"

@@ -23,7 +23,7 @@ from tests.behaviour.suite import HERE, MEASURES, call
 PINNED = HERE / "pinned"
 
 #: Verbs and options that go.
-GOING = {"rekey", "gather", "leaderboard", "sample", "--neighbours", "compare --power", "compare --digests"}
+GOING = {"rekey", "gather", "sample", "--neighbours", "compare --power", "compare --digests"}
 
 #: Methods of a plugin in the results of version 0.2, which nobody can tell to be outdated without it.
 OWN = ("broken", "flat", "picky")

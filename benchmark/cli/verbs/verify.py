@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -30,24 +30,7 @@ if TYPE_CHECKING:
 EXIT = {"verified": OK, "claimed": NOT_OK, "false": NOT_OK, "unreadable": USAGE}
 
 
-def known_options(command: Any) -> Any:
-    """Add the options that say what bundles are compared with, and whether their programs may run."""
-    for option in reversed((
-        click.option("-d", "--dataset", "folders", multiple=True, type=NameOrFolder(), metavar="FOLDER",
-                     help="Folder of the meshes that it was run on."),
-        results_option,
-        data_root_option,
-        click.option("--run", is_flag=True,
-                     help="Run the author's plugin with your rights, to make forms again."),
-        click.option("--again", type=click.IntRange(min=3), default=3, show_default=True, metavar="N",
-                     help="Number of forms per record to make again."),
-        timeout_option("each step"),
-    )):  # fmt: skip
-        command = option(command)
-    return command
-
-
-def known_here(folders: tuple[str, ...], results: Path, data_root: Path | None) -> Known:
+def _known_here(folders: tuple[str, ...], results: Path, data_root: Path | None) -> Known:
     """Return what bundles are compared with; raises ``ConfigurationError`` for what is no folder of meshes."""
     from benchmark.bundles.known import Known
     from benchmark.datasets.catalogue import is_known, open_dataset
@@ -58,20 +41,32 @@ def known_here(folders: tuple[str, ...], results: Path, data_root: Path | None) 
     return Known(results, data_root, {open_dataset(folder, None).name: Path(folder).resolve() for folder in folders})
 
 
+# fmt: off
 @click.command()
 @click.argument("bundle", type=PathOption(), metavar="BUNDLE.zip")
-@known_options
+@click.option("-d", "--dataset", "folders", multiple=True, type=NameOrFolder(), metavar="FOLDER",
+              help="Folder of the meshes that it was run on.")
+@results_option
+@data_root_option
+@click.option("--run", is_flag=True, help="Run the author's plugin with your rights, to make forms again.")
+@click.option("--again", type=click.IntRange(min=3), default=3, show_default=True, metavar="N",
+              help="Number of forms per record to make again.")
+@timeout_option("each step")
+@click.option("--into", type=PathOption(), metavar="DIR", help="Results folder whose reports show its rows.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def verify(
-    bundle: Path, folders: tuple[str, ...], results: Path, data_root: Path | None, as_json: bool, **given: Any
+    bundle: Path, folders: tuple[str, ...], results: Path, data_root: Path | None, run: bool, again: int,
+    timeout: float, into: Path | None, as_json: bool,
 ) -> None:
+    # fmt: on
     """Compute the scores of a bundle again; none of its code runs without --run.
 
     Exit 0 if everything is verified, 1 if something is claimed or false, 2 if it cannot be read.
     """
+    from benchmark.bundles.board import keep
     from benchmark.bundles.checking import Request, verify
 
-    request = Request(bundle, known_here(folders, results, data_root), given["run"], given["again"], given["timeout"])
+    request = Request(bundle, _known_here(folders, results, data_root), run, again, timeout)
     outcome = verify(request, lambda line: say(line, err=True))
     if as_json:
         say(json.dumps(outcome.to_plain(), sort_keys=True))
@@ -79,6 +74,8 @@ def verify(
         for line in lines(outcome):
             say(line)
         say(f"{bundle}: {outcome.status} (SHA-256 {outcome.digest[:16]}...)")
+    if into is not None:
+        keep(outcome, into)
     sys.exit(EXIT[outcome.status])
 
 

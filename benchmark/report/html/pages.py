@@ -107,15 +107,23 @@ class TablePages:
         return ["Method", "Input", *(f"{name}, s" for name in phases), "All, s", "Peak, MiB"], rows
 
 
+@dataclass(frozen=True)
+class Board:
+    """Rows of bundles on one gallery: a heading, and a row of cells for each record."""
+
+    heading: str
+    rows: list[list[object]]
+
+
 def set_stem(table: TableContent) -> str:
     """Return the name of the files of the data set of a table."""
     data = table.data
     return f"set-{digest([data['source'], data['name'], bool(data['quick'])])[:10]}"
 
 
-def index_page(tables: Sequence[TablePages], command: str) -> str:
-    """Return the first page: the tables, what failed, and how all of it was made, by a command among others."""
-    return _rendered("index.html", tables, **_overview(tables, command))
+def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
+    """Return the first page: the tables, rows of bundles, what failed, and the commands that made all of it."""
+    return _rendered("index.html", tables, boards=boards, **_overview(tables, command))
 
 
 def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:

@@ -14,7 +14,7 @@ from benchmark.report.content import TableContent
 from benchmark.report.html.folder import Folder, Progress
 from benchmark.report.html.gallery import Gallery, make_gallery
 from benchmark.report.html.measured import measured
-from benchmark.report.html.pages import TablePages, forms_page, index_page, queries_page, set_stem, table_page
+from benchmark.report.html.pages import Board, TablePages, forms_page, index_page, queries_page, set_stem, table_page
 from benchmark.report.html.queries import write_queries
 from benchmark.report.html.thumbnails import MOST_SMALL_FORMS, Sheets, write_thumbnails
 
@@ -54,6 +54,7 @@ def write_report(
     folder: Folder,
     command: str,
     say: Progress = lambda _: None,
+    boards: Sequence[Board] = (),
 ) -> Written:
     """Write the report into its folder.
 
@@ -69,6 +70,8 @@ def write_report(
         The command line that made it.
     say
         Told what is being done.
+    boards
+        Rows of bundles.
 
     Raises
     ------
@@ -100,7 +103,7 @@ def write_report(
         folder.write(f"{stem}.html", table_page(pages, made))
         folder.write(f"{stem}-forms.html", forms_page(pages, made))
         folder.write(f"{stem}-queries.html", queries_page(pages, made))
-    folder.write("index.html", index_page(made, command))
+    folder.write("index.html", index_page(made, command, boards))
     folder.finish()
     return Written(
         len(folder.sizes),

@@ -1,0 +1,69 @@
+"""Rows of bundles in a report: verified apart from claimed, and nothing that is false."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmark.bundles.board import boards, keep
+from benchmark.errors import ConfigurationError
+from tests.bundles.made import Forgery, command
+from tests.bundles.test_verify import edit_score_and_queries, outcome
+
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture
+def kept(ran, tmp_path) -> Path:
+    """A results folder that keeps a verified bundle, one with a hostile title, and a claimed one."""
+    hostile = Forgery(ran / "flat.zip")
+    hostile.manifest["title"] = hostile.manifest["author"] = HOSTILE
+    hostile.record["data"]["title"] = HOSTILE
+    made = command("submit", "surface-area", "-o", tmp_path / "area.zip", "--results", ran / "results")
+    assert made.exit_code == 0, made.output
+    for bundle in (ran / "flat.zip", hostile.write(tmp_path / "hostile.zip"), tmp_path / "area.zip"):
+        keep(outcome(bundle), tmp_path / "kept")
+    return tmp_path / "kept"
+
+
+def statuses(results: Path) -> dict[str, object]:
+    return {str(row[0]): row[2] for board in boards(results) for row in board.rows}
+
+
+def test_rows_that_can_be_compared_share_a_table_and_say_what_they_are(kept):
+    assert statuses(kept) == {
+        "Flattened (flat)": "verified", f"{HOSTILE} (flat)": "verified", "Surface area (surface-area)": "claimed",
+    }  # fmt: skip
+    by_form, by_descriptor = sorted(boards(kept), key=lambda board: -len(board.rows))
+    assert "scored by spherical-harmonics[n_degrees=2]" in by_form.heading
+    assert "by descriptors" in by_descriptor.heading
+
+
+def test_the_report_shows_them_as_text(kept, ran, tmp_path):
+    made = command("merge", ran / "results", "--results", kept)
+    assert made.exit_code == 0, made.output
+    made = command("report", "--results", kept, "-m", "surface-area", "-o", tmp_path / "report")
+    assert made.exit_code == 0, made.output
+    text = (tmp_path / "report" / "index.html").read_text()
+    shown = text[text.index("<h2>Bundles") : text.index("<section id='failures'")]
+    assert "<img" not in shown
+    assert "&lt;img src=x" in shown
+    assert len(re.findall(r">verified</td>", shown)) == 2
+    assert len(re.findall(r">claimed</td>", shown)) == 1
+
+
+def test_what_is_false_or_no_outcome_is_refused(ran, tmp_path):
+    forged = Forgery(ran / "flat.zip")
+    edit_score_and_queries(forged)
+    told = command("verify", forged.write(tmp_path / "forged.zip"), "--into", tmp_path)
+    assert "the bundle is false" in str(told.exception)
+    assert not (tmp_path / "bundles").exists()
+    (tmp_path / "bundles").mkdir()
+    (tmp_path / "bundles" / "a.json").write_text(json.dumps({"rows": []}))
+    with pytest.raises(ConfigurationError, match="is no outcome of a bundle"):
+        boards(tmp_path)
