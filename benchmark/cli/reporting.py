@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,6 @@ def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> 
     from benchmark.plugins.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
-    from benchmark.report.html.folder import Folder
     from benchmark.report.html.site import write_report
 
     store = selection.store()
@@ -35,8 +35,9 @@ def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> 
     artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
     written = write_report(
-        tables, artefacts, Folder(output, force), command, lambda line: say(line, err=True), boards(selection.results)
+        tables, artefacts, output, command, lambda line: say(line, err=True), boards(selection.results), force=force
     )
+    name_edited(output, written.edited)
     say(
         f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
         f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"
@@ -93,6 +94,12 @@ def _cost_figure(selection: RunOptions) -> Figure:
     if len(tables) > 1:
         say(f"only table {tables[0].identifier} is drawn of {len(tables)}; choose with -t and -d", err=True)
     return cost_figure(tables[0])
+
+
+def name_edited(folder: Path, names: Iterable[str]) -> None:
+    """Tell on stderr which files of a folder were left as somebody has edited them."""
+    for name in names:
+        say(f"kept {folder / name}, which was edited; --force overwrites it", err=True)
 
 
 def no_table(selection: RunOptions) -> ConfigurationError:

@@ -1,22 +1,16 @@
-"""Table files: rendering, writing, and telling whether those on disk are up to date."""
+"""Tables as files: texts by name."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import resources
-from pathlib import Path
 
-from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.files import sweep, write_text
 from benchmark.report.content import TableContent
 from benchmark.report.formats import as_csv, as_json, markdown
 from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.reproduction.document import reproduction_markdown
 from benchmark.report.reproduction.figures import paper_tables
 from benchmark.report.statistics.document import has_splits, intervals_markdown, splits_markdown
-
-#: Characters by which a file of ours is known again: they tell its kind and name, and no figure.
-_HEAD = 16
 
 #: First line of the BibTeX file, by which it is told from the list of somebody's paper.
 _BIBLIOGRAPHY = (
@@ -62,44 +56,3 @@ def render(
 def bibliography() -> str:
     """Return the BibTeX file of the sources of methods, scorers and data."""
     return _BIBLIOGRAPHY + resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
-
-
-def write(files: Mapping[str, str], folder: Path, *, force: bool = False) -> None:
-    """Write the files into a folder, which is made if need be; each is whole, or what it was before.
-
-    Raises
-    ------
-    ConfigurationError
-        If one would take the place of a file that is no such table: one that begins otherwise. Not with force.
-    BenchmarkError
-        If they cannot be written.
-    """
-    found = {name: _content(folder / name) or "" for name in files if (folder / name).exists()}
-    strange = [name for name, text in found.items() if not text.startswith(files[name][:_HEAD])]
-    if strange and not force:
-        raise ConfigurationError(
-            f"{folder / strange[0]} was not written by 'tables'",
-            "choose another folder with -o, or pass --force to replace it",
-        )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            write_text(folder / name, text)
-        sweep(folder, deep=False)
-    except OSError as error:
-        raise BenchmarkError(
-            f"cannot write to {folder}: {error.strerror}", "free some space or choose another folder with -o"
-        ) from error
-
-
-def stale(files: Mapping[str, str], folder: Path) -> list[str]:
-    """Names of files that are missing in a folder or differ from what they should hold."""
-    return [name for name, text in files.items() if _content(folder / name) != text]
-
-
-def _content(path: Path) -> str | None:
-    """Return what a file holds; None where there is none that can be read."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return None

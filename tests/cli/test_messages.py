@@ -66,7 +66,7 @@ def test_what_fits_a_screen_is_told_whole(told):
     ("verb", "name", "refused"),
     [
         ("tables", "references.bib", "references.bib was not written by 'tables'; choose another folder with -o"),
-        ("report", "index.html", "index.html is not of a report; choose another folder with -o"),
+        ("report", "index.html", "index.html was not written by 'report'; choose another folder with -o"),
     ],
 )
 def test_a_strangers_file_stays_unless_it_is_forced_away(told, place, verb, name, refused):

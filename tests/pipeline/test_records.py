@@ -20,9 +20,9 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.files import render
-from benchmark.report.html.folder import data_script
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import TablePages, index_page, table_page
+from benchmark.report.html.scripts import data_script
 from benchmark.report.paper.document import paper_files
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record

@@ -18,13 +18,14 @@ from benchmark.protocols.tables import Table
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
-from benchmark.report.files import render, stale, write
+from benchmark.report.files import render
 from benchmark.report.frame import lines
-from benchmark.report.html.folder import data_script
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import ENVIRONMENT, TablePages, forms_page, index_page, queries_page, table_page
+from benchmark.report.html.scripts import data_script
 from benchmark.report.notes import notes
+from benchmark.report.output import Folder
 from benchmark.report.results import Result
 from benchmark.text import LONGEST_REASON, clean
 from tests.records import failed, record
@@ -255,15 +256,16 @@ def test_files_are_written_whole_with_the_rights_of_the_umask_and_compared(tmp_p
     tables = [replace(tables[0], table=Table(HOSTILE, HOSTILE, HOSTILE))]
     files = render(tables, ("latex", "markdown", "csv", "json"))
     (tmp_path / ".99999999-ab.tmp").write_text("half")
-    write(files, tmp_path)
+    folder, whole = Folder(tmp_path, "tables"), {name: text.encode() for name, text in files.items()}
+    folder.write(whole)
     assert {path.name for path in tmp_path.iterdir()} == set(files)
     (tmp_path / "umask").write_text("")
     assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1
-    assert stale(files, tmp_path) == []
+    assert folder.stale(whole) == []
     (tmp_path / "tables.csv").write_bytes(b"\xff")
     (tmp_path / "tables.json").unlink()
     (tmp_path / "tables.json").mkdir()
-    assert stale(files, tmp_path) == ["tables.csv", "tables.json"]
+    assert folder.stale(whole) == ["tables.csv", "tables.json"]
 
 
 @pytest.mark.parametrize("cell", ["=cmd|' /C calc'!A0", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])

@@ -10,10 +10,11 @@ from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent, departs_of
-from benchmark.report.files import render, write
+from benchmark.report.files import render
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
+from benchmark.report.output import Folder
 from retrieval.chance import chance_levels
 from tests.records import record
 
@@ -132,9 +133,11 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
 
 
 def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
-    files = render([table()], ("latex", "markdown", "csv", "json"))
-    write(files, tmp_path)
-    write(files, tmp_path)
+    texts = render([table()], ("latex", "markdown", "csv", "json"))
+    files = {name: text.encode() for name, text in texts.items()}
+    folder = Folder(tmp_path, "tables")
+    folder.write(files)
+    folder.write(files)
     own = {
         "references.bib": "@article{elad2003bending,\n",
         "tables.csv": "a,b\n",
@@ -144,10 +147,10 @@ def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
     for name, text in own.items():
         (tmp_path / name).write_text(text)
         with pytest.raises(ConfigurationError, match=f"{name} was not written by 'tables'; choose another folder"):
-            write(files, tmp_path)
+            folder.write(files)
         assert (tmp_path / name).read_text() == text
-        write(files, tmp_path, force=True)
-        assert (tmp_path / name).read_text() == files[name]
+        replace(folder, force=True).write(files)
+        assert (tmp_path / name).read_bytes() == files[name]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.cli.options import PathOption, RunOptions, force_option, published_option, selection_options
-from benchmark.cli.reporting import no_table
+from benchmark.cli.reporting import name_edited, no_table
 from benchmark.text import say
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
     from benchmark.plugins.registry import methods
     from benchmark.report.artefact_reader import ArtefactReader
     from benchmark.report.content import contents
+    from benchmark.report.output import Folder
     from benchmark.report.paper.document import main_tables, paper_files
-    from benchmark.report.paper.folder import write_folder
 
     selection = RunOptions.of(options)
     store = selection.store()
@@ -52,8 +52,7 @@ def paper(output: Path, template: Template, force: bool, **options: Any) -> None
         tables = main_tables(tables)
     artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
     files = paper_files(tables, artefacts, template)
-    for name in write_folder(files, output, force=force):
-        say(f"kept {output / name}, which was edited; --force overwrites it", err=True)
+    name_edited(output, Folder(output, "paper", "written-by-paper.json", force).write(files))
     say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
     if "figures/forms.pdf" not in files:
         figure = shlex.quote(str(output / "figures" / "forms.pdf"))

@@ -70,8 +70,9 @@ def tables(
     """Print tables of finished jobs, or write them to files; needs no data."""
     from benchmark.pipeline.storage.store import Store
     from benchmark.report.content import contents
-    from benchmark.report.files import render, stale, write
+    from benchmark.report.files import render
     from benchmark.report.formats import overview
+    from benchmark.report.output import Folder
     from benchmark.report.robustness import rendered, robustness
 
     if check and output is None:
@@ -105,16 +106,17 @@ def tables(
         for text in texts.values():
             say_lines(text)
         return
-    files = render(content, formats or FORMATS, notes, rows_only=rows_only) | rendered(perturbed, formats or FORMATS)
+    texts = render(content, formats or FORMATS, notes, rows_only=rows_only) | rendered(perturbed, formats or FORMATS)
+    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
     if not check:
-        write(files, output, force=force)
+        folder.write(files)
         if perturbed and "markdown" in (formats or FORMATS):
             from benchmark.report.pictures.curves import draw_curves
 
             draw_curves(perturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
         return
-    different = stale(files, output)
+    different = folder.stale(files)
     say(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
     sys.exit(NOT_OK if different else OK)
 

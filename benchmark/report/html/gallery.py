@@ -17,7 +17,7 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.html.folder import Folder
+from benchmark.report.html.scripts import Files, add_picture, add_script
 from benchmark.report.html.surfaces import Thinned, thinned
 from benchmark.report.pictures.contact_sheet import select
 from benchmark.report.pictures.painting import painted
@@ -87,7 +87,7 @@ def make_gallery(
     stem: str,
     records: Sequence[Record],
     artefacts: ArtefactReader,
-    folder: Folder,
+    files: Files,
     *,
     most_shapes: int,
     poses: int = POSES,
@@ -102,8 +102,8 @@ def make_gallery(
         Records with scores of that data set, methods in the order in which they are shown.
     artefacts
         Where forms are.
-    folder
-        Where files go.
+    files
+        Where they are added.
     most_shapes
         Shapes that the size of the report allows.
     poses
@@ -131,7 +131,7 @@ def make_gallery(
             _turn(of_subject, artefacts, of_input)
             widths = _widths(of_subject)
             for column in of_subject:
-                _write(f"{stem}-{input_}-{number}", column, list(rows), widths, folder)
+                _write(f"{stem}-{input_}-{number}", column, list(rows), widths, files)
                 number += 1
             if len(heroes) < 1:
                 heroes += _hero(of_subject, list(rows), widths)
@@ -141,7 +141,7 @@ def make_gallery(
         return None
     hero = f"parts/pictures/hero-{stem}.webp" if heroes else ""
     if heroes:
-        folder.picture(hero, heroes[0])
+        add_picture(files, f"hero-{stem}", heroes[0])
     names = [(of_subject[0].subject, [entry.identifier for entry in of_subject]) for of_subject in chosen]
     return Gallery(stem, names, inputs, n_forms, hero)
 
@@ -254,7 +254,7 @@ def _thinned(column: _Column, name: str) -> Thinned:
     return column.thin if column.thin is not None and shared else thinned(column.meshes[name])
 
 
-def _write(name: str, column: _Column, methods: Sequence[str], widths: Mapping[str, float], folder: Folder) -> None:
+def _write(name: str, column: _Column, methods: Sequence[str], widths: Mapping[str, float], files: Files) -> None:
     """Write the strip of pictures of a shape, the shape itself on top, and the script with its surfaces."""
     strip = Image.new("RGBA", (TILE, TILE * (len(methods) + 1)))
     surfaces: dict[str, Any] = {}
@@ -267,5 +267,5 @@ def _write(name: str, column: _Column, methods: Sequence[str], widths: Mapping[s
                 own = {} if thin is column.thin else thin.topology()
                 surfaces[method] = {"at": thin.positions(column.points[method] / widths[method])} | own
                 strip.paste(_picture(column, method, widths[method]), (0, TILE * row))
-    folder.picture(f"parts/pictures/forms-{name}.webp", strip)
-    folder.script(f"forms-{name}", {"shape": column.entry.identifier, **topology, "surfaces": surfaces})
+    add_picture(files, f"forms-{name}", strip)
+    add_script(files, f"forms-{name}", {"shape": column.entry.identifier, **topology, "surfaces": surfaces})

@@ -15,9 +15,9 @@ from benchmark.pipeline.storage.keys import digest
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
 from benchmark.report.frame import Style, lines
-from benchmark.report.html.folder import script_json
 from benchmark.report.html.gallery import Gallery
 from benchmark.report.html.measured import Measured
+from benchmark.report.html.scripts import script_json
 from benchmark.report.notes import notes
 from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.statistics.table_significance import CONTROL

@@ -8,8 +8,8 @@ from typing import Any
 from benchmark.api.contracts import Input
 from benchmark.pipeline.storage.records import answered_shapes
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.html.folder import Folder
 from benchmark.report.html.measured import Ranked, poses_of
+from benchmark.report.html.scripts import Files, add_script
 from benchmark.report.html.thumbnails import ACROSS, DOWN, Sheets, spread
 from benchmark.text import brief
 from retrieval.measures import PRINTED
@@ -27,7 +27,7 @@ def write_queries(
     titles: Mapping[str, str],
     pictures: Mapping[Input, Sheets],
     artefacts: ArtefactReader,
-    folder: Folder,
+    files: Files,
 ) -> dict[str, Any]:
     """Write the scripts of the browser of one table: of large galleries so many queries, evenly spread, as may be.
 
@@ -43,8 +43,8 @@ def write_queries(
         Of the shapes and of their forms, by input.
     artefacts
         Where poses are.
-    folder
-        Where files go.
+    files
+        Where they are added.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def write_queries(
         chosen = spread(range(len(names)), room)
         for part in range(0, len(chosen), PART):
             queries = [names[k] for k in chosen[part : part + PART]]
-            folder.script(f"queries-{stem}-{number}-{part // PART}", _part(here, names, queries))
+            add_script(files, f"queries-{stem}-{number}-{part // PART}", _part(here, names, queries))
         sheets = pictures.get(input_, Sheets(""))
         galleries.append(
             {

@@ -5,24 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.records import Record
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
-from benchmark.report.html.folder import Folder, Progress
 from benchmark.report.html.gallery import Gallery, make_gallery
 from benchmark.report.html.measured import measured
 from benchmark.report.html.pages import Board, TablePages, forms_page, index_page, queries_page, set_stem, table_page
 from benchmark.report.html.queries import write_queries
+from benchmark.report.html.scripts import Files, Progress, add_script
 from benchmark.report.html.thumbnails import MOST_SMALL_FORMS, Sheets, write_thumbnails
+from benchmark.report.output import Folder
 
 #: Forms in the whole report, at 13 kilobytes each: with plotly and the queries it stays below thirty megabytes.
 MOST_FORMS = 1200
 
 #: Shapes of a data set whose forms are shown at most.
 MOST_SHAPES = 24
+
+#: Lists what a report consists of, so that the next one removes what it does not write again, and nothing else.
+CONTENTS = "parts/contents.json"
 
 _ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
 
@@ -33,6 +38,8 @@ class Written:
 
     Parameters
     ----------
+    edited
+        Names of files that were left as somebody has edited them.
     n_files, size
         Files and bytes.
     n_forms
@@ -41,6 +48,7 @@ class Written:
         Jobs whose distances were here, of those with scores.
     """
 
+    edited: list[str]
     n_files: int
     size: int
     n_forms: int
@@ -51,10 +59,12 @@ class Written:
 def write_report(
     tables: Sequence[TableContent],
     artefacts: ArtefactReader,
-    folder: Folder,
+    root: Path,
     command: str,
     say: Progress = lambda _: None,
     boards: Sequence[Board] = (),
+    *,
+    force: bool = False,
 ) -> Written:
     """Write the report into its folder.
 
@@ -64,7 +74,7 @@ def write_report(
         The tables to show.
     artefacts
         Where distances, surfaces and forms are, as far as they are here; without them the report shows the records.
-    folder
+    root
         Where it goes.
     command
         The command line that made it.
@@ -72,6 +82,8 @@ def write_report(
         Told what is being done.
     boards
         Rows of bundles.
+    force
+        Whether files are replaced that no report has written, or that were edited.
 
     Raises
     ------
@@ -79,8 +91,9 @@ def write_report(
         If a file cannot be written or would take the place of what is of no report, or plotly is not installed.
     """
     names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms", "-queries")]
-    folder.claim(["index.html", "parts", *names])
-    _write_assets(folder)
+    folder = Folder(root, "report", CONTENTS, force)
+    folder.require_own(["index.html", *names])
+    files = _assets()
     sets = _by_set(tables)
     per_set = _shapes_per_set(sets)
     small = max(1, MOST_SMALL_FORMS // max(_columns(sets), 1))
@@ -88,41 +101,40 @@ def write_report(
     pictures: dict[str, dict[Input, Sheets]] = {}
     for stem, records in sets.items():
         say(f"drawing {records[0]['data']['name']}")
-        galleries[stem] = make_gallery(stem, records, artefacts, folder, most_shapes=per_set)
-        pictures[stem] = write_thumbnails(stem, records, artefacts, folder, small, say)
+        galleries[stem] = make_gallery(stem, records, artefacts, files, most_shapes=per_set)
+        pictures[stem] = write_thumbnails(stem, records, artefacts, files, small, say)
     made: list[TablePages] = []
     for table in tables:
         say(f"ranking {table.data['name']}")
         made.append(TablePages(table, measured(table, artefacts), galleries.get(set_stem(table))))
     for pages in made:
         stem = pages.stem
-        folder.script(stem, pages.found.data)
+        add_script(files, stem, pages.found.data)
         titles = {row.method: row.label for row in pages.table.rows}
-        browser = write_queries(stem, pages.found.ranked, titles, pictures.get(pages.set_stem, {}), artefacts, folder)
-        folder.script(f"{stem}-queries", browser | {"failed": pages.found.failed})
-        folder.write(f"{stem}.html", table_page(pages, made))
-        folder.write(f"{stem}-forms.html", forms_page(pages, made))
-        folder.write(f"{stem}-queries.html", queries_page(pages, made))
-    folder.write("index.html", index_page(made, command, boards))
-    folder.finish()
+        browser = write_queries(stem, pages.found.ranked, titles, pictures.get(pages.set_stem, {}), artefacts, files)
+        add_script(files, f"{stem}-queries", browser | {"failed": pages.found.failed})
+        files[f"{stem}.html"] = table_page(pages, made).encode()
+        files[f"{stem}-forms.html"] = forms_page(pages, made).encode()
+        files[f"{stem}-queries.html"] = queries_page(pages, made).encode()
+    files["index.html"] = index_page(made, command, boards).encode()
     return Written(
-        len(folder.sizes),
-        folder.size,
+        folder.write(files),
+        len(files),
+        sum(map(len, files.values())),
         sum(gallery.n_forms for gallery in galleries.values() if gallery is not None),
         sum(pages.found.n_distances for pages in made),
         sum(len(pages.found.ranked) for pages in made),
     )
 
 
-def _write_assets(folder: Folder) -> None:
+def _assets() -> Files:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
         raise ConfigurationError("plotly, which draws the charts, is not installed", "pip install plotly") from error
     own = resources.files("benchmark.report.html").joinpath("assets")
-    for name in _ASSETS:
-        folder.write(f"parts/assets/{name}", own.joinpath(name).read_text(encoding="utf-8"))
-    folder.write("parts/assets/plotly.js", get_plotlyjs())
+    files = {f"parts/assets/{name}": own.joinpath(name).read_bytes() for name in _ASSETS}
+    return files | {"parts/assets/plotly.js": get_plotlyjs().encode()}
 
 
 def _by_set(tables: Iterable[TableContent]) -> dict[str, list[Record]]:

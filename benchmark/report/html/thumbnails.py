@@ -17,7 +17,7 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.html.folder import Folder, Progress
+from benchmark.report.html.scripts import Files, Progress, add_picture
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, reach, upright
 from benchmark.text import brief
@@ -64,7 +64,7 @@ def write_thumbnails(
     stem: str,
     records: Sequence[Record],
     artefacts: ArtefactReader,
-    folder: Folder,
+    files: Files,
     most_shapes: int,
     say: Progress,
 ) -> dict[Input, Sheets]:
@@ -78,8 +78,8 @@ def write_thumbnails(
         Records with scores of one data set.
     artefacts
         Where surfaces and forms are.
-    folder
-        Where files go.
+    files
+        Where they are added.
     most_shapes
         Shapes whose forms are drawn, under each input.
     say
@@ -99,7 +99,7 @@ def write_thumbnails(
             for shape in record["shapes"]:
                 of_method.setdefault(shape, record)
         if by_method:
-            drawing = _Drawing(Sheets(f"{stem}-{input_}"), by_method, artefacts, folder, say)
+            drawing = _Drawing(Sheets(f"{stem}-{input_}"), by_method, artefacts, files, say)
             drawing.draw(entries, most_shapes)
             found[input_] = drawing.sheets
     return found
@@ -112,7 +112,7 @@ class _Drawing:
     sheets: Sheets
     by_method: Mapping[str, Mapping[str, Record]]
     artefacts: ArtefactReader
-    folder: Folder
+    files: Files
     say: Progress
     _open: dict[int, Image.Image] = field(default_factory=dict)
 
@@ -167,7 +167,7 @@ class _Drawing:
         """Write the sheets that have pictures."""
         sheet = (len(self.sheets.places) - 1) // ON_SHEET
         for number, image in self._open.items():
-            self.folder.picture(f"parts/pictures/{self.sheets.stem}-{number}-{sheet}.webp", image)
+            add_picture(self.files, f"{self.sheets.stem}-{number}-{sheet}", image)
         self._open.clear()
 
 

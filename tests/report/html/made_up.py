@@ -14,7 +14,6 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import Written, write_report
 from benchmark.report.results import Result
 from retrieval.metrics import evaluate
@@ -87,4 +86,4 @@ class MadeUp(ArtefactReader):
 def write_made_up(folder: Path, shape: tuple[int, int, int]) -> Written:
     """Write the report of so many subjects, poses and methods."""
     reader = MadeUp(Store.open(folder / "none"), {}, shape=shape)
-    return write_report(contents([Result(each) for each in reader.records()]), reader, Folder(folder), "report")
+    return write_report(contents([Result(each) for each in reader.records()]), reader, folder, "report")

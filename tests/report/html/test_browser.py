@@ -15,7 +15,6 @@ from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html import gallery, thumbnails
-from benchmark.report.html.folder import Folder
 from benchmark.report.html.site import write_report
 from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
@@ -55,7 +54,7 @@ def site(tmp_path_factory):
     )
     known = methods()
     artefacts = ArtefactReader(store, known)
-    written = write_report(contents(Results(store, known).all()), artefacts, Folder(base / "report"), "report")
+    written = write_report(contents(Results(store, known).all()), artefacts, base / "report", "report")
     assert (written.n_forms, written.n_distances, written.n_ranked) == (24, 6, 6)
     return base / "report"
 

@@ -1,5 +1,6 @@
 """The report as files: complete from records alone, lazily loaded, escaped, and small."""
 
+import hashlib
 import json
 import re
 
@@ -13,10 +14,10 @@ from benchmark.files import write_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html.folder import CONTENTS, Folder, data_script, script_json
 from benchmark.report.html.measured import Ranked, measured
 from benchmark.report.html.queries import write_queries
-from benchmark.report.html.site import write_report
+from benchmark.report.html.scripts import data_script, script_json
+from benchmark.report.html.site import CONTENTS, write_report
 from benchmark.report.html.thumbnails import ACROSS, DOWN, SIDE
 from benchmark.report.results import Result
 from retrieval.measures import PRINTED
@@ -39,7 +40,7 @@ def artefacts(tmp_path):
 
 def report(folder, artefacts, *records):
     tables = contents([Result(each) for each in records])
-    return write_report(tables, artefacts, Folder(folder), "python -m benchmark report")
+    return write_report(tables, artefacts, folder, "python -m benchmark report")
 
 
 # Scripts with data ---------------------------------------------------------------------------------------------------
@@ -134,8 +135,9 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
     (tmp_path / "mine.html").write_text("mine")
     outside = tmp_path.parent / "outside.txt"
     outside.write_text("kept")
+    digest = hashlib.sha256(b"kept").hexdigest()
     listed = json.loads((tmp_path / CONTENTS).read_text())
-    write_text(tmp_path / CONTENTS, json.dumps([*listed, "../outside.txt", 7]))
+    write_text(tmp_path / CONTENTS, json.dumps(listed | {"../outside.txt": [digest], "7": 7}))
     report(tmp_path, artefacts, record("gps"))
     assert {path.name for path in tmp_path.glob("*.html")} == {
         "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
@@ -146,10 +148,12 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
 def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
     folder = tmp_path / "site"
     write_text(folder / "index.html", "a home page")
-    with pytest.raises(ConfigurationError, match="index.html is not of a report; choose another folder with -o, or"):
+    with pytest.raises(
+        ConfigurationError, match="index.html was not written by 'report'; choose another folder with -o, or"
+    ):
         report(folder, artefacts, record("gps"))
     assert [path.read_text() for path in folder.iterdir()] == ["a home page"]
-    write_report(contents([Result(record("gps"))]), artefacts, Folder(folder, force=True), "python -m benchmark report")
+    write_report(contents([Result(record("gps"))]), artefacts, folder, "python -m benchmark report", force=True)
     assert (folder / "index.html").read_text() != "a home page"
     report(folder, artefacts, record("gps"))
 
@@ -172,9 +176,9 @@ def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
     assert not filled[1:].any()
 
 
-def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts, tmp_path):
+def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts):
     refused = record("gps", unsupported=[["cat0", REFUSED]])
-    told = write_queries("t", [Ranked("mesh", "gps", refused, None)], {"gps": "GPS"}, {}, artefacts, Folder(tmp_path))
+    told = write_queries("t", [Ranked("mesh", "gps", refused, None)], {"gps": "GPS"}, {}, artefacts, {})
     assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
 
 

@@ -15,8 +15,8 @@ from benchmark.pipeline.storage.records import Records
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
+from benchmark.report.output import Folder
 from benchmark.report.paper.document import TEMPLATES, characters, main_tables, paper_files
-from benchmark.report.paper.folder import write_folder
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
 from tests.report.test_hostile_text import HOSTILE
@@ -124,6 +124,10 @@ def test_characters_that_latex_lacks_are_declared():
     assert r"\DeclareUnicodeCharacter{0105}{a}" in characters("ą")
 
 
+def folder_of(root, force=False):
+    return Folder(root, "paper", "written-by-paper.json", force)
+
+
 def compiled(folder):
     """Compile a paper as its reader does."""
     # Programs of TeX break their lines by bytes, and so inside of characters and words, wherever a path ends.
@@ -154,7 +158,7 @@ def has_class(template):
 @pytest.mark.parametrize("template", TEMPLATES)
 @pytest.mark.usefixtures("has_class")
 def test_it_compiles_whatever_titles_hold_and_nothing_runs_off_the_page(papers, tmp_path, template):
-    write_folder(papers[template], tmp_path)
+    folder_of(tmp_path).write(papers[template])
     compiled(tmp_path)
 
 
@@ -174,7 +178,7 @@ def test_the_published_results_compile(tmp_path, template):
 
 
 def write(folder, force=False, **files):
-    return write_folder({name.replace("_", "."): text.encode() for name, text in files.items()}, folder, force=force)
+    return folder_of(folder, force).write({name.replace("_", "."): text.encode() for name, text in files.items()})
 
 
 def test_what_its_author_has_changed_is_kept_and_all_else_written_anew(tmp_path):
@@ -208,7 +212,7 @@ def test_a_figure_that_its_author_puts_there_is_kept(tmp_path):
 def test_stopped_halfway_it_takes_nothing_for_its_authors(tmp_path, monkeypatch):
     write(tmp_path, a_tex="1", b_tex="1")
     with monkeypatch.context() as patch:
-        patch.setattr("benchmark.report.paper.folder.write_atomically", lambda *_: 1 / 0)
+        patch.setattr("benchmark.report.output.write_atomically", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             write(tmp_path, a_tex="2", b_tex="2")
     (tmp_path / "a.tex").write_text("2")

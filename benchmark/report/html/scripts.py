@@ -1,0 +1,71 @@
+"""Files of a report beside its pages: pictures, and data as scripts.
+
+A page that is opened from a folder may not fetch files, but it may load a script.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from benchmark.text import clean
+
+#: Contents of files by their path in the folder of the report.
+Files = dict[str, bytes]
+
+Progress = Callable[[str], None]
+"""Takes a line about what is being done."""
+
+#: What means something to a reader of HTML, where a script stands in a page.
+_IN_HTML = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
+
+
+def add_script(files: Files, name: str, value: Any) -> None:
+    """Add a value as the script that a page loads by this name."""
+    files[f"parts/data/{name}.js"] = data_script(name, value).encode()
+
+
+def add_picture(files: Files, name: str, image: Image.Image) -> None:
+    """Add a picture, without date or version."""
+    stream = io.BytesIO()
+    image.save(stream, format="WEBP", quality=84, method=4)
+    files[f"parts/pictures/{name}.webp"] = stream.getvalue()
+
+
+def script_json(value: Any) -> str:
+    r"""JSON that is also JavaScript, and text within a script of a page, whatever its strings hold.
+
+    Strings are cleaned as everywhere; what is not ASCII is escaped, U+2028 and halves of characters among it, and so
+    are the marks of HTML. A number that JSON does not have becomes ``null``.
+    """
+    text = json.dumps(_plain(value), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    for mark, escaped in _IN_HTML.items():
+        text = text.replace(mark, escaped)
+    return text
+
+
+def data_script(name: str, value: Any) -> str:
+    """A script that hands a value to the page that loads it; ``name`` is what the page asked for."""
+    return f"canonicalForms.receive({script_json(name)},{script_json(value)});\n"
+
+
+def _plain(value: Any) -> Any:
+    """The same with cleaned strings and without numbers that JSON lacks."""
+    if isinstance(value, str):
+        return clean(value)
+    if isinstance(value, Mapping):
+        return {clean(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    return value

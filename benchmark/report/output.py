@@ -1,0 +1,127 @@
+"""The folder of what a verb writes: its own files are written anew, what somebody has edited or put there stays."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.files import sweep, write_atomically, write_text
+
+#: Characters by which a table is known again where no list of files is kept: they tell its kind and name, no figure.
+_HEAD = 16
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Folder that a verb writes to.
+
+    Parameters
+    ----------
+    root
+        The folder; made if need be.
+    verb
+        Who writes.
+    contents
+        File that lists what was written, with digests, so that what was edited since is known, and what is not written
+        again is removed. Without one, a file is the verb's own if it begins as the new one does.
+    force
+        Whether to replace files that are somebody else's, or that were edited.
+    """
+
+    root: Path
+    verb: str
+    contents: str = ""
+    force: bool = False
+
+    def require_own(self, names: Iterable[str]) -> None:
+        """Raise ``ConfigurationError`` if one of these names is a file of somebody else; not with force."""
+        strange = next((name for name in names if (self.root / name).exists()), None)
+        if strange and not self.force and not self._earlier({}):
+            raise self._strange(strange)
+
+    def write(self, files: Mapping[str, bytes]) -> list[str]:
+        """Write files, and remove those of an earlier list that are not among them.
+
+        Returns
+        -------
+        list of str
+            Names of the files that were left as somebody has edited, or put, them there.
+
+        Raises
+        ------
+        ConfigurationError
+            If one would take the place of a file of somebody else. Not with force.
+        BenchmarkError
+            If they cannot be written.
+        """
+        root, earlier = self.root, self._earlier(files)
+        digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+        found = {name: digest for name in {*files, *earlier} if (digest := self._digest(name))}
+        strange = [name for name in files if name in found and name not in earlier]
+        if strange and not self.force and not (self.contents and earlier):
+            raise self._strange(strange[0])
+        edited = [n for n in files if n in found and found[n] not in (*earlier.get(n, ()), digests[n])]
+        edited = [] if self.force else edited
+        try:
+            # Stopped before the end, it takes neither what it has written nor what it has not for another's.
+            self._list(earlier | {name: [*earlier.get(name, ()), digest] for name, digest in digests.items()})
+            for name, data in files.items():
+                if name not in edited:
+                    write_atomically(root / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
+            for name in earlier.keys() - files.keys():
+                if found.get(name) in earlier[name]:
+                    (root / name).unlink()
+            left = {name: told for name, told in earlier.items() if name not in files and (root / name).exists()}
+            self._list(left | {name: earlier.get(name, []) if name in edited else [digests[name]] for name in files})
+            for folder in {(root / name).parent for name in files}:
+                sweep(folder, deep=False)
+        except OSError as error:
+            raise BenchmarkError(
+                f"cannot write to {root}: {error.strerror}", "free some space or choose another folder with -o"
+            ) from error
+        return edited
+
+    def stale(self, files: Mapping[str, bytes]) -> list[str]:
+        """Names of files that are missing or differ from what they should hold."""
+        return [name for name, data in files.items() if self._digest(name) != hashlib.sha256(data).hexdigest()]
+
+    def _strange(self, name: str) -> ConfigurationError:
+        return ConfigurationError(
+            f"{self.root / name} was not written by '{self.verb}'",
+            "choose another folder with -o, or pass --force to replace it",
+        )
+
+    def _list(self, digests: Mapping[str, Iterable[str]]) -> None:
+        if self.contents:
+            told = {name: [*digests[name]] for name in sorted(digests)}
+            write_text(self.root / self.contents, json.dumps(told, indent=0) + "\n")
+
+    def _earlier(self, files: Mapping[str, bytes]) -> dict[str, list[str]]:
+        """Digests of what was written before; a name that leads out of the folder is none."""
+        if not self.contents:
+            own = (name for name, data in files.items() if data[:_HEAD] == self._read(name)[:_HEAD])
+            return {name: [self._digest(name)] for name in own}
+        try:
+            told = json.loads(self._read(self.contents))
+        except (ValueError, RecursionError):
+            return {}
+        return {
+            name: [each for each in digests if isinstance(each, str)]
+            for name, digests in (told.items() if isinstance(told, dict) else ())
+            if isinstance(digests, list) and (self.root / name).resolve().is_relative_to(self.root.resolve())
+        }
+
+    def _read(self, name: str) -> bytes:
+        """Content of a file; nothing where there is none that can be read."""
+        try:
+            return (self.root / name).read_bytes()
+        except OSError:
+            return b""
+
+    def _digest(self, name: str) -> str:
+        """Digest of a file; "" where there is none."""
+        return hashlib.sha256(self._read(name)).hexdigest() if (self.root / name).is_file() else ""
