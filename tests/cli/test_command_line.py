@@ -84,15 +84,6 @@ def test_help_and_lists_answer_at_once():
 
 
 @pytest.mark.slow
-def test_the_same_run_again_computes_nothing(finished):
-    arguments, first = finished
-    again = benchmark("run", *arguments)
-    assert again.stdout.startswith("0 of 6 jobs to run, 6 finished before")
-    assert again.stdout.partition("\n\n")[2] == first.stdout.partition("\n\n")[2]
-    assert again.returncode == 0
-
-
-@pytest.mark.slow
 def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
     arguments, _ = finished
     other = (*arguments[:-1], tmp_path / "killed")
@@ -155,21 +146,6 @@ def test_an_interrupted_run_says_what_is_kept_and_keeps_it(rods, tmp_path):
 
 
 @pytest.mark.slow
-def test_tables_are_stable_to_the_byte_and_checked(finished, tmp_path):
-    arguments, _ = finished
-    benchmark("tables", *arguments, "-o", tmp_path / "a")
-    benchmark("tables", *arguments, "-o", tmp_path / "b")
-    names = sorted(path.name for path in (tmp_path / "a").iterdir())
-    assert "table-rods.tex" in names
-    for name in names:
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    assert benchmark("tables", *arguments, "-o", tmp_path / "a", "--check").returncode == 0
-    (tmp_path / "a" / "table-rods.tex").write_text("edited by hand")
-    checked = benchmark("tables", *arguments, "-o", tmp_path / "a", "--check")
-    assert (checked.returncode, checked.stdout.strip()) == (1, "stale: table-rods.tex")
-
-
-@pytest.mark.slow
 def test_a_plugin_file_appears_as_a_row_and_costs_only_itself(finished, tmp_path):
     arguments, _ = finished
     (tmp_path / "stretch.py").write_text(PLUGIN)
@@ -182,22 +158,6 @@ def test_a_plugin_file_appears_as_a_row_and_costs_only_itself(finished, tmp_path
     changed = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py").stdout
     assert "parameters changed: factor 2.0 -> 3.0; plugin changed: stretch.py " in changed
     assert changed.endswith("2 of 8 jobs to run\n")
-
-
-@pytest.mark.slow
-def test_bad_shapes_cost_themselves_alone(rods, tmp_path):
-    folder = write_rods(tmp_path / "mixed", bends=(0.0, 1.0, 2.0, 3.0))
-    (folder / "thin4.off").write_text("OFF\n3 1 0\n0 0 0\n")
-    (folder / "thin5.off").write_text("")
-    (folder / "thick4.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n")
-    (folder / "thick5.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
-    (folder / "thick6.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
-    arguments = ("-d", folder, "-m", "identity", "--input", "mesh", "--results", tmp_path / "results")
-    done = benchmark("run", *arguments)
-    (row,) = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-    assert (row["status"], row["n_shapes"], row["unsupported"], row["coverage"]) == ("ok", 13, 5, 1)
-    assert "5 unsupported" in done.stdout
-    assert done.returncode == 0
 
 
 @pytest.mark.slow

@@ -115,25 +115,6 @@ def test_each_fault_costs_its_own_job(faulty_run):
 
 
 @pytest.mark.slow
-def test_a_plugin_may_take_longer_to_import_than_a_job_may_take(place):
-    plugin = place / "slow_import.py"
-    plugin.write_text(
-        "import os\nimport time\n\nfrom benchmark.api.contracts import canonical_form\n\n"
-        "before = os.path.join(os.environ['FAULTS_NOTES'], 'imported')\n"
-        "time.sleep(12 * os.path.exists(before))  # planning imports it, too\n"
-        "os.makedirs(before, exist_ok=True)\n\n\n"
-        '@canonical_form(name="slow-import", title="Slow import")\n'
-        "def slow_import(shape):\n    return shape.mesh.vertices\n"
-    )
-    arguments = ("-d", place / "rods", "--input", "mesh", "--results", place / "results")
-    assert benchmark("run", *arguments, "-m", "identity", notes=place / "notes").returncode == 0  # compiles the scorer
-    arguments = (*arguments, "--plugin", plugin, "-m", "slow-import", "-j", 1)
-    done = benchmark("run", *arguments, "--timeout", "10s", notes=place / "notes")
-    assert done.returncode == 0, done.stderr
-    assert records(place / "results")["slow-import"]["status"] == "ok"
-
-
-@pytest.mark.slow
 def test_each_record_says_what_happened_and_what_to_do(faulty_run):
     _, _, done, found = faulty_run
     assert _at_a_shape(found["hang"], "stopped after 20 s; pass a longer --timeout")

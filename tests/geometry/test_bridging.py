@@ -9,7 +9,7 @@ from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import clean, fans_per_vertex
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import flat_grid, joined, relabelled, sphere
+from tests.geometry.surfaces import flat_grid, joined, sphere
 
 
 def moved(mesh, *offset):
@@ -47,14 +47,6 @@ def test_two_squares_side_by_side():
     assert oriented(bridged)
     assert_one_manifold(bridged)
     assert geodesics.all_pairs(bridged, "exact")[0, 5] == pytest.approx(3.0)
-
-
-def test_one_component_is_left_alone():
-    grid, _ = relabelled(flat_grid(4))
-    bridged, count = bridge_components(grid)
-    assert count == 0
-    np.testing.assert_array_equal(bridged.vertices, grid.vertices)
-    np.testing.assert_array_equal(bridged.faces, grid.faces)
 
 
 def test_links_form_the_minimum_spanning_tree():

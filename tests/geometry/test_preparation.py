@@ -44,14 +44,6 @@ def test_vertex_count_is_met_and_topology_kept(mesh, euler):
     assert_ready(prepared)
 
 
-def test_decimation_keeps_the_course_of_a_boundary():
-    """A square stays a square, with far fewer vertices along its rim."""
-    mesh = prepare(flat_grid(80), 300).mesh
-    assert mesh.vertices[:, :2].min() == pytest.approx(-0.5, abs=1e-3)
-    assert mesh.vertices[:, :2].max() == pytest.approx(0.5, abs=1e-3)
-    assert (edges_of(mesh.faces).counts == 1).sum() < 158
-
-
 def test_small_meshes_are_never_refined():
     for mesh in (sphere(2), flat_grid(4)):
         prepared = prepare(mesh)

@@ -17,14 +17,6 @@ pytestmark = pytest.mark.kernels
 SIZE = 96
 
 
-def test_one_triangle_by_hand() -> None:
-    # The hypotenuse runs through the pixel centres (0, 2), (1, 1), (2, 0); depth falls by 1 per column.
-    image = depth_buffer([[0, 0, 4], [3, 0, 1], [0, 3, 4]], [[0, 1, 2]], 4, 9.0)
-    expected = [[3.5, 2.5, 1.5, 9], [3.5, 2.5, 9, 9], [3.5, 9, 9, 9], [9, 9, 9, 9]]
-    np.testing.assert_allclose(image, expected, atol=1e-6)
-    assert image.dtype == np.float32
-
-
 def test_the_nearer_triangle_wins_whatever_the_order_and_winding() -> None:
     square = np.array([[0, 0], [4, 0], [4, 4], [0, 4]])
     points = np.concatenate([np.c_[square, np.full(4, 2.0)], np.c_[square, [1.0, 3.0, 3.0, 1.0]]])

@@ -1,13 +1,11 @@
 """What a stage costs is booked once, to the stage and to whoever used it."""
 
 import mmap
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmark.pipeline.preparation import SharedStages
-from benchmark.pipeline.storage import costs as costs_module
 from benchmark.pipeline.storage.costs import _RESET, _STATUS, Meter
 
 MIB = 2**20
@@ -17,26 +15,6 @@ measures_memory = pytest.mark.skipif(not (_STATUS.exists() and _RESET.exists()),
 @pytest.fixture
 def meter():
     return Meter()
-
-
-class Clock:
-    """Shows what it is told, however busy the machine is."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def perf_counter(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += seconds
-
-
-@pytest.fixture
-def time(monkeypatch):
-    clock = Clock()
-    monkeypatch.setattr(costs_module, "time", SimpleNamespace(perf_counter=clock.perf_counter))
-    return clock
 
 
 def eat(mib):
@@ -56,31 +34,6 @@ def test_memory_is_what_a_stage_took_above_what_was_there(meter):
     assert 195 <= large().peak_mib <= 215
     assert small().peak_mib <= 20
     assert held[0] == 1
-
-
-def test_what_is_shared_is_computed_once_and_charged_to_everybody(meter, time):
-    shared = SharedStages(meter)
-    calls = []
-
-    def compute():
-        calls.append(1)
-        time.sleep(0.05)
-        return {"distances": np.ones((1024, 1024))}
-
-    costs = []
-    for method in ("classic", "fast", "alone"):
-        with meter.measured(method) as cost:
-            if method != "alone":
-                shared.get_or_compute("geodesics", {"solver": "exact"}, compute)
-        costs.append(cost())
-    first, second, alone = costs
-    assert len(calls) == 1
-    assert first.shared["geodesics"].seconds == second.shared["geodesics"].seconds == pytest.approx(0.05)
-    assert alone.shared == {}
-    assert max(first.seconds, second.seconds) == pytest.approx(0)
-    if first.peak_mib is not None:
-        assert min(first.peak_mib, second.peak_mib) >= 7.9
-        assert alone.peak_mib < 4
 
 
 @measures_memory

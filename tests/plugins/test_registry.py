@@ -91,30 +91,6 @@ def test_a_missing_package_makes_a_method_unavailable_not_broken(tmp_path):
     assert registry.methods([path])["needy"].missing_packages() == ("no_such_package",)
 
 
-def test_parameters_in_brackets_make_a_variant_with_its_own_name_and_title():
-    known = registry.methods()
-    names = ["least-squares-mds", " least-squares-mds [max_iterations=7.0, start = classic]"]
-    plain, variant = registry.select(names, known)
-    assert (plain.name, variant.name) == (names[0], "least-squares-mds[start=classic,max_iterations=7]")
-    assert variant.title == "Least Square MDS (start=classic, max_iterations=7)"
-    assert (variant.create().start, variant.create().max_iterations) == ("classic", 7)
-    assert variant.resolved_parameters() != plain.resolved_parameters()
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("least-squares-mds[stard=classic]", "unknown parameter of least-squares-mds 'stard'; did you mean start"),
-        ("least-squares-mds[max_iterations=many]", "'many' does not fit .*; write a whole number of at"),
-        ("least-squares[start=classic]", "unknown method 'least-squares'; did you mean least-squares-mds"),
-        ("gps[", "unknown method"),
-    ],
-)
-def test_a_wrong_parameter_is_named(name, message):
-    with pytest.raises(ConfigurationError, match=message):
-        registry.select([name], registry.methods())
-
-
 @pytest.mark.parametrize(
     ("base", "ways"),
     [
@@ -155,96 +131,31 @@ def test_every_way_to_write_a_variant_is_one_method():
     assert pickle.loads(pickle.dumps(again)) == again  # noqa: S301
 
 
-LEARNED = {
-    "configuration": ["literall"],
-    "training_seed": ["-1", str(2**63), "0.5"],
-    "training": ["../elsewhere"],
-    "smoothing": ["-1", "nan", "51"],
-    "jump": ["0", "-0.05", "nan", "inf"],
-}
-
-METRIC = {"metric": ["geodesics"], "time": ["0", "inf"], "eigenfunctions": ["9"]}
-
-#: Values outside of each constraint, of every parameter of every method.
-UNFIT = {
-    "classic-mds": METRIC | {"solver": ["heta"]},
-    "fast-mds": {"sweeps": ["0"], "solver": ["heta"]},
-    "non-metric-mds": {"max_iterations": ["-1", "0", "1.5"], "rtol": ["nan", "inf", "-1", "1"], "solver": ["heta"]},
-    "least-squares-mds": METRIC
-    | {
-        "start": ["clasic"],
-        "weights": ["aera"],
-        "max_iterations": ["0"],
-        "rtol": ["nan", "-1e-9", "1"],
-        "solver": [""],
-    },
-    "constrained-mds": {
-        "first_pull": ["0", "inf"],
-        "last_pull": ["-1", "nan"],
-        "cascades": ["0"],
-        "iterations": ["0"],
-        "start": ["clasic"],
-    },
-    "mesh-unfolding": {
-        "first_stiffness": ["0"],
-        "iterations": ["0"],
-        "later_iterations": ["0"],
-        "strain_bound": ["-1", "inf"],
-        "max_cascades": ["0"],
-    },
-    "skeleton": {
-        "max_iterations": ["0"],
-        "rtol": ["nan"],
-        "sampling": ["0"],
-        "bands": ["1"],
-        "open_border": ["-1", "inf"],
-    },
-    "gps": {"side": ["of"]},
-    "accelerated-mds": {"variant": ["sample"], "samples": ["3"], "solver": ["heta"]},
-    "fast-classical-scaling": {"samples": ["3"], "fidelity": ["0"], "solver": ["heta"]},
-    "nystrom-mds": {"samples": ["3"], "rank": ["3"], "solver": ["heta"]},
-    "scikit-learn-classical-mds": {"solver": ["heta"]},
-    "scikit-learn-smacof": {"start": ["clasic"], "max_iterations": ["0"], "rtol": ["1"], "solver": ["heta"]},
-    "scikit-learn-isomap": {"neighbours": ["2"], "solver": ["heta"]},
-    "subspace-mds": {
-        "eigenfunctions": ["(9,20)", "many"],
-        "oversampling": ["0.9"],
-        "max_iterations": ["0"],
-        "rtol": ["1"],
-        "solver": ["heta"],
-    },
-    "feature-preserved": {"parts": ["0"], "rounds": ["-1"], "seam": ["0"], "start": ["clasic"]},
-    "euclidean-distance": {
-        "points": ["lokal"],
-        "count": ["1"],
-        "tension": ["0", "inf"],
-        "iterations": ["0"],
-        "settling": ["-1"],
-    },
-    "shape-dna": {"count": ["0"]},
-    "sd-gdm": {"count": ["0"], "solver": ["heta"]},
-    "wks-mean": {"eigenpairs": ["1"], "energies": ["1"], "width": ["0", "nan"]},
-    **{name: {} for name in ("gps", "identity", "pca", "random", "surface-area")},
-    **{name: LEARNED for name in registry.BUILT_IN if name.startswith("learned")},
-    "learned-streamed": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")},
-    "deformation-field": {name: LEARNED[name] for name in ("configuration", "training_seed", "training")}
-    | {"reach": ["-1", "nan", "11"], "rounds": ["-1", "101", "0.5"]},
-}
+#: One of each kind of constraint; tests/behaviour/pinned/signatures.txt holds those of all parameters.
+UNFIT = [
+    ("least-squares-mds", "stard", "classic", "did you mean start"),
+    ("least-squares-mds", "start", "clasic", "did you mean classic"),
+    ("least-squares-mds", "max_iterations", "many", "write a whole number"),
+    ("least-squares-mds", "rtol", "1", "write a number of at least 0 and below 1"),
+    ("classic-mds", "solver", "heta", "did you mean heat"),
+    ("classic-mds", "time", "inf", "write a number above 0"),
+    ("subspace-mds", "eigenfunctions", "(9,20)", "write values in parentheses, each a whole number of at least 10"),
+    ("learned", "training_seed", str(2**63), "write a whole number of at least 0"),
+    ("learned", "training", "../elsewhere", "write a name of letters, digits and hyphens"),
+    ("learned", "jump", "-0.05", "write a number above 0 or none"),
+    ("deformation-field", "rounds", "101", "write a whole number of at least 0 and of at most 100"),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter", "text"),
-    [(name, key, text) for name, unfit in UNFIT.items() for key, texts in unfit.items() for text in texts],
-)
-def test_a_value_outside_of_the_constraint_is_refused_before_anything_runs(name, parameter, text):
+@pytest.mark.parametrize(("name", "parameter", "text", "hint"), UNFIT)
+def test_an_unfit_value_is_refused_before_anything_runs(name, parameter, text, hint):
     known = registry.methods()
     with pytest.raises(ConfigurationError) as caught:
         registry.variant(f"{name}[{parameter}={text}]", known)
-    assert f"{parameter} of {name}" in caught.value.problem
-    assert caught.value.hint.startswith(("write ", "did you mean ", "choose one of "))
+    assert name in caught.value.problem
+    assert parameter in caught.value.problem
+    assert caught.value.hint.startswith(hint)
     assert "\n" not in str(caught.value)
-    with pytest.raises(ConfigurationError):
-        known[name].load()(**{parameter: text})
 
 
 PARAMETERS = """

@@ -255,19 +255,6 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
     assert "No module named 'benchmark'" in done.stderr
 
 
-@pytest.mark.slow
-def test_a_worker_whose_suite_takes_other_tasks_is_refused_before_it_fails_at_each(place, cluster, tmp_path):
-    other = tmp_path / "other"
-    for package in ("benchmark", "baselines", "retrieval", "learned"):
-        shutil.copytree(ROOT / package, other / package, ignore=shutil.ignore_patterns("__pycache__", "models"))
-    changed = other / "benchmark" / "run" / "dask_worker.py"
-    changed.write_text(changed.read_text().replace('asked["run"]', 'asked["name_of_run"]'))
-    cluster.worker(other)
-    said = "tcp.*: code changed: benchmark/execution .*; install there the suite"
-    with pytest.raises(ConfigurationError, match=said):
-        run(*selection(place, "results"), *on(cluster))
-
-
 @pytest.mark.parametrize(
     ("answer", "problem", "told"),
     [

@@ -114,14 +114,6 @@ def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
             DeformationField().check_options(options)
 
 
-def test_a_finished_model_is_left_alone(finished: Path) -> None:
-    said: list[str] = []
-    fit("toy", 0, toy_stream(), finished, OPTIONS, said.append)
-    assert said == [f"{finished} holds this model already"]
-    with pytest.raises(ConfigurationError, match="another training"):
-        fit("toy", 0, toy_stream(), finished, {**OPTIONS, "steps": 17}, quiet)
-
-
 # The model ---------------------------------------------------------------------------------------------------------
 
 

@@ -87,13 +87,6 @@ def test_a_card_that_is_none(copied: Path, text: str) -> None:
         load_model(copied)
 
 
-@pytest.mark.parametrize("resolution", [0, 5000, 128.0, True, None])
-def test_a_resolution_that_no_network_has_is_refused(copied: Path, resolution: object) -> None:
-    edit_card(copied, lambda card: card["schedule"].update(resolution=resolution))
-    with pytest.raises(ConfigurationError, match=r"says 'schedule\.resolution' is .*; train the model again"):
-        load_model(copied)
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [("width", "16"), ("width", 0), ("width", 10**9), ("architecture", "attentive"), ("short_range", 1), ("name", 3)],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 import torch
 
@@ -55,21 +53,6 @@ def test_the_step_size_is_the_papers_or_falls_along_a_cosine() -> None:
     falling = Schedule(cosine=True)
     assert [falling.step_size(epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
     assert 0 < falling.step_size(499) < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("field", "text", "value"),
-    [
-        ("learning_rate", "3e-4", 3e-4),
-        ("cosine", "True", True),
-        ("depth_loss", "masked", "masked"),
-        ("early_epochs", "7", 7),
-    ],
-)
-def test_an_option_is_read(field: str, text: Any, value: Any) -> None:
-    found = getattr(schedule({}, {field: text}), field)
-    assert found == value
-    assert type(found) is type(value)
 
 
 @pytest.mark.parametrize(
