@@ -57,7 +57,7 @@ class FastMDS(CheckedParameters):
         family="paper",
         summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
         departs=(
-            "Pivots are sought from the vertex farthest from the geodesic centre, not from a random object; negative "
+            "Pivots are sought from the vertex farthest from the geodesic centre, not from an arbitrary object; negative "
             "squares count as zero; signs of axes and the side of the mirror follow a rule of ours."
         ),
     )
