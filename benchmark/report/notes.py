@@ -50,6 +50,7 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
         if not table.is_own and any(row.models and row.method in printed for row in table.rows):
             lines.append(f"The paper's schedule: {paper.SCHEDULE}.")
+    lines += _area(table)
     lines += [line for row in table.rows for line in _of_jobs(row)]
     lines += [f"{', '.join(titles)}, {what}" for what, titles in _without_scores(table).items()]
     outdated = _outdated(table)
@@ -61,6 +62,18 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     if bridges := _bridges(table):
         lines.append(bridges)
     return [*lines, *_lost(table), *(f"{number} {text}" for number, text in table.departures.items())]
+
+
+def _area(table: TableContent) -> Iterable[str]:
+    """Say what metric size alone scores, which the learned network reads and no form shows."""
+    for row in table.rows:
+        scored = {input_: cell.scores for input_, cell in row.cells.items() if cell.scores}
+        if row.method == "surface-area" and scored:
+            figures = (
+                f"{' '.join(f'{metric} {number(scores[metric], 2)}' for metric in PRINTED)} ({input_})"
+                for input_, scores in scored.items()
+            )
+            yield f"The area of the surface alone, which rows that see metric size can read, scores {', '.join(figures)}."
 
 
 def _not_here(table: TableContent) -> Iterable[str]:
