@@ -57,8 +57,8 @@ class FastMDS(CheckedParameters):
         family="paper",
         summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
         departs=(
-            "Pivots are sought from the vertex farthest from the geodesic centre, not from an arbitrary object; negative "
-            "squares count as zero; signs of axes and the side of the mirror follow a rule of ours."
+            "Pivots are sought from the vertex farthest from the geodesic centre, not from an arbitrary object; "
+            "negative squares count as zero; signs of axes and the side of the mirror follow a rule of ours."
         ),
     )
 

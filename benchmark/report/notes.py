@@ -73,7 +73,7 @@ def _area(table: TableContent) -> Iterable[str]:
                 f"{' '.join(f'{metric} {number(scores[metric], 2)}' for metric in PRINTED)} ({input_})"
                 for input_, scores in scored.items()
             )
-            yield f"The area of the surface alone, which rows that see metric size can read, scores {', '.join(figures)}."
+            yield f"The area alone, which rows that see metric size can read, scores {', '.join(figures)}."
 
 
 def _not_here(table: TableContent) -> Iterable[str]:

@@ -2,9 +2,9 @@
 
 "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
 Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
-of the image. The paper counts the blocks of SRF in three ways: five convolution layers, nine blocks of a convolution and
-a transposed one, and a figure of nine blocks. Five convolutions and four transposed ones are built: five layers and
-nine blocks, but not both kinds in each block.
+of the image. The paper counts the blocks of SRF in three ways: five convolution layers, nine blocks of a convolution
+and a transposed one, and a figure of nine blocks. Five convolutions and four transposed ones are built: five layers
+and nine blocks, but not both kinds in each block.
 """
 
 from __future__ import annotations
