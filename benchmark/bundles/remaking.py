@@ -22,6 +22,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.processes.process import ForeignError
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.gallery import in_shuffled_order
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation, require_arrays
 from benchmark.pipeline.recipes import method_components
@@ -33,7 +34,6 @@ from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.plugins.remote import close_to_plugins
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
-from benchmark.plugins.shuffling import in_shuffled_order
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import Model, find_models
 from benchmark.report.content import own_table

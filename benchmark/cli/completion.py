@@ -43,7 +43,7 @@ def methods(_: click.Context, __: click.Parameter, begun: str) -> list[Completio
     """Methods, and the words for several; behind a bracket, the parameters of the method."""
     from importlib.metadata import entry_points
 
-    from benchmark.plugins.installed import entry_points_of
+    from benchmark.plugins.inspection import entry_points_of
     from benchmark.plugins.registry import BUILT_IN, MethodSpec
 
     name, bracket, rest = begun.partition("[")

@@ -93,7 +93,7 @@ def program() -> None:
     """Run the command line as a program of its own, into which no plugin comes."""
     from benchmark.plugins.closing import close_process
 
-    close_process("benchmark.plugins.apart")
+    close_process("Inspected")
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
     main()

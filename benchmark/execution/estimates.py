@@ -91,8 +91,8 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
             for phase in SHARED:
                 place[phase] = max(place.get(phase, 0.0), found.get(phase, 0.0))
     seconds += sum(sum(phases.values()) for phases in shared.values())
-    size = _mean_size(store)
-    room = None if size is None else (n_forms + len(shared)) * size / 2**20
+    sizes = [path.stat().st_size for path in itertools.islice(store.artefact_files(), _SAMPLE)]
+    room = (n_forms + len(shared)) * statistics.fmean(sizes) / 2**20 if sizes else None
     return Estimate(seconds, unknown, room)
 
 
@@ -104,11 +104,6 @@ def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[
     if not found:
         return None
     return {phase: statistics.median(each.get(phase, 0.0) for each in found) for phase in set().union(*found)}
-
-
-def _mean_size(store: Store) -> float | None:
-    sizes = [path.stat().st_size for path in itertools.islice(store.artefact_files(), _SAMPLE)]
-    return statistics.fmean(sizes) if sizes else None
 
 
 def _duration(seconds: float) -> str:

@@ -49,11 +49,6 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _absolute(source: str) -> str:
-    """The source of a data set as it is understood from any working directory."""
-    return source if is_known(source) or not is_path(source) else str(Path(source).absolute())
-
-
 def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
     """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
     facts = {
@@ -175,15 +170,11 @@ class _Planning:
 
     def _proven(self, method: str) -> set[str]:
         """Digests of the models by which a method has made results, here or else elsewhere."""
-        return self._proven_here.get(method) or self._proven_elsewhere.get(method, set())
-
-    @cached_property
-    def _proven_here(self) -> Mapping[str, set[str]]:
-        return _proven_by(self._before)
-
-    @cached_property
-    def _proven_elsewhere(self) -> Mapping[str, set[str]]:
-        return _proven_by(self._published_before)
+        for places in (self._before, self._published_before):
+            of_method = (records for place, records in places.items() if place.method == method)
+            if proven := {digest for records in of_method for record in records for digest in models_proven_by(record)}:
+                return proven
+        return set()
 
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
         """Return the job of a row, and whether a run would make it."""
@@ -194,9 +185,12 @@ class _Planning:
         scorer = _NO_OTHER if not missing and spec.describes else self.settings.scorer
 
         def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
+            source = gallery.source
+            if is_path(source) and not is_known(source):  # to be understood from any working directory
+                source = str(Path(source).absolute())
             return Job(
                 key=key_of(recipe) if recipe else "", facts=_facts(gallery, input_, spec, scorer),
-                table=gallery.table.identifier, dataset=_absolute(gallery.source),
+                table=gallery.table.identifier, dataset=source,
                 data_root=gallery.data_root and gallery.data_root.absolute(),
                 identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec, seed=seed,
                 results=store.root.parent.absolute(), recipe=recipe or {},
@@ -225,7 +219,8 @@ class _Planning:
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
             status = record["status"]
             if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
-                reason = "; ".join(filter(None, (_told(record), words_of_edit(edit) if edit else "")))
+                said = "finished" if status == "ok" else f"{status}: {record.get('reason', '')}"
+                reason = "; ".join(filter(None, (said, words_of_edit(edit) if edit else "")))
                 return job("cached" if status == "ok" else "failed", reason, recipe)
             return job("stale", f"{status} before, asked to retry", recipe)
         if edit:
@@ -239,14 +234,6 @@ class _Planning:
         if not gallery.quick and (elsewhere := self._published_before.get(place)):
             return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
         return job("missing", "never run", recipe)
-
-
-def _proven_by(records: Mapping[Place, list[Record]]) -> dict[str, set[str]]:
-    """Digests of the models that have made results, by the methods that did so."""
-    found: dict[str, set[str]] = {}
-    for place, made in records.items():
-        found.setdefault(place.method, set()).update(*map(models_proven_by, made))
-    return found
 
 
 def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
@@ -377,12 +364,6 @@ def unavailable_record(job: Job) -> Record:
     if job.scorer.name != DEFAULT:
         recipe["scorer"] = job.scorer.name
     return {**job.facts, "key": keys.digest(recipe), "recipe": recipe, "status": job.state, "reason": job.reason}
-
-
-def _told(record: Mapping[str, Any]) -> str:
-    if record["status"] == "ok":
-        return "finished"
-    return f"{record['status']}: {record.get('reason', '')}"
 
 
 def require_jobs(jobs: list[Job]) -> list[Job]:

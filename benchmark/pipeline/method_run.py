@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,8 +24,6 @@ from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.remote import Foreign
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.models import Model
-
-__all__ = ["MethodRun", "ShapeResult"]
 
 T = TypeVar("T")
 
@@ -116,15 +114,20 @@ class MethodRun:
         if self.describes:
             return ShapeResult(prepared, answer, None, said)
         shape = form.form_mesh(answer.arrays, Mesh(arrays["vertices"], arrays["faces"]))
+        stays = isinstance(self.preparation.dataset, DepthFolder)  # 'retrieve' asks for those of frames
+        return ShapeResult(prepared, answer, self.signature(entry, lambda: shape, stays=stays), said)
+
+    def signature(self, entry: Entry, shape: Callable[[], Mesh], *, stays: bool) -> Artefact:
+        """Make, or find, the signature of a form; raises ``ShapeError`` if it has none."""
         recipe, scorer = features_recipe(self.recipe(entry), self.scorer_spec), self.scorer
-        found = self.store.get_or_compute(
+        signature = self.store.find_anywhere(recipe) or self.store.get_or_compute(
             recipe,
-            lambda: with_files(attempted(lambda: signature_of(scorer, shape)), files_of(scorer)),
+            lambda: with_files(attempted(lambda: signature_of(scorer, shape())), files_of(scorer)),
             work="features",
-            scratch=not isinstance(self.preparation.dataset, DepthFolder),  # 'retrieve' asks for those of frames
+            scratch=not stays,
         )
-        require_arrays(found)
-        return ShapeResult(prepared, answer, found, said)
+        require_arrays(signature)
+        return signature
 
     def found(self, entry: Entry) -> ShapeResult:
         """The same as :meth:`treat` without a signature, reading no more than ranking needs of what is there already.
@@ -154,9 +157,11 @@ class MethodRun:
     def found_form(self, entry: Entry) -> Mesh | None:
         """Canonical form of a shape if it has been made; raises ``ShapeError`` if the shape cannot be treated."""
         found = self.store.find(self.recipe(entry))
-        if found is None:
-            return None
-        return form.form_mesh(require_arrays(found), self.preparation.shape(entry, self.seed).mesh)
+        return None if found is None else self.form_from(require_arrays(found), entry)
+
+    def form_from(self, answer: Arrays, entry: Entry) -> Mesh:
+        """Canonical form of a shape from the arrays that are kept of it."""
+        return form.form_mesh(answer, self.preparation.shape(entry, self.seed).mesh)
 
     def recipe(self, entry: Entry) -> Recipe:
         """Return what determines the form or the descriptor."""
@@ -192,11 +197,11 @@ class MethodRun:
                 return {**arrays, **difference_of_runs(arrays, once())}
             return arrays
 
-        method, work = self._method_for(entry), f"canonicalise {self.preparation.input} {self.spec.base_name}"
+        method, work = self.method_for(entry), f"canonicalise {self.preparation.input} {self.spec.base_name}"
         compute_kept = lambda: with_files(attempted(compute), files_of(method))  # noqa: E731
         return self.store.get_or_compute(self.recipe(entry), compute_kept, work=work)
 
-    def _method_for(self, entry: Entry) -> Method | Descriptor:
+    def method_for(self, entry: Entry) -> Method | Descriptor:
         """The method that treats a shape; each model is loaded once."""
         model = self.models.get(entry.identifier)
         method: Any = self.method

@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import Descriptor, Input, Mesh, Method, Shape
-from benchmark.api.learning import Learner
+from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.depth.reading import READERS
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.pipeline.preparation import Preparation, attempted, require_arrays, shape_of
-from benchmark.pipeline.recipes import Recipe, draws_of, features_recipe, form_recipe
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Arrays, Preparation, require_arrays, shape_of
+from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.stages import form
 from benchmark.pipeline.stages.complete import complete
 from benchmark.pipeline.stages.view import seen
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.output_checks import REFUSED, distances_of, form_distances, signature_of
+from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.models import Model
-
-__all__ = ["Found", "GallerySearch", "Hit", "input_for"]
-
-Arrays = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -144,36 +141,29 @@ class GallerySearch:
         ShapeError
             If the query cannot be treated.
         """
-        method = self.spec.create()
+        run = self._run
         shape = self._shape(query, frame)
-        model = next(iter(self.models.values()), None)
-        loaded = method.load(model.folder) if model and isinstance(method, Learner) else method
-        entries, signatures, n_read, n_made = self._signatures(method, query)
-        if not isinstance(method, Method):
-            vectors = [each["descriptor"] for each in (*signatures, form.describe(loaded, shape))]  # type: ignore[arg-type]
-            rows = distances_of(loaded, vectors)[-1, :-1]  # type: ignore[arg-type]
-            return Found(_ordered(entries, rows), shape, None, n_read, n_made)
-        made = form.form_mesh(form.canonicalise(loaded, shape), shape.mesh)  # type: ignore[arg-type]
-        scorer = self.scorer.create()
-        all_signatures = [*signatures, signature_of(scorer, made)]
-        matrices = [form_distances(scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)]
+        entries, signatures, n_read = self._signatures(query)
+        method: Any = run.method_for(entries[0])
+        n_made = len(entries) - n_read
+        if self.spec.describes:
+            vectors = [each["descriptor"] for each in (*signatures, form.describe(method, shape))]
+            return Found(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_made)
+        made = form.form_mesh(form.canonicalise(method, shape), shape.mesh)
+        all_signatures = [*signatures, signature_of(run.scorer, made)]
+        matrices = [form_distances(run.scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)]
         return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, made, n_read, n_made)
 
     def form(self, entry: Entry) -> Mesh | None:
         """Return the canonical form of a shape of the gallery; None where it is not kept, or there is none."""
-        found, prepared = self.store.find(self._recipe(entry)), self.store.find(self._preparation.recipe(entry))
-        if found is None or prepared is None or "vertices" not in found.arrays or REFUSED in prepared.arrays:
-            return None
-        return form.form_mesh(found.arrays, Mesh(prepared.arrays["vertices"], prepared.arrays["faces"]))
+        with suppress(ShapeError):
+            return None if self.spec.describes else self._run.found_form(entry)
+        return None
 
-    @property
-    def _preparation(self) -> Preparation:
-        return Preparation(self.dataset, self.input, self.store)
-
-    def _recipe(self, entry: Entry, preparation: Preparation | None = None) -> Recipe:
-        model = self.models.get(entry.identifier)
-        shape = (preparation or self._preparation).recipe(entry)
-        return form_recipe(self.spec, shape, entry.identifier, self.seed, model.digest if model else "")
+    @cached_property
+    def _run(self) -> MethodRun:
+        preparation = Preparation(self.dataset, self.input, self.store)
+        return MethodRun(preparation, self.store, self.spec, self.seed, self.models, self.scorer)
 
     def _shape(self, query: Path, frame: Callable[[Path], FrameFiles]) -> Shape:
         """The query as the method is given it, in the frame of the gallery."""
@@ -183,16 +173,26 @@ class GallerySearch:
         elif self.input == "mesh":
             arrays = complete(read_mesh(query))
         else:
-            arrays = seen(read_mesh(query), FRONT, self._preparation.half_width)
+            arrays = seen(read_mesh(query), FRONT, self._run.preparation.half_width)
         return shape_of(arrays, query.stem, self.seed)
 
-    def _signatures(self, method: Method | Descriptor, query: Path) -> tuple[list[Entry], list[Arrays], int, int]:
-        """Shapes that have a form, their signatures, and how many of these were read and made."""
-        entries, signatures, n_made = [], [], 0
-        for entry, arrays, was_read in self._answered(method, query):
-            entries.append(entry)
-            signatures.append(arrays)
-            n_made += not was_read
+    def _signatures(self, query: Path) -> tuple[list[Entry], list[Arrays], int]:
+        """Shapes that have a form, their signatures or descriptors, and how many of these were read.
+
+        A signature that is made stays for the next query.
+        """
+        run, entries, signatures, n_read = self._run, list[Entry](), list[Arrays](), 0
+        for entry in self.dataset.entries:
+            answer = None if _is_file(entry, query) else self.store.find(run.recipe(entry))
+            if answer is None:
+                continue
+            with suppress(ShapeError):
+                arrays = require_arrays(answer)
+                if not self.spec.describes:
+                    answer = run.signature(entry, partial(run.form_from, arrays, entry), stays=True)
+                signatures.append(answer.arrays)
+                entries.append(entry)
+                n_read += answer.was_cached
         if not entries:
             words = ["run", "-m", self.spec.name, "-d", self.source or self.dataset.name, "--input", self.input]
             raise ConfigurationError(
@@ -200,29 +200,7 @@ class GallerySearch:
                 "as this code makes it",
                 f"run `python -m benchmark {shlex.join(words)}`",
             )
-        return entries, signatures, len(entries) - n_made, n_made
-
-    def _answered(self, method: Method | Descriptor, query: Path) -> Iterator[tuple[Entry, Arrays, bool]]:
-        """Yield the shapes with a form, or a descriptor, that is kept; a signature that is made stays for the next."""
-        preparation, scorer = self._preparation, self.scorer.create()
-        for entry in self.dataset.entries:
-            if _is_file(entry, query):
-                continue
-            recipe = self._recipe(entry, preparation)
-            answer = self.store.find(recipe)
-            if answer is None or REFUSED in answer.arrays:
-                continue
-            if not isinstance(method, Method):
-                yield entry, answer.arrays, True
-                continue
-            wanted = features_recipe(recipe, self.scorer)
-            kept = self.store.find_anywhere(wanted)
-            if kept is None:
-                made = form.form_mesh(answer.arrays, preparation.shape(entry, self.seed).mesh)
-                signed = partial(attempted, partial(signature_of, scorer, made))
-                kept = self.store.get_or_compute(wanted, signed, work="features")
-            if REFUSED not in kept.arrays:
-                yield entry, require_arrays(kept), kept.was_cached
+        return entries, signatures, n_read
 
 
 def _is_file(entry: Entry, query: Path) -> bool:

@@ -14,7 +14,8 @@ def close_process(reach: str) -> None:
     Parameters
     ----------
     reach
-        Module with a function ``reach``, see :func:`reached`, and, where plugin files are named, ``facts_of_file``.
+        Class of :mod:`benchmark.plugins.remote` that stands for a plugin here: ``"Remote"`` where somebody watches over
+        this process, ``"Inspected"`` where it talks to the user.
     """
     global _reach
     _reach = reach
@@ -27,12 +28,16 @@ def is_closed() -> bool:
 
 def reached(spec: Any) -> Any:
     """Return what stands for a plugin in a closed process, with its ``facts`` and a ``create``; None in an open one."""
-    return importlib.import_module(_reach).reach(spec) if _reach else None
+    if not _reach:
+        return None
+    kind = getattr(importlib.import_module("benchmark.plugins.remote"), _reach)
+    return kind(spec.kind, spec.target, spec.name, spec.base_name)
 
 
 def facts_of_file(path: str, kind: str) -> list[dict[str, Any]]:
     """Return what a closed process knows of the plugins of a kind in a file, by its absolute path."""
-    return [facts for facts in importlib.import_module(_reach).facts_of_file(path) if facts["kind"] == kind]
+    inspection = importlib.import_module("benchmark.plugins.inspection")
+    return [facts for facts in inspection.facts_of_file(path) if facts["kind"] == kind]
 
 
 def require_open_process(module: str) -> None:

@@ -18,9 +18,8 @@ from types import ModuleType
 from typing import TypeVar
 
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
-from benchmark.execution.processes.forks import one_of_us
-from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file
-from benchmark.execution.processes.process import adopt
+from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file, leave_out
+from benchmark.execution.processes.process import adopt, one_of_us
 from benchmark.plugins.closing import require_open_process
 from benchmark.source_code import digest_of_source
 
@@ -158,8 +157,8 @@ def helpers_of(path: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     pending = [path]
     while pending:
-        for name in _imported(pending.pop()):
-            if name in found or name in _PROJECT:
+        for name in dict.fromkeys(_imports_of(pending.pop())):
+            if not name or "." in name or name in found or name in _PROJECT:
                 continue
             spec = PathFinder.find_spec(name, [str(path.parent)])
             if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
@@ -169,19 +168,22 @@ def helpers_of(path: Path) -> dict[str, Path]:
     return found
 
 
-def sources_of(module: str) -> dict[str, str]:
+def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
     """Return what a plugin consists of: digests of its local modules, and the versions of the distributions it uses.
 
     Parameters
     ----------
     module
         Path of a plugin file, or name of a module of an installed package; it has been imported.
+    files
+        Other files that it names, relative to its own folder.
 
     Returns
     -------
     dict
         Digest of the code of each module that was imported from outside of installed distributions, by its path from
-        the folder of the plugin or else by its name; version of each distribution, by its name.
+        the folder of the plugin or else by its name; version of each distribution, by its name; digest of each of the
+        other files, "" for one that is not there.
     """
     first = sys.modules[_module_name(module) if module.endswith(".py") else module]
     folder = Path(first.__file__ or "").resolve().parent
@@ -191,39 +193,34 @@ def sources_of(module: str) -> dict[str, str]:
         importer = pending.pop()
         if _is_local(importer):
             path = Path(importer.__file__ or "").resolve()
-            sources[_name_of_source(path, folder)] = digest_of_source(path.read_bytes())
-            names = dict.fromkeys(name for name in _imports_of(importer) if name in sys.modules and name not in seen)
+            leave_out(path)
+            source = path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
+            sources[source] = digest_of_source(path.read_bytes())
+            names = dict.fromkeys(_imports_of(path, importer.__package__ or ""))
+            pending += [sys.modules[name] for name in names if name in sys.modules and name not in seen]
             seen.update(names)
-            pending += [sys.modules[name] for name in names]
         elif (top := importer.__name__.partition(".")[0]) not in sys.stdlib_module_names | _PROJECT:
             sources |= _versions(top)
-    return dict(sorted(sources.items()))
+    return dict(sorted(sources.items())) | {name: digest_of_file(str(folder / name)) for name in files}
 
 
-def _imports_of(module: ModuleType) -> Iterator[str]:
-    """Names that a module imports anywhere, with those of the packages around them."""
-    for node in ast.walk(ast.parse(Path(module.__file__ or "").read_bytes())):
+def _imports_of(path: Path, package: str = "") -> Iterator[str]:
+    """Names of the modules that a file imports anywhere, with the packages around them; none of an unreadable file."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return
+    for node in ast.walk(tree):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            around = (module.__package__ or "").split(".")[: 1 - node.level or None] if node.level else []
+            around = package.split(".")[: 1 - node.level or None] if node.level else []
             base = ".".join([*around, *([node.module] if node.module else [])])
             names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
         for name in names:
             parts = name.split(".")
             yield from (".".join(parts[:count]) for count in range(1, len(parts) + 1))
-
-
-def files_named(module: str, names: Iterable[str]) -> dict[str, str]:
-    """Return the digests of the files that a plugin names, relative to its own folder; "" for one that is not there."""
-    first = sys.modules[_module_name(module) if module.endswith(".py") else module]
-    folder = Path(first.__file__ or "").resolve().parent
-    return {name: digest_of_file(str(folder / name)) for name in names}
-
-
-def _name_of_source(path: Path, folder: Path) -> str:
-    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
 def _is_local(module: ModuleType) -> bool:
@@ -246,19 +243,6 @@ def _versions(top: str) -> dict[str, str]:
     except importlib.metadata.PackageNotFoundError:
         names = sorted(set(importlib.metadata.packages_distributions().get(top, ())))
     return {name.lower(): importlib.metadata.version(name).partition("+")[0] for name in names}
-
-
-def _imported(path: Path) -> Iterator[str]:
-    """Names of the top-level modules that a file imports anywhere; none of a file that Python cannot read."""
-    try:
-        tree = ast.parse(path.read_bytes())
-    except (OSError, SyntaxError, ValueError):
-        return
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module.partition(".")[0]
 
 
 def _check_helpers(path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
-from benchmark.execution.processes.forks import one_of_us
+from benchmark.execution.processes.process import one_of_us
 
 Note = NDArray[Any]
 

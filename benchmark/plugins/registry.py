@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.installed import KnownPlugins, installed
+from benchmark.plugins.inspection import KnownPlugins, installed
 from benchmark.plugins.parameters.grid import combinations, split_name
 from benchmark.plugins.specs import MethodSpec, S, plugin_methods
 

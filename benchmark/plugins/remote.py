@@ -6,21 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
+from benchmark.api.learning import read_card
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.arrays import Arrays
+from benchmark.execution.processes.calls import Guard
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.costs import Cost
 from benchmark.plugins.closing import close_process
+from benchmark.plugins.inspection import LIMIT, look, told
 from benchmark.plugins.services import service, services, watch_starts
-from benchmark.plugins.serving import folded, serve
-from benchmark.plugins.specs import PluginSpec, ScorerSpec
+from benchmark.plugins.serving import folded, serve, spec_of, tell
+from benchmark.plugins.specs import ScorerSpec
 
 Facts = dict[str, Any]
 
@@ -34,12 +37,7 @@ def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
         See :func:`benchmark.plugins.services.watch_starts`.
     """
     watch_starts(starting)
-    close_process(__name__)
-
-
-def reach(spec: PluginSpec[Any, Any]) -> Remote:
-    """Return what stands for a plugin here."""
-    return Remote(spec.kind, spec.target, spec.name, spec.base_name)
+    close_process(Remote.__name__)
 
 
 @cache
@@ -167,3 +165,74 @@ class _RemoteScorer(Foreign):
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """See :class:`benchmark.api.scoring.Scorer`."""
         return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])
+
+
+@dataclass(frozen=True)
+class Inspected(Remote):
+    """The same in the process that talks to the user: a plugin that hangs or crashes costs it an error."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """See :class:`Remote`."""
+        key = (self.kind, self.target, self.name)
+        if key not in told:
+            facts = self._look(tell)
+            told[key] = told[self.kind, self.target, facts["name"]] = facts
+        return told[key]
+
+    def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the parameters that differ from their defaults, normalised."""
+        chosen = self.facts["chosen"]
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()}
+
+    def create(self) -> Foreign:
+        """See :class:`Remote`; a learner knows its models."""
+        if "learner" in self.facts:
+            return _InspectedLearner(self, msgspec.convert(self.facts["info"], MethodInfo))
+        return super().create()
+
+    def check_card(self, folder: Path) -> None:
+        """Have the card of a model checked."""
+        self._look(_check_card, str(folder))
+
+    def _look(self, function: Callable[..., Any], *arguments: str) -> Any:
+        hint = "correct the plugin: importing it and making its methods must end at once"
+        guard = Guard(f"{self.kind} '{self.name}'", hint, LIMIT, quiet=True)
+        return look(function, self.kind, self.name, self.base_name, self.target, *arguments, guard=guard)
+
+
+@dataclass(frozen=True)
+class _InspectedLearner(RemoteMethod):
+    """A learner that was looked at; see :class:`benchmark.api.learning.Learner`."""
+
+    remote: Inspected
+
+    @property
+    def model_name(self) -> str:
+        return str(self.remote.facts["learner"]["model_name"])
+
+    @property
+    def split(self) -> str:
+        return str(self.remote.facts["learner"]["split"])
+
+    @property
+    def shipped_models(self) -> Path:
+        return Path(self.remote.facts["learner"]["shipped_models"])
+
+    @property
+    def model_folder(self) -> Path | None:
+        folder = self.remote.facts["learner"]["model_folder"]
+        return None if folder is None else Path(folder)
+
+    def train(self, *_: object) -> NoReturn:
+        raise AssertionError("a plugin is trained in a process of its own")
+
+    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
+        self.remote.check_card(folder)
+
+
+def _check_card(kind: str, name: str, base_name: str, target: str, folder: str) -> None:
+    """Check the card of a model, in a process that may import the learner."""
+    check = getattr(spec_of(kind, name, base_name, target).create(), "check_card", None)
+    if check is not None:
+        check(read_card(Path(folder)), Path(folder))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
-from benchmark.plugins.installed import KnownPlugins, installed
+from benchmark.plugins.inspection import KnownPlugins, installed
 from benchmark.plugins.registry import variant
 from benchmark.plugins.specs import ScorerSpec, plugins_of
 

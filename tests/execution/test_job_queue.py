@@ -4,12 +4,12 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.execution import queue as module
+from benchmark.execution import scheduler as module
 from benchmark.execution.claims import Claims
 from benchmark.execution.job_specs import ComparisonTask, ScoringTask, ShapeBatch
 from benchmark.execution.pools import LocalPool
-from benchmark.execution.queue import JobQueue
 from benchmark.execution.runner import failure, keep
+from benchmark.execution.scheduler import JobQueue
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
 from tests.execution.test_executors import orders

@@ -191,7 +191,7 @@ def test_a_program_that_ends_waits_for_no_process():
 
 
 def import_into_closed(path, facts, arrays, requester):
-    close_process("benchmark.plugins.remote")
+    close_process("Remote")
     try:
         import_plugin(path)
     except AssertionError:

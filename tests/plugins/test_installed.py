@@ -10,7 +10,7 @@ import pytest
 from benchmark.cli.main import main
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import inspection, registry, scorers
-from benchmark.plugins.installed import entry_points_of, installed
+from benchmark.plugins.inspection import entry_points_of, installed
 from tests.plugins.written import write_plugin
 from tests.toy import rod, write_off
 

@@ -4,9 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from benchmark.execution.processes.process import Process
+from benchmark.plugins.modules import import_plugin, sources_of
 from tests.toy import write_rods
 
 PLUGIN = """
@@ -96,3 +99,23 @@ def forms(folder):
     """Digests of the forms by method."""
     records = map(json.loads, (path.read_text() for path in (folder / "results/runs/records").glob("*.json")))
     return {record["method"]: record["digests"]["forms"] for record in records}
+
+
+def imports_and_reads(facts, arrays, requester):
+    """Import a plugin as its process does, and read a file."""
+    import_plugin(facts["plugin"])
+    sources_of(facts["plugin"])
+    return {"text": Path(facts["data"]).read_text()}, {}
+
+
+def test_a_plugin_counts_by_its_code_wherever_it_lies_and_other_files_by_their_place(tmp_path):
+    plugin, data = tmp_path / "plain.py", tmp_path / "data.csv"
+    plugin.write_text("import helper\n")
+    (tmp_path / "helper.py").write_text("FACTOR = 1.0\n")
+    data.write_text("1.0\n")
+    process = Process(imports_and_reads, is_plugin=True)
+    try:
+        process.request({"plugin": str(plugin), "data": str(data)})
+        assert [path for path in process.files if Path(path).parent == tmp_path] == [str(data)]
+    finally:
+        process.end()

@@ -91,7 +91,7 @@ def call_apart(
             f"{guard.what}: no process could be started ({error.strerror})", "end others, then try again"
         ) from error
     try:
-        answer, _ = process.request({}, progress=say or _ignore, limit=guard.limit)
+        answer, _ = process.request({}, progress=say or (lambda line: None), limit=guard.limit)
         return answer["returned"]
     except TimeoutError:
         raise BrokenCall(f"{guard.what} does not end: stopped after {guard.limit:g} s", guard.hint) from None
@@ -104,10 +104,6 @@ def call_apart(
         raise BrokenCall(f"{guard.what} raises {error}", guard.hint) from None
     finally:
         process.end()
-
-
-def _ignore(line: str) -> None:
-    pass
 
 
 def _call(

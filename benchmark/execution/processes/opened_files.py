@@ -45,6 +45,11 @@ def opened_files() -> dict[str, str]:
     return {path: digest for path, digest in sorted(_read.items()) if digest and not _is_own(path)}
 
 
+def leave_out(path: Path) -> None:
+    """Note that a file counts by other means, wherever it lies."""
+    _own.add(str(path))
+
+
 def digest_of_file(path: str) -> str:
     """Return the digest of a file: 32 hexadecimal digits; "" where there is none that can be read."""
     try:

@@ -35,7 +35,6 @@ from benchmark.errors import BenchmarkError, as_facts, from_facts, one_line
 from benchmark.execution.processes import reaper
 from benchmark.execution.processes.channel import Channel, Facts, Message
 from benchmark.execution.processes.opened_files import opened_files, watch_opened_files
-from benchmark.execution.processes.process_state import ProcessState
 from benchmark.text import DATA_VARIABLE, say
 
 #: Answers a request, facts and arrays; the last argument is whoever sent it.
@@ -74,7 +73,7 @@ _PROGRAM = (
 _numbers = itertools.count()
 _running: weakref.WeakSet[Process] = weakref.WeakSet()
 _own_mark = ""
-_trace: int | None = None
+_trace = -1
 
 
 class ForeignError(Exception):
@@ -147,13 +146,15 @@ class Process:
         self.trace = ""
         self.has_begun = False
         self.parent = os.getpid()
-        self._mark = f"{mark_of_this()}{next(_numbers)}-"
-        self._trace = None if _trace is not None else tempfile.TemporaryFile()  # noqa: SIM115
+        # All that this process starts bears its mark, too.
+        self._mark = f"{_own_mark or token() + '-'}{next(_numbers)}-"
+        self._trace = tempfile.TemporaryFile() if _trace < 0 else None  # noqa: SIM115
+        trace = self._trace.fileno() if self._trace else _trace
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours, BIRTH)
         try:
             with theirs, _without_interrupts():
-                self._process = _start(theirs.fileno(), self._trace_of_child, self._mark, quiet)
+                self._process = _start(theirs.fileno(), trace, self._mark, quiet)
         except BaseException:
             if hasattr(self, "_process"):  # an interrupt, of one that nobody would know of
                 _running.add(self)
@@ -163,12 +164,6 @@ class Process:
         # Only what this process says is pickled, never what it is told.
         function = np.frombuffer(pickle.dumps(serve), np.uint8)
         self.send({"memory": memory, "is_plugin": is_plugin, "idle": idle}, {"function": function})
-
-    @property
-    def _trace_of_child(self) -> int:
-        found = _trace if self._trace is None else self._trace.fileno()
-        assert found is not None  # noqa: S101
-        return found
 
     @property
     def exit_code(self) -> int | None:
@@ -366,6 +361,49 @@ def is_child() -> bool:
     return bool(_own_mark)
 
 
+_TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
+
+
+class ProcessState:
+    """Signals, timers, threads and children of this process before foreign code is at work in it."""
+
+    def __init__(self) -> None:
+        self._handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
+        self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        self._others = _others()
+
+    def restore(self) -> bool:
+        """Stop all timers and bring back the handlers of signals; returns whether threads or children have come."""
+        for timer in _TIMERS:
+            signal.setitimer(timer, 0)
+        faulthandler.cancel_dump_traceback_later()
+        for number, handler in self._handlers.items():
+            if signal.getsignal(number) != handler:
+                signal.signal(number, handler or signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+        return not _others() <= self._others
+
+
+def _others() -> set[object]:
+    """Return the threads of this process, and a word for its children."""
+    found: set[object] = set(threading.enumerate())
+    with suppress(ChildProcessError, AttributeError):  # there is none, or the system cannot be asked
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        found.add("children")
+    return found
+
+
+@contextmanager
+def one_of_us() -> Iterator[None]:
+    """End a copy of this process that comes out of the body: both would go on, and copy again."""
+    before = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != before:
+            os._exit(0)
+
+
 # Starting a process --------------------------------------------------------------------------------------------------
 
 
@@ -411,11 +449,6 @@ def token() -> str:
     os.close(read)
     watching.returncode = 0  # it outlives this process, which is no oversight to be warned of
     return made
-
-
-def mark_of_this() -> str:
-    """Return how the marks of all begin that this process starts: its own mark, which ends with it."""
-    return _own_mark or f"{token()}-"
 
 
 def adopt() -> None:

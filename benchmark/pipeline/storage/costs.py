@@ -85,10 +85,11 @@ class Meter:
         """
         for outer in self._open:
             outer.peak = max(outer.peak, _high_water() or 0)
-        if not self._open:
-            _give_back_memory()
-        _reset_high_water()
-        frame = _Frame(time.perf_counter(), _resident())
+        if not self._open and (trim := _trim()):  # what earlier work freed must not hide what this work takes
+            trim(0)
+        with contextlib.suppress(OSError):
+            _RESET.write_text("5")
+        frame = _Frame(time.perf_counter(), _without_files("VmRSS"))
         self._open.append(frame)
         cost = Cost()
         try:
@@ -125,10 +126,6 @@ def _high_water() -> int | None:
     return _without_files("VmHWM")
 
 
-def _resident() -> int | None:
-    return _without_files("VmRSS")
-
-
 def _without_files(name: str) -> int | None:
     """A size of this process in bytes, less the pages of files; None where the system does not tell."""
     try:
@@ -137,18 +134,6 @@ def _without_files(name: str) -> int | None:
     except (OSError, KeyError, ValueError, IndexError):
         return None
     return (size - files - shared) * 1024
-
-
-def _reset_high_water() -> None:
-    with contextlib.suppress(OSError):
-        _RESET.write_text("5")
-
-
-def _give_back_memory() -> None:
-    """Hand what earlier work freed back to the system, so that it does not hide what this work takes."""
-    trim = _trim()
-    if trim is not None:
-        trim(0)
 
 
 @functools.cache

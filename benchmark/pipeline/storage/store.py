@@ -17,11 +17,10 @@ from benchmark.arrays import Arrays, digest_of, load_arrays, save_arrays
 from benchmark.errors import BenchmarkError
 from benchmark.execution.processes.opened_files import FILES, changed_files, files_among
 from benchmark.files import is_alive, leftovers, write_atomically
-from benchmark.pipeline.storage.adoption import CODE_FILE, EDITED, RECIPE, adopt_edited, stale_edits
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.keys import bare_key, plain
-from benchmark.pipeline.storage.lock import edited, key_of
+from benchmark.pipeline.storage.lock import CODE_FILE, EDITED, RECIPE, adopt_edited, edited, key_of, stale_edits
 from benchmark.pipeline.storage.records import Record, Records, by_place
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
@@ -67,7 +66,7 @@ class Store:
     ``DIR/runs/artefacts`` keeps arrays by the digest of their recipe, ``DIR/runs/scratch`` those that are large and
     made again quickly, ``DIR/runs/records`` the records of the jobs done here, and ``DIR/records`` those that travel
     with the suite. What edited code makes lies apart, in ``DIR/runs/edited/EDIT`` with the name of the edit, until its
-    golden results are made anew: then :mod:`benchmark.pipeline.storage.adoption` brings it to the rest.
+    golden results are made anew: then :mod:`benchmark.pipeline.storage.lock` brings it to the rest.
 
     Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
     second one merely replaces the first.

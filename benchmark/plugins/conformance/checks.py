@@ -36,8 +36,7 @@ from benchmark.plugins.conformance.cases import (
     same,
 )
 from benchmark.plugins.conformance.shapes import BENDS
-from benchmark.plugins.information import problems_of
-from benchmark.plugins.specs import PluginSpec
+from benchmark.plugins.specs import PluginSpec, problems_of
 from benchmark.text import DATA_VARIABLE
 
 Check = Callable[[Any], str]

@@ -300,11 +300,11 @@ def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begi
 
 @pytest.mark.parametrize("written", ["by this run", "by another run", None])
 def test_the_results_folder_is_shared_if_a_worker_reads_what_the_run_wrote(tmp_path, written):
-    from benchmark.execution import dask_worker
+    from benchmark.execution import dask_pool
 
     if written is not None:
         (tmp_path / "marker").write_text(written)
-    assert dask_worker._is_shared(tmp_path / "marker", "by this run") == (written == "by this run")
+    assert dask_pool._is_shared(tmp_path / "marker", "by this run") == (written == "by this run")
 
 
 def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
