@@ -38,6 +38,9 @@ def test_a_stand_in_is_announced_before_the_run(tmp_path, monkeypatch):
     monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
     words = ("-t", "III", "-m", "learned", "--input", "mesh", "--results", tmp_path)  # which runs nothing
     assert call("run", *words).output.startswith("animals: generated stand-in for tosca, which is not at DATA_ROOT")
+    (tmp_path / "data" / "tosca").mkdir(parents=True)  # there, though not asked for
+    words = ("-d", "animals", *words[2:], "--data-root", tmp_path / "data")
+    assert call("run", *words).output.startswith("animals: generated stand-in for tosca\n")
 
 
 def test_a_long_plan_fits_on_a_screen_and_lists_its_jobs_when_asked(tmp_path):

@@ -88,14 +88,15 @@ def run(forms: tuple[str, ...], **given: Any) -> None:  # fmt: skip
 
 def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
     """Say which data sets stand in for others, and which files of a folder are skipped."""
-    from benchmark.datasets.catalogue import CATALOGUE, is_known
+    from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
     from benchmark.datasets.folder import unread_files
 
     stand_ins = {job.facts["data"]["name"]: job.facts["data"]["stand_in_for"] for job in jobs}
     for name, official in stand_ins.items():
         if official in CATALOGUE and name in CATALOGUE:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
-            say(f"{name}: generated stand-in for {official}, which is not at {where}; see --data-root", err=True)
+            absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
+            say(f"{name}: generated stand-in for {official}{absent}", err=True)
     for folder in dict.fromkeys(job.dataset for job in jobs if not is_known(job.dataset)):
         if Path(folder).is_dir() and (unread := unread_files(Path(folder))):
             more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
