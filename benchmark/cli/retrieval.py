@@ -74,10 +74,11 @@ def _summary(found: Found, seconds: float) -> str:
 
 
 def _draw(search: GallerySearch, found: Found, query: Path, k: int, path: Path) -> None:
-    from benchmark.report.pictures.depth_images import retrieved_picture, save_picture
+    from benchmark.report.pictures.depth_images import retrieved_picture
+    from benchmark.report.pictures.painting import save_png
 
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", found.form or found.query.mesh)]
     for rank, hit in enumerate(found.hits[:k], 1):
         text = f"{rank}. {hit.entry.identifier}\n{hit.entry.subject}\n{hit.distance:.4g}"
         panels.append((text, search.form(hit.entry)))
-    save_picture(retrieved_picture(panels), path)
+    save_png(retrieved_picture(panels), path)

@@ -185,11 +185,12 @@ def _drawn(
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.perturbations.overview import overview
     from benchmark.report.pictures.contact_sheet import contact_sheet
+    from benchmark.report.pictures.painting import save_png
 
     dataset: Dataset = open_dataset(source, Path(root) if root else None)
     if perturbations is not None:
         dataset = overview(dataset, perturbations)
     drawn = contact_sheet(dataset, subjects, poses)
     target = Path(output or f"sheet-{dataset.name}.png")
-    drawn.save(target)
+    save_png(drawn.image, target)
     return list(map(str, drawn.problems)), str(target)

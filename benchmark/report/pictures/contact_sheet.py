@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +11,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import canonical_entry
-from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError
-from benchmark.files import write_atomically
+from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.recipes import sensor_of
-from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
+from benchmark.report.pictures.painting import SUPERSAMPLING, depth_picture, shaded
 
 #: Poses of each subject, unless told otherwise.
 POSES = 8
@@ -55,21 +53,6 @@ class ContactSheet:
 
     image: Image.Image
     problems: tuple[str, ...]
-
-    def save(self, path: Path) -> None:
-        """Write a PNG without date or version, so that the same sheet is the same file.
-
-        Raises
-        ------
-        BenchmarkError
-            If the name does not end in ``.png``, or the file cannot be written.
-        """
-        if path.suffix.lower() != ".png":
-            raise BenchmarkError(f"{path} is not the name of a PNG file", "let it end in .png")
-        try:
-            write_atomically(path, lambda file: self.image.save(file, format="PNG", optimize=True))
-        except OSError as error:
-            raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another file with -o") from error
 
 
 def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
@@ -166,12 +149,11 @@ class _Sight:
         surfaces = [extent / max(extent.max(), 1e-12) for extent in extents]
         return np.array([*surfaces, extents[0] / (2 * self.half_width)])
 
-    def pictures(self, aside: bool, size: int) -> list[NDArray[np.float64]]:
-        """The pictures, shape (size, size, 3) each, in [0, 1]."""
-        fine = size * SUPERSAMPLING
-        image = render_depth(self.mesh, self.camera, self.half_width, fine)
-        depth = depth_picture(image if self.sensor is None else self.sensor.perturbed(image), fine)
-        return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), averaged(depth, size)]
+    def pictures(self, aside: bool, size: int) -> list[Image.Image]:
+        """The pictures, squares of so many pixels."""
+        image = render_depth(self.mesh, self.camera, self.half_width, size * SUPERSAMPLING)
+        depth = depth_picture(image if self.sensor is None else self.sensor.perturbed(image), size)
+        return [*(shaded(self.mesh, camera, size) for camera in self.cameras(aside)), depth]
 
 
 @dataclass(frozen=True)
@@ -271,10 +253,10 @@ def _three_quarter(camera: Camera) -> Camera:
     return Camera((x, y, z), camera.up)
 
 
-def _cropped(picture: NDArray[np.float64], width: int, height: int) -> Image.Image:
+def _cropped(picture: Image.Image, width: int, height: int) -> Image.Image:
     """The middle of a square picture."""
-    top, left = (len(picture) - height) // 2, (len(picture) - width) // 2
-    return Image.fromarray(np.round(255 * picture[top : top + height, left : left + width]).astype(np.uint8))
+    top, left = (picture.height - height) // 2, (picture.width - width) // 2
+    return picture.crop((left, top, left + width, top + height))
 
 
 def _pixels(shares: NDArray[np.float64], size: int) -> NDArray[np.int64]:

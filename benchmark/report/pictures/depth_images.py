@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +11,9 @@ from PIL import Image, ImageDraw, ImageFont
 from benchmark.depth.mask import Mask
 from benchmark.depth.projection import UPRIGHT
 from benchmark.depth.reading import Depths
-from benchmark.errors import ConfigurationError
-from benchmark.files import write_atomically
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.report.pictures.drawing import SUPERSAMPLING, averaged, depth_picture, shaded
+from benchmark.report.pictures.painting import SUPERSAMPLING, depth_picture, shaded
 
 HEIGHT = 300
 """Pixels of the height of each picture."""
@@ -45,14 +42,8 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
     """
     grey = _grey(depths)
     marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
-    fine = HEIGHT * SUPERSAMPLING
-    canonical = depth_picture(render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), fine), fine)
-    panels = [
-        _scaled(grey),
-        _scaled(marked),
-        _image(averaged(canonical, HEIGHT)),
-        _image(shaded(form, UPRIGHT, HEIGHT)),
-    ]
+    canonical = render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), HEIGHT * SUPERSAMPLING)
+    panels = [_scaled(grey), _scaled(marked), depth_picture(canonical, HEIGHT), shaded(form, UPRIGHT, HEIGHT)]
     width = sum(panel.width for panel in panels) + _GAP * (len(panels) + 1)
     sheet = Image.new("RGB", (width, HEIGHT + _LINE + _GAP), "white")
     pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(_FONT_SIZE), _GAP
@@ -79,19 +70,8 @@ def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
         left = _NEAR + number * (SIZE + _NEAR)
         pen.multiline_text((left, _NEAR // 2), text, fill="black", font=font, spacing=3)
         if form is not None:
-            sheet.paste(_image(shaded(form, UPRIGHT, SIZE)), (left, head))
+            sheet.paste(shaded(form, UPRIGHT, SIZE), (left, head))
     return sheet
-
-
-def save_picture(image: Image.Image, path: Path) -> None:
-    """Write a PNG; raises ``ConfigurationError`` if it has another name or cannot be written."""
-    if path.suffix.lower() != ".png":
-        raise ConfigurationError(f"{path} is not the name of a PNG file", "let it end in .png")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error.strerror}", "choose another file") from error
 
 
 def _grey(depths: Depths) -> NDArray[np.float64]:
@@ -104,8 +84,5 @@ def _grey(depths: Depths) -> NDArray[np.float64]:
 
 def _scaled(picture: NDArray[np.float64]) -> Image.Image:
     height, width = picture.shape[:2]
-    return _image(picture).resize((max(1, round(width * HEIGHT / height)), HEIGHT), Image.Resampling.LANCZOS)
-
-
-def _image(picture: NDArray[np.float64]) -> Image.Image:
-    return Image.fromarray(np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8))
+    image = Image.fromarray(np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8))
+    return image.resize((max(1, round(width * HEIGHT / height)), HEIGHT), Image.Resampling.LANCZOS)

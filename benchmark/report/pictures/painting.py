@@ -1,6 +1,11 @@
-"""Coloured pictures of surfaces on nothing: the colour of a place tells how far out on the body it is."""
+"""Pictures of surfaces and depth images without OpenGL: the scorer's own rasteriser and a lamp.
+
+Where a surface is coloured, the colour of a place tells how far out on the body it is.
+"""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +14,18 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
-from benchmark.report.pictures.drawing import LAMP
+
+#: Depth images are drawn this many times finer and averaged, so that outlines are smooth.
+SUPERSAMPLING = 3
+
+_LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
+"""Towards the lamp, in image coordinates: right, up, towards the viewer."""
 
 #: From the trunk to the tips of the limbs; told apart on white and on black, and without seeing colours, by lightness.
 PALETTE = (
@@ -94,6 +107,37 @@ def painted(
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8), "RGBA")
 
 
+def shaded(mesh: Mesh, camera: Camera = FRONT, size: int = 200) -> Image.Image:
+    """Picture of a mesh on white, in one colour, that fills the image."""
+    points = mesh.vertices @ camera.rotation.T
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = max(float((high - low)[:2].max()) / 2, 1e-12) / 0.94
+    image = Image.new("RGBA", (size, size), "white")
+    image.alpha_composite(painted(points - (low + high) / 2, mesh.faces, None, size, half))
+    return image.convert("RGB")
+
+
+def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
+    """Picture of a depth image that is larger, shape (h, h): near is bright, background is white."""
+    seen = depth > 0
+    low, high = (float(depth[seen].min()), float(depth[seen].max())) if seen.any() else (0.0, 0.0)
+    grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
+    picture = Image.fromarray(np.round(255 * grey).astype(np.uint8)).convert("RGB")
+    return picture.resize((size, size), Image.Resampling.BOX)
+
+
+def save_png(image: Image.Image, path: Path) -> None:
+    """Write a PNG without date; raises ``ConfigurationError`` if it has another name or cannot be written."""
+    if path.suffix.lower() != ".png":
+        raise ConfigurationError(f"{path} is not the name of a PNG file", "let it end in .png")
+    try:
+        write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot write {path}: {error.strerror}", "choose another file with -o or --picture"
+        ) from error
+
+
 def _draw_edges(
     rgba: NDArray[np.float64], pixels: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None
 ) -> None:
@@ -134,4 +178,4 @@ def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_], pixel: float) ->
     down, right = np.gradient(filled, pixel)
     normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.asarray(0.52 + 0.62 * np.clip(normal @ LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))
+    return np.asarray(0.52 + 0.62 * np.clip(normal @ _LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))

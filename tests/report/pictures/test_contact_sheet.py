@@ -14,6 +14,7 @@ from benchmark.errors import BenchmarkError, UnreadableMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.report.pictures import contact_sheet as sheets
 from benchmark.report.pictures.contact_sheet import WIDTH, contact_sheet, select
+from benchmark.report.pictures.painting import save_png
 from tests.toy import rod, write_rods
 
 
@@ -98,7 +99,7 @@ def test_shapes_beyond_the_frame_are_crossed_out_and_reported():
 
 def test_the_same_sheet_is_the_same_file(tmp_path):
     for name in ("a.png", "sub/b.PNG"):
-        contact_sheet(Rods()).save(tmp_path / name)
+        save_png(contact_sheet(Rods()).image, tmp_path / name)
     first = (tmp_path / "a.png").read_bytes()
     assert first == (tmp_path / "sub" / "b.PNG").read_bytes()
     assert set(chunks(first)) <= {b"IHDR", b"PLTE", b"IDAT", b"IEND"}
@@ -107,10 +108,10 @@ def test_the_same_sheet_is_the_same_file(tmp_path):
 def test_other_names_and_places_that_cannot_be_written_are_refused(tmp_path):
     sheet = contact_sheet(Rods(1, 1))
     with pytest.raises(BenchmarkError, match=r"\.png"):
-        sheet.save(tmp_path / "sheet.pdf")
+        save_png(sheet.image, tmp_path / "sheet.pdf")
     (tmp_path / "file").write_text("")
     with pytest.raises(BenchmarkError, match="-o"):
-        sheet.save(tmp_path / "file" / "sheet.png")
+        save_png(sheet.image, tmp_path / "file" / "sheet.png")
 
 
 def test_the_verb_writes_the_sheet_of_a_folder(tmp_path):

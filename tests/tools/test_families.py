@@ -3,8 +3,8 @@ import numpy as np
 from benchmark.geometry.camera import Camera
 from benchmark.plugins.registry import BUILT_IN, methods, variant
 from benchmark.protocols.rows import ONLY_NAMED, VARIANTS
-from benchmark.report.pictures.families import FAMILIES, family_figure
 from tests.toy import rod
+from tools.families import FAMILIES, family_figure
 
 
 def test_each_pose_is_drawn_beside_what_each_method_makes_of_it():

@@ -1,4 +1,4 @@
-"""Pictures for ``docs/reference/methods.md``: ``python -m benchmark.report.pictures.families FOLDER``."""
+"""Pictures for ``docs/reference/methods.md``: ``python -m tools.families FOLDER``."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from benchmark.api.contracts import Mesh, Method, Shape
 from benchmark.datasets.humans import Humans
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare
 from benchmark.plugins.registry import methods, variant
-from benchmark.report.pictures.drawing import principal_frame, shaded
 from benchmark.report.pictures.forms import save
+from benchmark.report.pictures.painting import shaded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,13 +61,13 @@ def family_figure(names: Sequence[str], poses: Sequence[Mesh], camera: Camera, s
 
     known = methods()
     specs = [variant(name, known) for name in names]
-    rows = [("input", [shaded(mesh, camera, size) for mesh in poses])]
+    rows = [("input", [np.asarray(shaded(mesh, camera, size)) / 255 for mesh in poses])]
     for spec in specs:
         method = spec.create()
         if isinstance(method, Method):
             shapes = [Shape(identifier=f"pose {number}", mesh=mesh) for number, mesh in enumerate(poses)]
             forms = [method.canonicalise(shape).mesh for shape in shapes]
-            rows.append((spec.title, [shaded(principal_frame(form), size=size) for form in forms]))
+            rows.append((spec.title, [np.asarray(shaded(principal_frame(form), size=size)) / 255 for form in forms]))
     figure = Figure(figsize=(1.2 * len(rows) + 0.4, 1.2 * len(poses) + 0.3), dpi=100)
     axes = figure.subplots(len(poses), len(rows), squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
     for column, (title, pictures) in enumerate(rows):
@@ -74,6 +76,19 @@ def family_figure(names: Sequence[str], poses: Sequence[Mesh], camera: Camera, s
             axes[row, column].imshow(picture, interpolation="antialiased")
             axes[row, column].set_axis_off()
     return figure
+
+
+def principal_frame(mesh: Mesh) -> Mesh:
+    """The mesh turned so that its longest axis is upright and its shortest one looks at the viewer.
+
+    The forms of most methods have no orientation of their own; this one shows them at their widest.
+    """
+    centred = mesh.vertices - mesh.vertices.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
+    turned = centred @ axes.T
+    # Longest axis upwards (z), second across (x), shortest along the view (y); heavier tails up and right.
+    turned = turned[:, [1, 2, 0]] * np.where((turned[:, [1, 2, 0]] ** 3).sum(axis=0) < 0, -1.0, 1.0)
+    return mesh.with_vertices(turned)
 
 
 def main(folder: Path) -> None:
