@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,56 +104,52 @@ def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...])
     return plugins
 
 
-data_root_option = click.option(
-    "--data-root",
-    type=PathOption(),
-    envvar=DATA_VARIABLE,
-    callback=_require_folder,
-    metavar="DIR",
-    help=f"Folder of the official data sets; also {DATA_VARIABLE}.",
-)
+class Duration(click.ParamType[float]):
+    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
 
-results_option = click.option("--results", type=PathOption(), default=Path("results"), show_default=True, metavar="DIR")
+    name = "duration"
 
-plugin_option = click.option(
-    "--plugin",
-    "plugins",
-    multiple=True,
-    type=PathOption(),
-    callback=_inspected,
-    metavar="FILE",
-    help="Python file with methods, scorers or data sets.",
-)
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse a duration."""
+        if isinstance(value, (int, float)):
+            return float(value)
+        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(value).strip())
+        if not match or float(match[1]) == 0:
+            self.fail(f"'{value}' is not a duration; write 90s, 10m or 2h", param, ctx)
+        return float(match[1]) * _UNITS[match[2]]
 
 
-datasets_option = click.option(
-    "-d",
-    "--dataset",
-    "datasets",
-    multiple=True,
-    type=NameOrFolder(),
-    metavar="DATASET|FOLDER",
-    shell_complete=completion.datasets,
-    help="Set, folder, or humans[subjects=N,poses=M].",
-)
+class VertexCount(click.ParamType[int | str]):
+    """A number of vertices, or ``all`` of them."""
 
-inputs_option = click.option(
-    "--input", "inputs", multiple=True, type=click.Choice(["view", "mesh"]), help="Default: both."
-)
+    name = "vertices"
 
-force_option = click.option("--force", is_flag=True, help="Replace files in -o DIR that this verb did not write.")
-
-published_option = click.option("--published", is_flag=True, help="Use only published records.")
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
+        """Read a number of at least :data:`FEWEST_VERTICES`."""
+        text = str(value).strip()
+        if text != "all" and not (text.isdecimal() and int(text) >= FEWEST_VERTICES):
+            self.fail(f"'{value}' is no number of vertices; write {FEWEST_VERTICES} or more, or all", param, ctx)
+        return text if text == "all" else int(text)
 
 
-scorer_option = click.option(
-    "--scorer",
-    metavar="SCORER",
-    default="cm-bof",
-    show_default=True,
-    help="What compares the forms; see 'list scorers'.",
-    shell_complete=completion.scorers,
-)
+class ShardOption(click.ParamType["Shard"]):
+    """A part of a plan, written as ``2/3``."""
+
+    name = "shard"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
+        """Parse a part."""
+        from benchmark.execution.sharding import Shard
+
+        return value if isinstance(value, Shard) else Shard.parse(str(value))
+
+
+def timeout_option(what: str, default: str = PATIENCE) -> Decorator:
+    """Make the option that limits how long foreign code may take for something."""
+    return click.option(
+        "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
+        help=f"Time limit for {what}: 90s, 10m, 2h.",
+    )  # fmt: skip
 
 
 def name_skipped(*stores: Store) -> None:
@@ -204,11 +200,18 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
         raise
 
 
+def _option(*words: str, multiple: bool = False, is_flag: bool = False, default: Any = None, **given: Any) -> Any:
+    """Return the field of an option, with what click is to know of it."""
+    default = () if multiple else False if is_flag else default
+    given = {"show_default": not is_flag and not multiple and default is not None} | given
+    return field(default=default, metadata={"click": (words, {"multiple": multiple, "is_flag": is_flag, **given})})
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
     """Options of ``run``, handed on whole to whatever reads one; other verbs take some and leave out the others.
 
-    An option is a field here and a ``click.option`` at the end of this file; nothing in between names it.
+    An option is a field here, from which :func:`add_options` makes that of click.
 
     Parameters
     ----------
@@ -234,32 +237,52 @@ class RunOptions:
         Part of the plan; None for all of it.
     retry
         Kinds of failure to run again.
+    force
+        Whether to replace files that the verb did not write.
     executor, workers, scheduler
         See :func:`benchmark.cli.run_plan.make_pool`.
     timeout
         Seconds of work after which a job is stopped; None for no limit.
     """
 
-    tables: tuple[str, ...] = ()
-    methods: tuple[str, ...] = ()
-    datasets: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    scorer: str = "cm-bof"
-    plugins: tuple[Path, ...] = ()
-    results: Path = Path("results")
-    data_root: Path | None = None
-    seed: int = 0
-    quick: bool = False
-    paper: bool = False
-    everything: bool = False
-    published: bool = False
-    repeat: int | None = None
-    shard: Shard | None = None
-    retry: tuple[str, ...] = ()
-    executor: str = "processes"
-    workers: int | None = None
-    scheduler: str = ""
+    # fmt: off
+    tables: tuple[str, ...] = _option("-t", "--table", multiple=True, metavar="TABLE", help="Table; see 'list tables'.",
+                                      shell_complete=completion.tables)
+    methods: tuple[str, ...] = _option("-m", "--method", multiple=True, metavar="METHOD",
+                                       shell_complete=completion.methods,
+                                       help="Method, all, or finished; see 'list methods'.")
+    datasets: tuple[str, ...] = _option("-d", "--dataset", multiple=True, type=NameOrFolder(),
+                                        metavar="DATASET|FOLDER", shell_complete=completion.datasets,
+                                        help="Set, folder, or humans[subjects=N,poses=M].")
+    inputs: tuple[str, ...] = _option("--input", multiple=True, type=click.Choice(["view", "mesh"]),
+                                      help="Default: both.")
+    scorer: str = _option("--scorer", metavar="SCORER", default="cm-bof", shell_complete=completion.scorers,
+                          help="What compares the forms; see 'list scorers'.")
+    plugins: tuple[Path, ...] = _option("--plugin", multiple=True, type=PathOption(), callback=_inspected,
+                                        metavar="FILE", help="Python file with methods, scorers or data sets.")
+    results: Path = _option("--results", type=PathOption(), default=Path("results"), metavar="DIR")
+    data_root: Path | None = _option("--data-root", type=PathOption(), envvar=DATA_VARIABLE, callback=_require_folder,
+                                     metavar="DIR", help=f"Folder of the official data sets; also {DATA_VARIABLE}.")
+    seed: int = _option("--seed", type=int, default=0, help="Base seed of all methods.")
+    quick: bool = _option("--quick", is_flag=True, help="Fewer poses per subject, and only the paper's methods.")
+    everything: bool = _option("--all", is_flag=True, help="All tables, methods and inputs (default of 'plan').")
+    paper: bool = _option("--paper", is_flag=True, help="Only the rows of the paper.")
+    repeat: int | None = _option("--repeat", type=click.IntRange(min=2), metavar="N",
+                                 help="Repeat each gallery N times with jittered vertices, and print the spread.")
+    shard: Shard | None = _option("--shard", type=ShardOption(), metavar="I/N",
+                                  help="Run part I of N of the jobs; 'merge' joins the parts.")
+    workers: int | None = _option("-j", "--jobs", type=click.IntRange(min=1), metavar="N",
+                                  help="Number of parallel jobs. [all cores]")
+    executor: str = _option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes")
+    scheduler: str = _option("--scheduler", default="", show_default=False, metavar="URL",
+                             help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
     timeout: float | None = None
+    retry: tuple[str, ...] = _option(
+        "--retry", multiple=True, help="Run failed jobs of this kind again.",
+        type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"]))
+    force: bool = _option("--force", is_flag=True, help="Replace files in -o DIR that this verb did not write.")
+    published: bool = _option("--published", is_flag=True, help="Use only published records.")
+    # fmt: on
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> RunOptions:
@@ -436,101 +459,20 @@ def _names(data: Mapping[str, str]) -> set[str]:
     return {name for each in given | clean for name in (each, os.path.realpath(each))}
 
 
-class Duration(click.ParamType[float]):
-    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
-
-    name = "duration"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Parse a duration."""
-        if isinstance(value, (int, float)):
-            return float(value)
-        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(value).strip())
-        if not match or float(match[1]) == 0:
-            self.fail(f"'{value}' is not a duration; write 90s, 10m or 2h", param, ctx)
-        return float(match[1]) * _UNITS[match[2]]
-
-
-class VertexCount(click.ParamType[int | str]):
-    """A number of vertices, or ``all`` of them."""
-
-    name = "vertices"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
-        """Read a number of at least :data:`FEWEST_VERTICES`."""
-        text = str(value).strip()
-        if text != "all" and not (text.isdecimal() and int(text) >= FEWEST_VERTICES):
-            self.fail(f"'{value}' is no number of vertices; write {FEWEST_VERTICES} or more, or all", param, ctx)
-        return text if text == "all" else int(text)
-
-
-class ShardOption(click.ParamType["Shard"]):
-    """A part of a plan, written as ``2/3``."""
-
-    name = "shard"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
-        """Parse a part."""
-        from benchmark.execution.sharding import Shard
-
-        return value if isinstance(value, Shard) else Shard.parse(str(value))
-
-
-def timeout_option(what: str, default: str = PATIENCE) -> Decorator:
-    """Make the option that limits how long foreign code may take for something."""
-    return click.option(
-        "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
-        help=f"Time limit for {what}: 90s, 10m, 2h.",
-    )  # fmt: skip
-
-
-def _together(*options: Decorator) -> Decorator:
-    """Return the decorator that adds all these options to a verb, in the order of its ``--help``."""
+def add_options(*names: str) -> Decorator:
+    """Add options of :class:`RunOptions` by the names of their fields to a verb, in the order of its ``--help``."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
+        for each in (RunOptions.__dataclass_fields__[name] for name in reversed(names)):
+            words, given = each.metadata["click"]
+            command = click.option(*words, each.name, default=each.default, **given)(command)
         return command
 
     return add
 
 
-# fmt: off
-selection_options = _together(
-    click.option("-t", "--table", "tables", multiple=True, metavar="TABLE", shell_complete=completion.tables,
-                 help="Table; see 'list tables'."),
-    click.option("-m", "--method", "methods", multiple=True, metavar="METHOD", shell_complete=completion.methods,
-                 help="Method, all, or finished; see 'list methods'."),
-    datasets_option,
-    scorer_option,
-    inputs_option,
-    plugin_option,
-    results_option,
-    data_root_option,
-    click.option("--seed", type=int, default=0, show_default=True, help="Base seed of all methods."),
-    click.option("--quick", is_flag=True, help="Fewer poses per subject, and only the paper's methods."),
-)
-
-plan_options = _together(
-    click.option("--all", "everything", is_flag=True, help="All tables, methods and inputs (default of 'plan')."),
-    selection_options,
-    click.option("--paper", is_flag=True, help="Only the rows of the paper."),
-    click.option("--repeat", type=click.IntRange(min=2), metavar="N",
-                 help="Repeat each gallery N times with jittered vertices, and print the spread."),
-    click.option("--shard", type=ShardOption(), metavar="I/N",
-                 help="Run part I of N of the jobs; 'merge' joins the parts."),
-)
-
-run_options = _together(
-    plan_options,
-    click.option("-j", "--jobs", "workers", type=click.IntRange(min=1), metavar="N",
-                 help="Number of parallel jobs. [all cores]"),
-    click.option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes",
-                 show_default=True),
-    click.option("--scheduler", default="", metavar="URL",
-                 help="Scheduler of a dask cluster, such as tcp://HOST:8786."),
-    timeout_option("one job", "2h"),
-    click.option("--retry", multiple=True, help="Run failed jobs of this kind again.",
-                 type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"])),
-)
-# fmt: on
+#: Fields of what finished jobs, a plan, and a run are selected by.
+SELECTION = (
+    "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
+)  # fmt: skip
+PLAN = ("everything", *SELECTION, "paper", "repeat", "shard")

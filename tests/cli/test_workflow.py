@@ -148,15 +148,14 @@ def _records_without_work(suite, *selections):
     (suite / "records.py").write_text((ROOT / "tests" / "records.py").read_text())
     program = """
 import sys
-from benchmark.cli.options import RunOptions
+from benchmark.cli.options import SELECTION, RunOptions, add_options
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.store import Store
 import click
-from benchmark.cli.options import selection_options
 import records
 
 @click.command()
-@selection_options
+@add_options(*SELECTION)
 def write(**options):
     selection = RunOptions.of(options)
     store = Store.open(selection.results)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import NameOrFolder, PathOption, data_root_option, plugin_option, told_what_it_is
+from benchmark.cli.options import NameOrFolder, PathOption, add_options, told_what_it_is
 from benchmark.errors import ConfigurationError
 from benchmark.text import clean, say
 
@@ -44,8 +44,7 @@ def data() -> None:
 
 @data.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@plugin_option
-@data_root_option
+@add_options("plugins", "data_root")
 def list_(as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     """List the data sets: official or generated, present or absent."""
     from benchmark.cli import listing
@@ -55,8 +54,7 @@ def list_(as_json: bool, plugins: tuple[Path, ...], data_root: Path | None) -> N
 
 @data.command()
 @click.argument("name", type=NameOrFolder(), metavar="NAME|FOLDER", shell_complete=completion.datasets)
-@plugin_option
-@data_root_option
+@add_options("plugins", "data_root")
 def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     """Check a data set; exit 1 if it cannot be used."""
     lines, is_usable = _on_data(_checked, name, plugins, data_root, name)
@@ -81,8 +79,7 @@ def check(name: str, plugins: tuple[Path, ...], data_root: Path | None) -> None:
     help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera sets.",
 )
 @click.option("--force", is_flag=True, help="Write into a non-empty folder, replacing files of the same name.")
-@plugin_option
-@data_root_option
+@add_options("plugins", "data_root")
 def export(
     name: str, output: Path, layout: str | None, force: bool, plugins: tuple[Path, ...], data_root: Path | None
 ) -> None:
@@ -114,8 +111,7 @@ def export(
     metavar="SHAPE",
     help="Draw only this shape, under each perturbation.",
 )
-@plugin_option
-@data_root_option
+@add_options("plugins", "data_root")
 def sheet(
     name: str,
     output: Path | None,

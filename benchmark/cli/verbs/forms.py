@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import NOT_OK, OK, PathOption, VertexCount, plugin_option, timeout_option
+from benchmark.cli.options import NOT_OK, OK, PathOption, VertexCount, add_options, timeout_option
 from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines
 
@@ -36,7 +36,7 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
     metavar="OUT",
     help="Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms].",
 )
-@plugin_option
+@add_options("plugins")
 @timeout_option("the form")
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--vertices", type=VertexCount(), metavar="N|all", help="Number of vertices, or all of the file. [2000]")
@@ -133,7 +133,7 @@ def _canonicalise_frames(
 @click.argument("target", metavar="METHOD|FILE", shell_complete=completion.methods_or_files)
 @click.option("-m", "--method", "chosen", multiple=True, metavar="METHOD", help="Check only this method of a file.")
 @click.option("-o", "--option", "options", multiple=True, metavar="NAME=VALUE", help="Option for training a learner.")
-@plugin_option
+@add_options("plugins")
 @timeout_option("one check")
 def check(
     target: str, chosen: tuple[str, ...], options: tuple[str, ...], plugins: tuple[Path, ...], timeout: float

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import data_root_option, name_unusable, plugin_option, results_option, told_what_it_is
+from benchmark.cli.options import add_options, name_unusable, told_what_it_is
 from benchmark.cli.verbs.data import COLUMNS, print_rows
 from benchmark.text import say
 
@@ -15,9 +15,7 @@ from benchmark.text import say
 @click.command("list")
 @click.argument("what", type=click.Choice(["methods", "scorers", "datasets", "tables", "models"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@plugin_option
-@results_option
-@data_root_option
+@add_options("plugins", "results", "data_root")
 def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, data_root: Path | None) -> None:
     """List methods, scorers, data sets, tables or models."""
     from benchmark.cli import listing
@@ -37,7 +35,7 @@ def list_(what: str, as_json: bool, plugins: tuple[Path, ...], results: Path, da
 @click.command()
 @click.argument("method", metavar="METHOD", shell_complete=completion.methods)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@plugin_option
+@add_options("plugins")
 def describe(method: str, as_json: bool, plugins: tuple[Path, ...]) -> None:
     """Describe a method: parameters, source, inputs."""
     import json

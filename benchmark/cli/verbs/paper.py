@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from benchmark.cli.options import PathOption, RunOptions, force_option, published_option, selection_options
+from benchmark.cli.options import SELECTION, PathOption, RunOptions, add_options
 from benchmark.cli.reporting import name_edited, no_table
 from benchmark.text import say
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@selection_options
+@add_options(*SELECTION)
 @click.option(
     "-o", "--output", type=PathOption(), default=Path("results/paper"), show_default=True, metavar="DIR",
 )  # fmt: skip
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="LaTeX class.",
 )
-@force_option
-@published_option
+@add_options("force", "published")
 def paper(output: Path, template: Template, force: bool, **options: Any) -> None:
     """Write a LaTeX paper of results: protocol, tables, figures, statistics, sources; compile it by 'make' in DIR.
 

@@ -12,16 +12,11 @@ from benchmark.cli import completion
 from benchmark.cli.options import (
     NOT_OK,
     OK,
+    SELECTION,
     PathOption,
     RunOptions,
-    datasets_option,
-    inputs_option,
+    add_options,
     name_skipped,
-    plugin_option,
-    published_option,
-    results_option,
-    scorer_option,
-    selection_options,
 )
 from benchmark.errors import ConfigurationError
 from benchmark.text import brief, clean, say, say_lines
@@ -38,7 +33,7 @@ _SHORTEST_KEY, _FURTHER = 6, 6
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=PathOption(), metavar="DIR...")
 @click.option("--published", is_flag=True, help="Merge into RESULTS/records, without quick runs and own data.")
-@results_option
+@add_options("results")
 def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
     """Join the records of several results folders; exit 1 if they contradict each other.
 
@@ -70,13 +65,9 @@ def merge(folders: tuple[Path, ...], published: bool, results: Path) -> None:
 @click.command()
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
-@datasets_option
-@inputs_option
-@scorer_option
+@add_options("datasets", "inputs", "scorer")
 @click.option("--all", "everything", is_flag=True, help="Compare every pair, with perturbed sets, intervals and tests.")
-@plugin_option
-@published_option
-@results_option
+@add_options("plugins", "published", "results")
 def compare(first: str, second: str, everything: bool, **given: Any) -> None:
     """Compare two methods, two results folders, or two scorers.
 
@@ -138,7 +129,7 @@ def _compare_scorers(first: ScorerSpec, second: ScorerSpec, options: RunOptions)
 
 @click.command()
 @click.option("--dry-run", is_flag=True, help="Only say what would be deleted.")
-@results_option
+@add_options("results")
 def prune(dry_run: bool, results: Path) -> None:
     """Delete data that no record needs, and remains of killed processes."""
     from benchmark.execution.claims import Claims
@@ -156,7 +147,7 @@ def prune(dry_run: bool, results: Path) -> None:
 
 @click.command()
 @click.argument("target", metavar="METHOD|KEY", shell_complete=completion.methods)
-@selection_options
+@add_options(*SELECTION)
 @click.option("--all", "everything", is_flag=True, help="Explain each job in full.")
 def why(target: str, everything: bool, **options: Any) -> None:
     """Explain a job: state, reason, versions, cost, failure.

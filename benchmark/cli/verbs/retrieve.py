@@ -12,10 +12,7 @@ from benchmark.cli.options import (
     NameOrFolder,
     PathOption,
     RunOptions,
-    data_root_option,
-    plugin_option,
-    results_option,
-    scorer_option,
+    add_options,
     timeout_option,
     told_what_it_is,
 )
@@ -37,10 +34,7 @@ from benchmark.text import clean, say
 @click.option("--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image.")
 @click.option("--mask", type=PathOption(), metavar="FILE", help="Object in a depth image. [found automatically]")
 @click.option("--depth-scale", type=float, metavar="N", help="Depth units per metre.")
-@scorer_option
-@plugin_option
-@results_option
-@data_root_option
+@add_options("scorer", "plugins", "results", "data_root")
 @timeout_option("the search")
 @click.option("--seed", type=int, default=0, show_default=True)
 def retrieve(

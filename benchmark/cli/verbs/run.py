@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, RunOptions, name_skipped, plan_options, run_options
+from benchmark.cli.options import NOT_OK, OK, PLAN, RunOptions, add_options, name_skipped, timeout_option
 from benchmark.errors import ConfigurationError
 from benchmark.text import brief, clean, say, say_lines
 
@@ -31,7 +31,9 @@ _PLACE = ("gallery", "input", "method")
 
 
 @click.command()
-@run_options
+@add_options(*PLAN, "workers", "executor", "scheduler")
+@timeout_option("one job", "2h")
+@add_options("retry")
 @click.option(
     "--forms",
     multiple=True,
@@ -135,7 +137,7 @@ def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
 
 
 @click.command()
-@plan_options
+@add_options(*PLAN)
 @click.option("--all-jobs", is_flag=True, help="A line for each job, however many there are.")
 def plan(all_jobs: bool, **given: Any) -> None:
     """Show what would run, why, and how long it would take."""

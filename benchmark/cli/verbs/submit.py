@@ -11,13 +11,8 @@ from benchmark.cli import completion
 from benchmark.cli.options import (
     PathOption,
     RunOptions,
-    data_root_option,
-    datasets_option,
-    inputs_option,
+    add_options,
     name_skipped,
-    plugin_option,
-    results_option,
-    scorer_option,
     told_what_it_is,
 )
 from benchmark.text import say
@@ -26,12 +21,7 @@ from benchmark.text import say
 @click.command()
 @click.argument("method", metavar="METHOD", shell_complete=completion.methods)
 @click.option("-o", "--output", "path", required=True, type=PathOption(), metavar="BUNDLE.zip", help="File to write.")
-@datasets_option
-@inputs_option
-@scorer_option
-@plugin_option
-@results_option
-@data_root_option
+@add_options("datasets", "inputs", "scorer", "plugins", "results", "data_root")
 @click.option("--seed", type=int, default=0, show_default=True, help="Base seed of the runs.")
 @click.option("--quick", is_flag=True, help="Take the results of --quick.")
 @click.option("--author", default="", metavar="NAME", help="Author of the row.")

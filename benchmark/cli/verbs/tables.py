@@ -11,11 +11,10 @@ import click
 from benchmark.cli.options import (
     NOT_OK,
     OK,
+    SELECTION,
     PathOption,
     RunOptions,
-    force_option,
-    published_option,
-    selection_options,
+    add_options,
     timeout_option,
 )
 from benchmark.cli.reporting import FIGURES, no_table
@@ -32,7 +31,7 @@ FORMATS = ("latex", "markdown", "csv", "json")
 
 
 @click.command()
-@selection_options
+@add_options(*SELECTION)
 @click.option("--format", "formats", multiple=True, type=click.Choice(FORMATS), help="[markdown; with -o, all]")
 @click.option(
     "-o",
@@ -52,8 +51,7 @@ FORMATS = ("latex", "markdown", "csv", "json")
 @click.option("--rows-only", is_flag=True, help="LaTeX: the rows of each table, without float, heading and notes.")
 @click.option("--bibliography", is_flag=True, help="Print BibTeX entries after LaTeX; with -o, they are a file.")
 @click.option("--all", "everything", is_flag=True, help="Print whole tables for many methods, too.")
-@force_option
-@published_option
+@add_options("force", "published")
 @click.option("--fresh", is_flag=True, help="Omit rows made by other code or versions.")
 def tables(
     formats: tuple[str, ...],
@@ -122,7 +120,7 @@ def tables(
 
 
 @click.command()
-@selection_options
+@add_options(*SELECTION)
 @click.option(
     "-o",
     "--output",
@@ -131,8 +129,7 @@ def tables(
     show_default=True,
     metavar="DIR",
 )
-@force_option
-@published_option
+@add_options("force", "published")
 @click.option(
     "--figure", type=PathOption(), metavar="FILE", help="Draw a figure (.pdf, .png or .svg) instead; see --of."
 )

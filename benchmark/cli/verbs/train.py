@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from benchmark.cli import completion
-from benchmark.cli.options import RunOptions, data_root_option, plugin_option, results_option
+from benchmark.cli.options import RunOptions, add_options
 from benchmark.errors import ConfigurationError
 from benchmark.text import say
 
@@ -43,9 +43,7 @@ SCHEDULE = ("resolution", "epochs", "batch", "device", "threads")
     metavar="N",
     help="Hold back N training subjects for curves and pictures.",
 )
-@plugin_option
-@results_option
-@data_root_option
+@add_options("plugins", "results", "data_root")
 def train(
     method: str,
     table: str,

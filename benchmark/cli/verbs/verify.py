@@ -15,8 +15,7 @@ from benchmark.cli.options import (
     USAGE,
     NameOrFolder,
     PathOption,
-    data_root_option,
-    results_option,
+    add_options,
     timeout_option,
 )
 from benchmark.errors import ConfigurationError
@@ -46,8 +45,7 @@ def _known_here(folders: tuple[str, ...], results: Path, data_root: Path | None)
 @click.argument("bundle", type=PathOption(), metavar="BUNDLE.zip")
 @click.option("-d", "--dataset", "folders", multiple=True, type=NameOrFolder(), metavar="FOLDER",
               help="Folder of the meshes that it was run on.")
-@results_option
-@data_root_option
+@add_options("results", "data_root")
 @click.option("--run", is_flag=True, help="Run the author's plugin with your rights, to make forms again.")
 @click.option("--again", type=click.IntRange(min=3), default=3, show_default=True, metavar="N",
               help="Number of forms per record to make again.")
