@@ -1,13 +1,11 @@
-"""Robustness of methods: curves over the strength of each perturbation, and how they are written."""
+"""Robustness of methods: NN over the strength of each perturbation as frames, and how they are written."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
 from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
 from benchmark.plugins.registry import BUILT_IN
@@ -18,6 +16,9 @@ from benchmark.report.latex import Columns, float_of
 from benchmark.report.results import Result
 from benchmark.report.rounding import BLANK, millionths, number
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 _LEGEND = (
     "Smallest tested amount of each perturbation at which NN is below half of its clean value; a shape that the "
     "perturbation destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean "
@@ -25,137 +26,106 @@ _LEGEND = (
 )
 
 
-@dataclass(frozen=True)
-class Curve:
-    """A method under one perturbation.
+def half_at(clean: float, values: Sequence[float | None], chance: float, amounts: Sequence[float]) -> float | str:
+    """Return the weakest amount of a perturbation at which NN is below half of its clean value.
 
     Parameters
     ----------
-    clean
-        Its NN without the perturbation.
-    values
-        Its NN at each strength; None where there is no result. A shape that was destroyed counts as a query without
-        success.
-    unsupported
-        Shapes that were destroyed, at each strength.
+    clean, values
+        NN without the perturbation, and at each amount; None where there is no result.
     chance
         NN of a random ranking.
     amounts
-        What the strengths are.
+        From the weakest on.
+
+    Returns
+    -------
+    float or str
+        The amount, or what is printed where there is none: see the legend of the tables.
     """
-
-    clean: float
-    values: tuple[float | None, ...]
-    unsupported: tuple[int | None, ...]
-    chance: float
-    amounts: tuple[float, ...]
-
-    @property
-    def can_halve(self) -> bool:
-        """Return whether half of the clean value is above chance, so that falling below it means something."""
-        return millionths(self.clean / 2 - self.chance) > 0
-
-    @property
-    def half_at(self) -> float | None:
-        """Amount of the weakest strength at which NN is below half of its clean value.
-
-        None where there is none, or a weaker strength has no result.
-        """
-        for amount, value in zip(self.amounts, self.values, strict=True):
-            if value is None or not self.can_halve:
-                return None
-            if millionths(value - self.clean / 2) < 0:
-                return amount
-        return None
-
-    @property
-    def is_complete(self) -> bool:
-        """Return whether there is a result at each strength."""
-        return None not in self.values
+    if millionths(clean / 2 - chance) <= 0:
+        return "n/a"
+    for amount, value in zip(amounts, values, strict=True):
+        if value is None:
+            return BLANK
+        if millionths(value - clean / 2) < 0:
+            return amount
+    return f"{'<' if amounts[-1] < amounts[0] else '>'} {amounts[-1]:g}"
 
 
-@dataclass(frozen=True)
-class Robustness:
-    """All methods on one data set under one input.
-
-    Parameters
-    ----------
-    data
-        Name of the clean set.
-    input
-        What the methods were given.
-    n_shapes
-        Shapes of the clean set.
-    scorer
-        What compared the forms; "" for the default scorer.
-    titles
-        Title of each method by its name, in the order of the tables.
-    curves
-        By perturbation and method.
-    """
-
-    data: str
-    input: Input
-    n_shapes: int
-    scorer: str
-    titles: Mapping[str, str]
-    curves: Mapping[str, Mapping[str, Curve]]
-
-    @property
-    def file_stem(self) -> str:
-        """Name of its files."""
-        return stem("robustness", self.data, self.input, self.scorer)
-
-
-def robustness(results: Iterable[Result]) -> list[Robustness]:
-    """Collect the curves of each data set and input that has results under some perturbation, and clean ones.
+def robustness(results: Iterable[Result]) -> list[DataFrame]:
+    """Collect NN of each data set and input that has results under some perturbation, and clean ones.
 
     Parameters
     ----------
     results
         Records of clean and perturbed galleries, among others.
+
+    Returns
+    -------
+    list of pandas.DataFrame
+        One for each set and input, with a row for each perturbation, method and strength: ``dataset``, ``n_shapes``,
+        ``input``, ``scorer`` ("" for the default one), ``method``, ``title``, ``chance``, ``perturbation``,
+        ``strength``, ``amount``, ``clean_NN``, ``NN`` (None where there is no result; a shape that was destroyed is a
+        query without success), ``unsupported`` (shapes that were destroyed), ``half`` as printed, and ``half_at``.
     """
+    from pandas import DataFrame
+
     clean: dict[tuple[str, str, str], Record] = {}
-    perturbed: dict[tuple[str, str], dict[tuple[str, int, str], Record]] = {}
-    for result in results:
-        record = result.record
-        if found := parsed(record["data"]["name"]):
-            base, perturbation, strength = found
-            if record["data"]["quick"]:
-                base += " (quick)"
-            perturbed.setdefault((base, record["input"]), {})[perturbation, strength, record["method"]] = record
+    perturbed: dict[tuple[str, str, str, str], dict[int, Record]] = {}
+    for record in (result.record for result in results):
+        if place := parsed(record["data"]["name"]):
+            base = f"{place[0]} (quick)" if record["data"]["quick"] else place[0]
+            by_strength = perturbed.setdefault((base, record["input"], place[1], record["method"]), {})
+            by_strength[place[2]] = record
         else:
             clean[record["gallery"], record["input"], record["method"]] = record
-    made = (
-        _of_set(base, input_, perturbed[base, input_], clean)
-        for base, input_ in sorted(perturbed, key=lambda place: (place[0], INPUTS.index(place[1])))
-    )
-    return [found for found in made if found.curves]
+
+    def order(place: tuple[str, str, str, str]) -> tuple[Any, ...]:
+        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), _table_order(place[3])  # type: ignore[arg-type]
+
+    sets: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for base, input_, perturbation, method in sorted(perturbed, key=order):
+        whole = clean.get((base, input_, method))
+        if whole is None or whole["status"] != "ok":
+            continue
+        found = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
+        values, amounts = [_counted(each) for each in found], PERTURBATIONS[perturbation].amounts
+        nn, chance = _counted(whole) or 0.0, chance_of(whole)["NN"]
+        half = half_at(nn, values, chance, amounts)
+        sets.setdefault((base, input_), []).extend(
+            {
+                "dataset": base,
+                "n_shapes": whole["data"]["n_shapes"],
+                "input": input_,
+                "scorer": whole["scorer"] if "scorer_title" in whole else "",
+                "method": method,
+                "title": whole["title"],
+                "perturbation": perturbation,
+                "strength": strength,
+                "amount": amount,
+                "clean_NN": nn,
+                "NN": value,
+                "unsupported": len(record.get("unsupported", ())) if record else None,
+                "half_at": None if isinstance(half, str) else half,
+                "half": half if isinstance(half, str) else f"{half:g}",
+                "chance": chance,
+            }
+            for strength, amount, value, record in zip(STRENGTHS, amounts, values, found, strict=True)
+        )
+    frames = [DataFrame(rows, dtype=object) for rows in sets.values()]
+    return [frame.assign(n_shapes=frame["n_shapes"].max(), scorer=frame["scorer"].max()) for frame in frames]
 
 
-def _of_set(
-    base: str,
-    input_: str,
-    records: Mapping[tuple[str, int, str], Record],
-    clean: Mapping[tuple[str, str, str], Record],
-) -> Robustness:
-    of_methods = {method: clean[base, input_, method] for _, _, method in records if (base, input_, method) in clean}
-    ok = {name: of_methods[name] for name in sorted(of_methods, key=_table_order) if of_methods[name]["status"] == "ok"}
-    curves: dict[str, dict[str, Curve]] = {}
-    for perturbation, known in PERTURBATIONS.items():
-        for method, record in ok.items():
-            found = [records.get((perturbation, strength, method)) for strength in STRENGTHS]
-            if any(found):
-                curves.setdefault(perturbation, {})[method] = Curve(
-                    _counted(record) or 0.0,
-                    tuple(_counted(each) for each in found),
-                    tuple(len(each.get("unsupported", ())) if each else None for each in found),
-                    chance_of(record)["NN"],
-                    known.amounts,
-                )
-    n_shapes = max((record["data"]["n_shapes"] for record in ok.values()), default=0)
-    scorer = next((record["scorer"] for record in ok.values() if "scorer_title" in record), "")
-    return Robustness(base, input_, n_shapes, scorer, {m: r["title"] for m, r in ok.items()}, curves)  # type: ignore[arg-type]
+def file_stem(found: DataFrame) -> str:
+    """Name of the files of a set under an input."""
+    return stem("robustness", *found.iloc[0][["dataset", "input", "scorer"]])
+
+
+def titles(found: DataFrame) -> dict[str, str]:
+    """Title of each method by its name, in the order of the tables."""
+    named = dict(zip(found["method"], found["title"], strict=True))
+    return {name: named[name] for name in sorted(named, key=_table_order)}
 
 
 def _table_order(method: str) -> tuple[int, str]:
@@ -177,14 +147,14 @@ def _counted(record: Record | None) -> float | None:
     return float(record["scores"]["NN"]) * (1.0 if "coverage" in record else coverage_of(record))
 
 
-def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, str]:
+def rendered(found: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, str]:
     """Texts by file name, as :func:`benchmark.report.files.render` makes those of the other tables."""
     files: dict[str, str] = {}
     for name in formats if found else ():
         if name == "markdown":
-            files |= {f"{each.file_stem}.md": markdown(each) for each in found}
+            files |= {f"{file_stem(each)}.md": markdown(each) for each in found}
         elif name == "latex":
-            files |= {f"{each.file_stem}.tex": latex(each) for each in found}
+            files |= {f"{file_stem(each)}.tex": latex(each) for each in found}
         elif name == "csv":
             files["robustness.csv"] = as_csv(found)
         else:
@@ -192,90 +162,67 @@ def rendered(found: Sequence[Robustness], formats: Iterable[str]) -> dict[str, s
     return files
 
 
-def markdown(found: Robustness) -> str:
+def markdown(found: DataFrame) -> str:
     """The amounts at which each method fails, then NN at each strength."""
-    header = ["Method", "clean NN", *(PERTURBATIONS[perturbation].title for perturbation in found.curves)]
-    halves = [[markdown_text(title), *_halves(found, method)] for method, title in found.titles.items()]
+    named, halves = titles(found), _halves(found)
+    rows = zip(map(markdown_text, named.values()), *halves.values(), strict=True)
     lines = [f"**What breaks the methods: {markdown_text(_title(found))}.**", "", _LEGEND, ""]
-    lines += markdown_table(header, halves)
-    for perturbation, curves in found.curves.items():
-        known = PERTURBATIONS[perturbation]
-        header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
-        rows = [
-            [markdown_text(found.titles[method]), *map(number, (curve.clean, *curve.values))]
-            for method, curve in curves.items()
+    lines += markdown_table(["Method", *halves], [[*row] for row in rows])
+    for perturbation, part in found.groupby("perturbation", sort=False):
+        known = PERTURBATIONS[str(perturbation)]
+        body = [
+            [markdown_text(named[method]), *map(number, (curve["clean_NN"].iloc[0], *curve["NN"]))]
+            for method, curve in part.groupby("method", sort=False)
         ]
-        lost = [max(curve.unsupported[k] or 0 for curve in curves.values()) for k in range(len(STRENGTHS))]
+        lost = part.fillna({"unsupported": 0}).groupby("strength")["unsupported"].max()
         if any(lost):
-            rows.append(["*Shapes destroyed, at most*", "0", *map(str, lost)])
-        lines += ["", f"NN under {known.title} ({known.unit}):", "", *markdown_table(header, rows)]
+            body.append(["*Shapes destroyed, at most*", "0", *map(str, lost)])
+        header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
+        lines += ["", f"NN under {known.title} ({known.unit}):", "", *markdown_table(header, body)]
     return "\n".join(lines) + "\n"
 
 
-def latex(found: Robustness) -> str:
+def latex(found: DataFrame) -> str:
     r"""The amounts at which each method fails, for ``\input``."""
-    header = ["clean NN", *(PERTURBATIONS[perturbation].title for perturbation in found.curves)]
-    rows = zip(*(_halves(found, method) for method in found.titles), strict=True)
-    columns = [_column(head, cells) for head, cells in zip(header, rows, strict=True)]
+    columns = []
+    for head, cells in _halves(found).items():
+        words = r"\\".join(map(latex_text, head.split()))  # each word of a heading has a line
+        columns.append(Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2))
     caption = latex_text(f"What breaks the methods: {_title(found)}. {_LEGEND}")
-    return float_of(found.file_stem, caption, [latex_text(title) for title in found.titles.values()], columns)
+    return float_of(file_stem(found), caption, [latex_text(title) for title in titles(found).values()], columns)
 
 
-def _column(head: str, cells: Sequence[str]) -> Columns:
-    """A column; each word of its heading has a line."""
-    words = r"\\".join(latex_text(word) for word in head.split())
-    return Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2)
-
-
-def as_csv(found: Sequence[Robustness]) -> str:
+def as_csv(found: Sequence[DataFrame]) -> str:
     """One line per data set, input, method, perturbation and strength."""
     names = ["dataset", "input", "scorer", "method", "perturbation", "strength", "amount"]
     names += ["clean_NN", "NN", "unsupported", "half_at"]
     return csv_text(names, _rows(found))
 
 
-def _rows(found: Sequence[Robustness]) -> list[dict[str, Any]]:
+def _rows(found: Sequence[DataFrame]) -> list[dict[str, Any]]:
     return [
         {
-            "dataset": each.data,
-            "input": each.input,
-            "scorer": each.scorer or None,
-            "method": method,
-            "title": each.titles[method],
-            "perturbation": perturbation,
-            "strength": strength,
-            "amount": amount,
-            "clean_NN": round(curve.clean, 6),
-            "NN": None if value is None else round(value, 6),
-            "unsupported": lost,
-            "half_at": curve.half_at,
+            **{str(name): value for name, value in row.items() if name not in ("n_shapes", "half", "chance")},
+            "scorer": row["scorer"] or None,
+            "clean_NN": round(row["clean_NN"], 6),
+            "NN": None if row["NN"] is None else round(row["NN"], 6),
         }
-        for each in found
-        for perturbation, curves in each.curves.items()
-        for method, curve in curves.items()
-        for strength, (amount, value, lost) in enumerate(
-            zip(curve.amounts, curve.values, curve.unsupported, strict=True), start=1
-        )
+        for frame in found
+        for row in frame.to_dict("records")
     ]
 
 
-def _halves(found: Robustness, method: str) -> list[str]:
-    curves = [of_methods.get(method) for of_methods in found.curves.values()]
-    clean = next((curve.clean for curve in curves if curve), None)
-    return [number(clean), *(_half(curve) for curve in curves)]
+def _halves(found: DataFrame) -> Mapping[str, list[str]]:
+    """Clean NN, and where each perturbation halves it, by heading: a text for each method."""
+    names, clean = [*titles(found)], found.drop_duplicates("method").set_index("method")["clean_NN"]
+    columns = {"clean NN": [number(clean[name]) for name in names]}
+    for perturbation, part in found.groupby("perturbation", sort=False):
+        half = dict(zip(part["method"], part["half"], strict=True))
+        columns[PERTURBATIONS[str(perturbation)].title] = [half.get(name, BLANK) for name in names]
+    return columns
 
 
-def _half(curve: Curve | None) -> str:
-    if curve is None:
-        return BLANK
-    if not curve.can_halve:
-        return "n/a"
-    if curve.half_at is not None:
-        return f"{curve.half_at:g}"
-    beyond = "<" if curve.amounts[-1] < curve.amounts[0] else ">"
-    return f"{beyond} {curve.amounts[-1]:g}" if curve.is_complete else BLANK
-
-
-def _title(found: Robustness) -> str:
-    by = f", scored by {found.scorer}" if found.scorer else ""
-    return f"{found.data}, {found.n_shapes} shapes, {found.input} input{by}"
+def _title(found: DataFrame) -> str:
+    first = found.iloc[0]
+    by = f", scored by {first['scorer']}" if first["scorer"] else ""
+    return f"{first['dataset']}, {first['n_shapes']} shapes, {first['input']} input{by}"

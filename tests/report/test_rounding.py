@@ -18,7 +18,7 @@ from benchmark.report.files import render
 from benchmark.report.frame import figures
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
-from benchmark.report.robustness import Curve
+from benchmark.report.robustness import half_at
 from benchmark.report.rounding import number
 from tests.records import MEASURES, record
 
@@ -70,8 +70,8 @@ def test_the_best_row_is_the_first_of_those_that_print_alike():
 
 def test_half_of_the_clean_value_is_not_below_half():
     third, sixth = 1 / 3, float(np.nextafter(1 / 6, 0))
-    assert Curve(third, (sixth, 0.1), (0, 0), 0.1, (1.0, 2.0)).half_at == 2.0
-    assert not Curve(third, (sixth,), (0,), sixth - 1e-15, (1.0,)).can_halve
+    assert half_at(third, (sixth, 0.1), 0.1, (1.0, 2.0)) == 2.0
+    assert half_at(third, (sixth,), sixth - 1e-15, (1.0,)) == "n/a"
 
 
 NN = [1.0, 0.5, 1.0, 0.0]
