@@ -82,7 +82,7 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
             clean[record["gallery"], record["input"], record["method"]] = record
 
     def order(place: tuple[str, str, str, str]) -> tuple[Any, ...]:
-        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), _table_order(place[3])  # type: ignore[arg-type]
+        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), _table_order(place[3])
 
     sets: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for base, input_, perturbation, method in sorted(perturbed, key=order):

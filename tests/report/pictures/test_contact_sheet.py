@@ -88,7 +88,7 @@ def test_a_shape_that_cannot_be_read_is_crossed_out_and_reported():
     assert broken.problems == ("1-2: the file is cut off; copy it again",)
     corners = [pixels(sheet)[-sheets._MARGIN, -sheets._MARGIN] for sheet in (whole, broken)]
     assert (corners[0] == 255).all()
-    assert corners[1] == pytest.approx(sheets._FAINT, abs=8)
+    assert corners[1].astype(int) == pytest.approx(sheets._FAINT, abs=8)
 
 
 def test_shapes_beyond_the_frame_are_crossed_out_and_reported():
