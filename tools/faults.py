@@ -35,7 +35,7 @@ import numpy as np
 import psutil
 
 from benchmark.threads import VARIABLES, pin_threads
-from tests.geometry.mutations import mutations, valid_files
+from tests.geometry.mutations import mutations
 from tests.toy import RADII, rod, write_off
 
 LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
@@ -51,50 +51,6 @@ TRACES = re.compile(
 #: The cheapest method: no form, so nothing to draw and no codebook.
 INNOCENT = "surface-area"
 METHODS = (INNOCENT, "light-size", "light-children")
-
-#: Two descriptors that need little; the second one leaves programs behind in sessions of their own.
-LIGHT = """\
-import subprocess, time
-from dataclasses import dataclass
-from typing import ClassVar
-import numpy as np
-from benchmark.api.contracts import MethodInfo
-
-@dataclass(frozen=True, kw_only=True)
-class Size:
-    info: ClassVar[MethodInfo] = MethodInfo(name="light-size", title="Size")
-    def describe(self, shape):
-        time.sleep(0.05)
-        return np.ptp(shape.mesh.vertices, axis=0)
-    def distances(self, descriptors):
-        stacked = np.array(descriptors)
-        return np.linalg.norm(stacked[:, None] - stacked[None], axis=2)
-
-@dataclass(frozen=True, kw_only=True)
-class Children(Size):
-    info: ClassVar[MethodInfo] = MethodInfo(name="light-children", title="Children")
-    def describe(self, shape):
-        subprocess.Popen(["sleep", "600"], start_new_session=True)
-        subprocess.run(["sleep", "0.2"], check=False)
-        return shape.mesh.vertices.std(axis=0)
-"""
-IMPORTS = (
-    "import os, sys, time, signal, threading, subprocess, ctypes, atexit, builtins, warnings\nimport numpy as np\n"
-)
-IMPORTS += "from dataclasses import dataclass\nfrom typing import ClassVar\n"
-IMPORTS += "from benchmark.api.contracts import CanonicalForm, MethodInfo, canonical_form\n\n"
-PLUGINS = {
-    "method": '@canonical_form(name="bad", title="Bad")\ndef bad(shape):\n    vertices = shape.mesh.vertices\n'
-    "    {body}\n    return vertices\n",
-    "distances": "@dataclass(frozen=True, kw_only=True)\nclass Bad:\n"
-    '    info: ClassVar[MethodInfo] = MethodInfo(name="bad", title="Bad")\n    def describe(self, shape):\n'
-    "        return shape.mesh.vertices.std(axis=0)\n    def distances(self, descriptors):\n"
-    "        n = len(descriptors)\n        {body}\n",
-    "name": "@canonical_form(name={body}, title='Bad')\ndef bad(shape):\n    return 1 / 0\n",
-    "info": "@canonical_form(name='bad', {body})\ndef bad(shape):\n    return 1 / 0\n",
-    "import": '@canonical_form(name="bad", title="Bad")\ndef bad(shape):\n    return shape.mesh.vertices\n\n{body}\n',
-    "class": "{body}\n",
-}
 
 #: In place of a file to write to: a pipe whose reader has gone.
 CLOSED = "closed"
@@ -248,7 +204,7 @@ class Case:
         self.place, self.folder = place, place / self.name.replace("/", "-")
         self.rods, self.results, self.light = place / "rods", self.folder / "results", self.folder / "light.py"
         self.folder.mkdir()
-        self.light.write_text(LIGHT)
+        self.light.write_text(LISTS["source"]["light"])
         try:
             self.act(self)
         except Exception as error:
@@ -354,7 +310,7 @@ def last(text: str) -> str:
 def all_cases(kills: int) -> Iterator[Case]:
     """Cases of all sections."""
     yield from (Case(f"kills/{number:03}", kill_and_recover) for number in range(-(-kills // 5)))
-    for kind, template in PLUGINS.items():
+    for kind, template in LISTS["template"].items():
         for name, listed in LISTS[kind].items():
             yield Case(f"plugins/{kind}-{name}", partial(try_plugin, kind=kind, template=template, listed=listed))
     for name, content in {"empty": b"", "zeros": bytes(100), "no-text": b"# \xff\xfe\n"}.items():
@@ -379,7 +335,7 @@ def all_cases(kills: int) -> Iterator[Case]:
     for name, make in LISTS["alien"].items():
         yield Case(f"damage/{name}", partial(try_damage, damage=lambda case, m=make: evaluate(m, case.results, case)))
     yield from (Case(f"arguments/{number:02}", try_arguments) for number in range(30))
-    for suffix in ("off", "obj", "ply", "stl", "mat", "vert"):
+    for suffix in ("off", "obj", "ply", "stl", "mat", "vert", "tri"):
         yield from (Case(f"readers/{suffix}-{number}", partial(try_reader, suffix=f".{suffix}")) for number in range(4))
 
 
@@ -444,7 +400,7 @@ def victim_of(command: Command, target: str, age: float) -> int:
 def try_plugin(case: Case, kind: str, template: str, listed: Any) -> None:
     body, statuses, says = listed if isinstance(listed, list) else (listed, "", "")
     spaces = {"method": 4, "distances": 8}.get(kind, 0)
-    source = IMPORTS + template.replace("{body}", body.replace("\n", "\n" + " " * spaces))
+    source = LISTS["source"]["imports"] + template.replace("{body}", body.replace("\n", "\n" + " " * spaces))
     method = INNOCENT if kind == "name" else "bad"
     try_plugin_file(case, source.encode(), statuses, says, method, hangs="time.sleep(3600)" in body)
 
@@ -796,45 +752,24 @@ def try_reader(case: Case, suffix: str) -> None:
     """Two seconds of mesh files with random damage: readers refuse them by name, or read a mesh that is whole."""
     words = (suffix, case.random.randrange(2**31))
     done = case.run(*words, codes=(OK,), target=f"{__spec__.name if __spec__ else __name__}:damage_and_read")
-    *crossings, count = done.said.splitlines() or ["0"]
-    case.crossings += crossings
-    case.tried = int(count) if count.isdecimal() else 1
+    case.tried = int(last(done.said)) if done.code == OK else 1
 
 
 def damage_and_read() -> None:
-    """Read damaged files, a program of its own; prints a line for each kind of error, and a count."""
-    from benchmark.errors import ShapeError
-    from benchmark.geometry.io import read_mesh
+    """Read damaged files, a program of its own; prints how many."""
+    from tests.geometry.test_formats import FILES, assert_named_or_a_mesh
 
     suffix, draw = sys.argv[1], random.Random(int(sys.argv[2]))
     memory = 2**30 + psutil.Process().memory_info().data  # a gibibyte for a file of a few kilobytes
     resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.RLIM_INFINITY))
-    files = valid_files(rod(0.1, 0.5, rings=3, sides=4))
-    whole = [{suffix: content} for name, content in files.items() if name.endswith(suffix)]
-    if suffix == ".vert":  # its triangles lie beside
-        whole = [{part: files[f"a{part}"] for part in (".vert", ".tri")}]
-    end, count, crossings = time.monotonic() + 2.0, 0, dict[str, str]()
-    path = Path(f"shape{suffix}").absolute()
-    while time.monotonic() < end:
-        chosen = draw.choice(whole).items()
-        contents = {part: next(mutations(text, 1, seed=draw.randrange(2**31))) for part, text in chosen}
-        for part, content in contents.items():
-            path.with_suffix(part).write_bytes(content)
-        begun = time.monotonic()
-        try:
-            mesh = read_mesh(path)
-            inside = not mesh.faces.size or 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices)
-            if not inside or not np.isfinite(mesh.vertices).all():
-                crossings.setdefault("a mesh that is not whole", f"{contents!r:.300}")
-        except ShapeError as error:
-            if not error.hint or not any(path.with_suffix(part).name in str(error) for part in contents):
-                crossings.setdefault("neither file nor hint", f"{str(error)!r:.200}")
-        except BaseException as error:
-            crossings.setdefault(type(error).__name__, f"{str(error)!r:.100} for {contents!r:.300}")
+    end, count = time.monotonic() + 2.0, 0
+    while (begun := time.monotonic()) < end:
+        name = draw.choice([name for name in FILES if name.endswith(suffix)])
+        assert_named_or_a_mesh(Path.cwd(), name, next(mutations(FILES[name], 1, seed=draw.randrange(2**31))))
         if time.monotonic() - begun > 5.0:
-            crossings.setdefault("slow", f"{contents!r:.300}")
+            raise TimeoutError(name)
         count += 1
-    print(*(f"reader: {kind}: {said}" for kind, said in crossings.items()), count, sep="\n", flush=True)
+    print(count, flush=True)
 
 
 # The program ---------------------------------------------------------------------------------------------------------

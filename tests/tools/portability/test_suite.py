@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -31,20 +30,18 @@ def test_each_variant_runs_in_its_environment_and_has_a_line(capsys):
     assert all(" passed in " in line and line.endswith(f" s: {line.split()[0]}") for line in lines)
 
 
-def test_a_failure_fails_ends_the_others_and_leaves_its_output(capsys, folder):
+def test_a_failure_fails_and_leaves_its_output(capsys, folder):
     command = (
         sys.executable,
         "-c",
-        "import os, time; print('seen'); time.sleep(60 * (os.environ['WHO'] != 'bad')); raise SystemExit(3)",
+        "import os; print(os.environ['WHO']); raise SystemExit(3 * (os.environ['WHO'] == 'bad'))",
     )
-    start = time.perf_counter()
-    assert not suite.run_suite([named("slow"), named("bad"), named("later")], command)
-    assert time.perf_counter() - start < 30
+    assert not suite.run_suite([named("first"), named("bad"), named("later")], command)
     out = capsys.readouterr().out
     assert "bad        FAILED in" in out
     assert "WHO=bad make golden" in out
-    assert "slow" not in out
-    assert (folder / "bad.log").read_text() == "seen\n"
+    assert "later      passed in" in out
+    assert (folder / "bad.log").read_text() == "bad\n"
 
 
 def test_what_the_processor_lacks_is_skipped_and_said(capsys, monkeypatch):
