@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import itertools
-import multiprocessing
-import os
 import pickle
-import signal
-import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import connection
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
+from functools import cache, partial
+from queue import SimpleQueue
+from typing import Any, Protocol, TypeVar
 
+import numpy as np
 import torch
 
+from benchmark.arrays import Arrays
 from benchmark.errors import TrainingError, one_line
+from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, Requester
 
 AHEAD = 3
 """Batches in memory for each process that makes them."""
@@ -67,87 +67,78 @@ def batches(
     TrainingError
         If a batch cannot be made; the message names it.
     """
-    if not workers:
-        for number in numbers:
+    source = _ahead(make, numbers, workers, say) if workers else ((n, partial(make, n)) for n in numbers)
+    with closing(source):
+        for number, result in source:
             try:
-                yield make(number)
+                batch = result()
+            except TrainingError:
+                raise
             except Exception as error:
                 raise _failed(number, error) from error
-        return
-    yield from _Ahead(make, workers, say).batches(numbers)
+            yield batch
 
 
-class _Ahead(Generic[B]):
-    """Processes, and what they were asked for."""
+def _ahead(
+    make: Callable[[int], B], numbers: range, workers: int, say: Callable[[str], None]
+) -> Generator[tuple[int, Callable[[], B]], None, None]:
+    """Yield numbers with what waits for the batch, which another process makes; a thread here looks after each."""
+    idle: SimpleQueue[Process] = SimpleQueue()
+    start = partial(Process, partial(_serve, make))
 
-    def __init__(self, make: Callable[[int], B], workers: int, say: Callable[[str], None]) -> None:
-        self._make = make
-        self._workers = workers
-        self._say = say
-        self._asked: deque[tuple[int, Future[bytes]]] = deque()
+    def made(number: int) -> B:
+        losses = 0
+        while True:
+            process = idle.get()
+            try:
+                _, arrays = process.request({"number": number})
+                batch: B = pickle.loads(arrays["batch"].tobytes())  # noqa: S301 - our own process made it
+                return batch
+            except ProcessEnded as error:
+                losses += 1
+                if losses > MOST_LOSSES:
+                    raise _failed(number, "the processes that make it die; memory may not suffice") from error
+                say(f"a process that makes bodies died by batch {number}; it is made again")
+                process = start()
+            finally:
+                idle.put(process)
 
-    def batches(self, numbers: range) -> Iterator[B]:
-        pool, losses = self._pool(), 0
-        remaining: Iterator[int] = iter(numbers)
-        try:
-            while True:
-                try:
-                    while len(self._asked) < AHEAD * self._workers and (number := next(remaining, None)) is not None:
-                        self._asked.append((number, Future()))
-                        self._asked[-1] = (number, pool.submit(_packed, self._make, number))
-                    if not self._asked:
-                        return
-                    batch: B = pickle.loads(self._asked[0][1].result())  # noqa: S301 - our own process made it
-                except BrokenProcessPool as error:
-                    losses += 1
-                    number = self._asked[0][0]
-                    if losses > MOST_LOSSES:
-                        raise _failed(number, "the processes that make it die; memory may not suffice") from error
-                    self._say(f"a process that makes bodies died by batch {number}; it is made again")
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    pool = self._pool()
-                    remaining = itertools.chain([number for number, _ in self._asked], remaining)
-                    self._asked.clear()
-                    continue
-                except TrainingError:
-                    raise
-                except Exception as error:
-                    raise _failed(self._asked[0][0], error) from error
-                losses = 0
-                self._asked.popleft()
-                yield batch
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-    def _pool(self) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin)
+    pool, remaining = ThreadPoolExecutor(workers), iter(numbers)
+    asked: deque[tuple[int, Future[B]]] = deque()
+    try:
+        for _ in range(workers):
+            idle.put(start())
+        while True:
+            for number in itertools.islice(remaining, AHEAD * workers - len(asked)):
+                asked.append((number, pool.submit(made, number)))
+            if not asked:
+                return
+            number, future = asked.popleft()
+            yield number, future.result
+    finally:
+        pool.shutdown(cancel_futures=True)
+        while not idle.empty():
+            idle.get().end()
 
 
-def _packed(make: Callable[[int], object], number: int) -> bytes:
-    """A batch as bytes; tensors would travel as shared memory, of which a container has little."""
-    return pickle.dumps(make(number), protocol=pickle.HIGHEST_PROTOCOL)
+def _serve(
+    make: Callable[[int], object], asked: Mapping[str, Any], arrays: Arrays, requester: Requester
+) -> tuple[Mapping[str, Any], Arrays]:
+    """Make the batch of a number, in a process of its own."""
+    _use_one_thread()
+    return {}, {"batch": np.frombuffer(pickle.dumps(make(asked["number"]), pickle.HIGHEST_PROTOCOL), np.uint8)}
 
 
-def _begin() -> None:
-    """Set up a process: one thread, deaf to Ctrl-C, and gone when the training is, however that ends."""
+@cache
+def _use_one_thread() -> None:
     from threadpoolctl import threadpool_limits
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     threadpool_limits(1)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-
-        def watch() -> None:
-            connection.wait([parent.sentinel])
-            os._exit(1)
-
-        threading.Thread(target=watch, daemon=True).start()
 
 
 def _failed(number: int, error: object) -> TrainingError:
-    told = one_line(error) if isinstance(error, BaseException) else str(error)
+    reason = one_line(error) if isinstance(error, BaseException) and not isinstance(error, ForeignError) else str(error)
     return TrainingError(
-        f"batch {number} cannot be made: {told}", "correct it and train again: it goes on from the last checkpoint"
+        f"batch {number} cannot be made: {reason}", "correct it and train again: it goes on from the last checkpoint"
     )
