@@ -19,7 +19,7 @@ from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
     from benchmark.execution.job_specs import Job
-    from benchmark.execution.sharding import Shard
+    from benchmark.execution.plan import Shard
     from benchmark.pipeline.storage.records import Record
     from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.scorers import ScorerSpec
@@ -139,7 +139,7 @@ class ShardOption(click.ParamType["Shard"]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
         """Parse a part."""
-        from benchmark.execution.sharding import Shard
+        from benchmark.execution.plan import Shard
 
         return value if isinstance(value, Shard) else Shard.parse(str(value))
 

@@ -357,6 +357,11 @@ def _aside(call: Callable[[], T]) -> futures.Future[T]:
     return future
 
 
+# Inside a dask worker ------------------------------------------------------------------------------------------------
+
+# Texts are taken and returned, never objects. A dask worker that runs for weeks may have older code in its memory than
+# is on its disk, and is left out then.
+
 #: Hint where a worker would do other work.
 SAME_SUITE = "install there the suite and the packages that are here"
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import itertools
+import re
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -371,3 +374,183 @@ def require_jobs(jobs: list[Job]) -> list[Job]:
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     return jobs
+
+
+#: Phases that all methods of a shape share: one pays for them.
+SHARED = ("prepare", "geodesics")
+
+#: Files whose mean size stands for that of all.
+_SAMPLE = 500
+
+#: Stands behind the name of a method for whatever parameters it has.
+_ANY = "[...]"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Cost of the jobs of a plan that are to run, if none of their stages were done already.
+
+    Parameters
+    ----------
+    seconds
+        Of work, on one core.
+    unknown
+        Jobs whose method never finished under their input, so that nobody can tell.
+    mebibytes
+        Of what stays on the disk; None where nothing is there to measure.
+    """
+
+    seconds: float
+    unknown: int
+    mebibytes: float | None
+
+    def lines(self, n_jobs: int, workers: int) -> list[str]:
+        """In words, for a plan with so many jobs to run."""
+        if not n_jobs:
+            return []
+        told = []
+        if self.seconds or not self.unknown:
+            shared = f", {_duration(self.seconds / workers)} with {workers} jobs at a time" if workers > 1 else ""
+            told.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
+        if self.unknown:
+            told.append(f"{self.unknown} of them cannot be estimated: no job of their method has finished")
+        room = "unknown before the first job here" if self.mebibytes is None else f"about {self.mebibytes:.0f} MiB"
+        return [*told, f"disk: {room}"]
+
+
+def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
+    """Estimate the jobs of a plan that are to run.
+
+    Seconds a shape are those of the same method and input on the same gallery, else the median over other galleries;
+    what the methods of a shape share counts once.
+
+    Parameters
+    ----------
+    jobs
+        The plan.
+    store
+        Holds the records, and the files whose size tells that of others.
+    """
+    to_run = list({job.key: job for job in jobs if job.to_run}.values())
+    if not to_run:
+        return Estimate(0.0, 0, None)
+    costs: dict[tuple[str, str], list[Record]] = {}
+    for record in (*store.published, *store.records):
+        if "cost" in record:
+            for name in {record["method"], record["method"].partition("[")[0] + _ANY}:
+                costs.setdefault((name, record["input"]), []).append(record)
+    seconds, unknown, n_forms = 0.0, 0, 0
+    shared: dict[tuple[str, str, str], dict[str, float]] = {}
+    for job in to_run:
+        found = _phases(job, costs)
+        n_forms += len(job.identifiers)
+        if found is None:
+            unknown += 1
+            found = {}
+        own = sum(value for phase, value in found.items() if phase not in SHARED)
+        seconds += own * len(job.identifiers)
+        for identifier in job.identifiers:
+            place = shared.setdefault((job.facts["data"]["name"], job.input, identifier), {})
+            for phase in SHARED:
+                place[phase] = max(place.get(phase, 0.0), found.get(phase, 0.0))
+    seconds += sum(sum(phases.values()) for phases in shared.values())
+    sizes = [path.stat().st_size for path in itertools.islice(store.artefact_files(), _SAMPLE)]
+    room = (n_forms + len(shared)) * statistics.fmean(sizes) / 2**20 if sizes else None
+    return Estimate(seconds, unknown, room)
+
+
+def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float] | None:
+    """Seconds a shape by phase: of the gallery itself, else the median over others; None if there are none."""
+    alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
+    here = [record for record in alike if record["gallery"] == job.gallery]
+    found = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
+    if not found:
+        return None
+    return {phase: statistics.median(each.get(phase, 0.0) for each in found) for phase in set().union(*found)}
+
+
+def _duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of several parts of a plan.
+
+    The cut goes between jobs, never through one. A job leaves one record, whole and small, so shards need no common
+    disk, no order in which they end, and nobody who ranks afterwards what others have treated; what joins records of
+    several machines joins shards. The price is that shapes which jobs of several shards share are prepared in each.
+
+    Parameters
+    ----------
+    number
+        Which part, from 1.
+    count
+        How many parts there are.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such part.
+    """
+
+    number: int
+    count: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.count:
+            raise ConfigurationError(f"there is no shard {self}", "write i/n with i from 1 to n, such as 2/3")
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Read ``"2/3"``.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is anything else, or there is no such part.
+        """
+        found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+        if not found:
+            raise ConfigurationError(f"'{text}' is no shard", "write i/n with i from 1 to n, such as 2/3")
+        return cls(int(found[1]), int(found[2]))
+
+    def of(self, jobs: Sequence[Job]) -> list[Job]:
+        """The jobs of this part.
+
+        What is done already plays no part in the cut, so that shards begun at different times, or begun again, still
+        fit together. The largest galleries are dealt out first, each job to the shard that has the fewest shapes.
+
+        Parameters
+        ----------
+        jobs
+            The whole plan; a job that it names twice, for two tables, is in one shard.
+        """
+        distinct = {_identity(job): len(job.identifiers) for job in jobs}
+        load, place = [0] * self.count, {}
+        for identity, size in sorted(distinct.items(), key=lambda pair: -pair[1]):  # equal ones stay in plan order
+            place[identity] = min(range(self.count), key=lambda number: load[number])
+            load[place[identity]] += size
+        return [job for job in jobs if place[_identity(job)] == self.number - 1]
+
+    def told(self, jobs: Sequence[Job]) -> str:
+        """A line on this part; shards fit together if they name the same plan.
+
+        Parameters
+        ----------
+        jobs
+            The whole plan.
+        """
+        own, of_all = ({_identity(job) for job in some} for some in (self.of(jobs), jobs))
+        return f"shard {self} of plan {keys.digest(sorted(of_all))[:8]}: {len(own)} of {len(of_all)} jobs"
+
+
+def _identity(job: Job) -> str:
+    """Return what makes a job one: its key, or its name where it has none."""
+    return job.key or job.name

@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
@@ -25,6 +25,9 @@ from benchmark.pipeline.storage import lock
 from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.remote import close_to_plugins
 from benchmark.text import say
+
+if TYPE_CHECKING:
+    from benchmark.execution.dask_pool import DaskPool
 
 #: Exit code of a process that could not write what it had to: by custom, an error of input or output.
 UNWRITTEN = 74
@@ -102,30 +105,9 @@ class Running(ABC):
         """End it, if it still runs."""
 
 
-class Pool(Protocol):
-    """Does tasks."""
-
-    @property
-    def size(self) -> int:
-        """Tasks that it can do at a time; it may change."""
-        ...
-
-    @property
-    def waits_for(self) -> str:
-        """Return what it waits for where it can do nothing; "" where it can."""
-        ...
-
-    def begin(self, task: Task) -> Running:
-        """Begin a task; raises ``OSError`` if that cannot be done just now."""
-        ...
-
-    def wait(self, running: Sequence[Running], look: Callable[[], object]) -> None:
-        """Wait until one of them ends, or a moment; ``look`` is called while a task is done in this process."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *_: object) -> None: ...
+#: Does tasks: ``begin`` raises ``OSError`` where that cannot be done just now, and ``wait`` returns when one has ended,
+#: or after a moment.
+Pool: TypeAlias = "LocalPool | DaskPool"
 
 
 def lane_of(task: Task) -> str:

@@ -247,6 +247,8 @@ def _described(spec: PluginSpec[Any, Any]) -> dict[str, Any]:
         ) from error
 
 
+# Installed packages --------------------------------------------------------------------------------------------------
+
 _HINT = "correct the package, or uninstall it"
 
 

@@ -214,7 +214,7 @@ def _imports_of(path: Path, package: str = "") -> Iterator[str]:
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        elif isinstance(node, ast.ImportFrom) and (package or not node.level):
             around = package.split(".")[: 1 - node.level or None] if node.level else []
             base = ".".join([*around, *([node.module] if node.module else [])])
             names = [base, *(f"{base}.{alias.name}" for alias in node.names)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
@@ -40,11 +39,6 @@ def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
     close_process(Remote.__name__)
 
 
-@cache
-def _told(remote: Remote) -> Facts:
-    return remote.request("tell", {}, {})[0]
-
-
 @dataclass(frozen=True)
 class Remote:
     """A method or scorer in the process of its plugin, by what names it there."""
@@ -57,7 +51,14 @@ class Remote:
     @property
     def facts(self) -> Facts:
         """What its process tells of it, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
-        return _told(self)
+        key = (self.kind, self.target, self.name)
+        if key not in told:
+            facts = self._ask()
+            told[key] = told[self.kind, self.target, facts["name"]] = facts
+        return told[key]
+
+    def _ask(self) -> Facts:
+        return self.request("tell", {}, {})[0]
 
     def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return parameters that were looked at before."""
@@ -171,14 +172,8 @@ class _RemoteScorer(Foreign):
 class Inspected(Remote):
     """The same in the process that talks to the user: a plugin that hangs or crashes costs it an error."""
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """See :class:`Remote`."""
-        key = (self.kind, self.target, self.name)
-        if key not in told:
-            facts = self._look(tell)
-            told[key] = told[self.kind, self.target, facts["name"]] = facts
-        return told[key]
+    def _ask(self) -> Facts:
+        return dict(self.look(tell))
 
     def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the parameters that differ from their defaults, normalised."""
@@ -191,11 +186,8 @@ class Inspected(Remote):
             return _InspectedLearner(self, msgspec.convert(self.facts["info"], MethodInfo))
         return super().create()
 
-    def check_card(self, folder: Path) -> None:
-        """Have the card of a model checked."""
-        self._look(_check_card, str(folder))
-
-    def _look(self, function: Callable[..., Any], *arguments: str) -> Any:
+    def look(self, function: Callable[..., Any], *arguments: str) -> Any:
+        """Call a function with what names the plugin, in a process that may import it."""
         hint = "correct the plugin: importing it and making its methods must end at once"
         guard = Guard(f"{self.kind} '{self.name}'", hint, LIMIT, quiet=True)
         return look(function, self.kind, self.name, self.base_name, self.target, *arguments, guard=guard)
@@ -228,7 +220,7 @@ class _InspectedLearner(RemoteMethod):
         raise AssertionError("a plugin is trained in a process of its own")
 
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        self.remote.check_card(folder)
+        self.remote.look(_check_card, str(folder))
 
 
 def _check_card(kind: str, name: str, base_name: str, target: str, folder: str) -> None:

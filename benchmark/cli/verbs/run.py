@@ -141,7 +141,7 @@ def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
 @click.option("--all-jobs", is_flag=True, help="A line for each job, however many there are.")
 def plan(all_jobs: bool, **given: Any) -> None:
     """Show what would run, why, and how long it would take."""
-    from benchmark.execution.estimates import estimate
+    from benchmark.execution.plan import estimate
     from benchmark.pipeline.storage.store import Store
     from benchmark.threads import available_cores
 

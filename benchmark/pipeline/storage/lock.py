@@ -1,7 +1,8 @@
 """Versions of the components of the suite: digests of their golden results, and the code that these were made by.
 
 A component is what makes a part of a result: a method, a scorer, the preparation of an input, a generated data set. Its
-version is the digest of its committed golden results, so that code may change as long as they stay.
+version is the digest of its committed golden results, so that code may change as long as they stay. Results of edited
+code lie apart, and join the others once the golden results were made by that code.
 """
 
 from __future__ import annotations
@@ -10,11 +11,9 @@ import json
 import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from benchmark.arrays import load_arrays, save_arrays
 from benchmark.errors import ConfigurationError
@@ -147,6 +146,8 @@ def _lines(section: Mapping[str, object]) -> str:
     return ",\n".join(f"{json.dumps(name)}: {json.dumps(content)}" for name, content in section.items())
 
 
+# Results of edited code ----------------------------------------------------------------------------------------------
+
 #: Folder of what edited code has made, in that of the runs.
 EDITED = "edited"
 
@@ -188,7 +189,8 @@ def _adopt(root: Path, edit: Path, folders: Mapping[str, str]) -> None:
             arrays = load_arrays(path, path.stem)
             recipe = with_current_versions(json.loads(str(arrays.pop(RECIPE))), folders)
             key = keys[f"{edit.name}-{path.stem}"] = digest(recipe)
-            _write(root / "artefacts" / key[:2] / f"{key}.npz", key, arrays)
+            save = partial(save_arrays, key=key, arrays=arrays, compressed=True)
+            write_atomically(root / "artefacts" / key[:2] / f"{key}.npz", save)
     for path in sorted(edit.glob("records/*.json")):
         record = json.loads(path.read_text(encoding="utf-8"))
         recipe = with_current_versions(record["recipe"], folders)
@@ -196,7 +198,3 @@ def _adopt(root: Path, edit: Path, folders: Mapping[str, str]) -> None:
         adopted = {**record, "recipe": recipe, "key": digest(recipe), "artefacts": artefacts}
         write_text(root / "records" / f"{adopted['key']}.json", json.dumps(adopted, sort_keys=True))
     shutil.rmtree(edit)
-
-
-def _write(path: Path, key: str, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
-    write_atomically(path, lambda file: save_arrays(file, key, arrays, compressed=True))

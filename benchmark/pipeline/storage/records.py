@@ -74,6 +74,8 @@ class _Source(NamedTuple):
     parts: SharedParts | None = None
 
 
+# Lines: what many records share is named by its digest, and kept once ------------------------------------------------
+
 #: Digits of the digest by which a line names what it shares with others.
 _DIGITS = 16
 
@@ -211,6 +213,9 @@ def _digest(text: bytes) -> str:
 
 def _compact(content: Any) -> str:
     return json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":"))
+
+
+# Folders -------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

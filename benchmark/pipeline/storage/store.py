@@ -231,30 +231,28 @@ class Store:
 
     def write_record(self, record: Record) -> None:
         """Keep the record of a job; raises ``StorageError`` if it cannot be written."""
-        try:
+        with self._writing(f"{record['key']}.json"):
             self.records.write(record)
-        except OSError as error:
-            raise self._cannot_write(f"{record['key']}.json", error) from error
 
     def remove_record(self, key: str) -> None:
         """Remove the record of a job; raises ``StorageError`` if that cannot be done."""
-        try:
+        with self._writing(f"{key}.json"):
             self.records.remove(key)
-        except OSError as error:
-            raise self._cannot_write(f"{key}.json", error) from error
 
     def _write(self, path: Path, write: Callable[[Any], object]) -> None:
         """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
-        try:
+        with self._writing(path.name):
             write_atomically(path, write)
-        except OSError as error:
-            raise self._cannot_write(path.name, error) from error
 
-    def _cannot_write(self, name: str, error: OSError) -> StorageError:
-        return StorageError(
-            f"cannot write {name} under {self.root}: {error.strerror}",
-            "free some space or choose another --results DIR; finished jobs are kept",
-        )
+    @contextlib.contextmanager
+    def _writing(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise StorageError(
+                f"cannot write {name} under {self.root}: {error.strerror}",
+                "free some space or choose another --results DIR; finished jobs are kept",
+            ) from error
 
 
 def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:

@@ -6,8 +6,7 @@ import json
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,9 +44,6 @@ _GATES = {
 }
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
-
-#: Told the name of each check before it is made.
-Begins = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -179,8 +175,7 @@ def check_target(name: str) -> Report:
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        checked = _checked(Target(name), Path(folder))
-        return Report({titled: tuple(checks(lambda _: None)) for titled, checks in checked})
+        return Report({titled: _findings_in(events) for titled, events in _checked(Target(name), Path(folder))})
 
 
 def check_apart(target: Target, limit: float | None = None) -> Report:
@@ -226,24 +221,23 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
 
 def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
     """Check all of a target but some, saying before each check which one begins and after it what it found."""
-    for titled, checks in _checked(target, Path(folder)):
-        if titled not in without:
-            for finding in checks(partial(_say_begun, say, titled)):
-                say(json.dumps([titled, finding.name, finding.outcome, finding.explanation]))
+    for titled, events in _checked(target, Path(folder)):
+        for event in events if titled not in without else ():
+            say(json.dumps([titled, *([event] if isinstance(event, str) else astuple(event))]))
 
 
-def _checked(target: Target, folder: Path) -> Iterator[tuple[str, Callable[[Begins], Iterable[Finding]]]]:
+def _checked(target: Target, folder: Path) -> Iterator[tuple[str, Iterator[str | Finding]]]:
     """All of a target by title, each with its checks; a scorer or a data set says so, for names may be shared."""
     for spec in target.specs():
-        yield spec.name, partial(_findings, spec, folder, dict(target.options))
+        yield spec.name, _checks(spec, folder, dict(target.options))
     for scorer in target.scorers():
-        yield f"{scorer.name} (scorer)", partial(_findings, scorer, folder, {})
+        yield f"{scorer.name} (scorer)", _checks(scorer, folder, {})
     for name, source in target.data_sets().items():
-        yield f"{name} (data set)", partial(_found, OF_DATA_SETS, DatasetCase(source))
+        yield f"{name} (data set)", _checks_of_data_set(DatasetCase(source))
 
 
-def _say_begun(say: Callable[[str], None], method: str, check_name: str) -> None:
-    say(json.dumps([method, check_name]))
+def _findings_in(events: Iterable[str | Finding]) -> tuple[Finding, ...]:
+    return tuple(event for event in events if isinstance(event, Finding))
 
 
 def check(spec: MethodSpec | ScorerSpec) -> list[Finding]:
@@ -254,13 +248,11 @@ def check(spec: MethodSpec | ScorerSpec) -> list[Finding]:
     installed is not run at all. A learner without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        return list(_findings(spec, Path(folder), {}, lambda _: None))
+        return list(_findings_in(_checks(spec, Path(folder), {})))
 
 
-def _findings(
-    spec: MethodSpec | ScorerSpec, folder: Path, options: Mapping[str, str], begins: Begins
-) -> Iterator[Finding]:
-    """Check a method or a scorer; ``begins`` is told the name of each check, models are put into ``folder``."""
+def _checks(spec: MethodSpec | ScorerSpec, folder: Path, options: Mapping[str, str]) -> Iterator[str | Finding]:
+    """Check a method or a scorer: the name of each check before it is made, then its result; models go to a folder."""
     learns = isinstance(spec, MethodSpec) and not spec.missing_packages() and spec.learns
     models = Path(tempfile.mkdtemp(dir=folder))
     case: Any = case_of(spec, models if options and learns else None)  # it is trained below, so none need be there yet
@@ -280,7 +272,7 @@ def _findings(
     if isinstance(spec, ScorerSpec):
         names = {name: OF_SCORERS.get(name, name) for name in checks if name not in OF_METHODS_ALONE}
     for number, (name, title) in enumerate(names.items(), 1):
-        begins(title)
+        yield title
         finding = _find(title, checks[name], case)
         yield finding
         if finding.outcome != "ok" and name in _GATES:
@@ -289,9 +281,9 @@ def _findings(
             return
 
 
-def _found(checks: Mapping[str, Callable[[Any], str]], case: Any, begins: Begins) -> Iterator[Finding]:
-    for name, function in checks.items():
-        begins(name)
+def _checks_of_data_set(case: DatasetCase) -> Iterator[str | Finding]:
+    for name, function in OF_DATA_SETS.items():
+        yield name
         yield _find(name, function, case)
 
 
