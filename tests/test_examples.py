@@ -7,10 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.scaffold import KINDS, new_plugin
-from tests.toy import rod, write_off
+from tests.toy import rod, write_off, write_rods
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -18,6 +20,7 @@ EXAMPLES = ROOT / "examples"
 #: Example of each kind.
 NAMES = {
     "method": "ray-stretch",
+    "external": "graph-stress",
     "descriptor": "distance-profile",
     "learner": "nearest-view",
     "scorer": "distance-distribution",
@@ -32,16 +35,16 @@ def file_of(kind):
 @pytest.fixture
 def far(tmp_path):
     """A folder outside of the checkout with the examples, and how a program is called there."""
-    for path in EXAMPLES.glob("*.py"):
+    for path in EXAMPLES.glob("*.*"):
         shutil.copy(path, tmp_path)
     env = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
 
-    def call(*arguments):
+    def call(*arguments, code=0):
         done = subprocess.run(
             [sys.executable, "-m", *map(str, arguments)], capture_output=True, text=True, check=False, cwd=tmp_path,
             timeout=280, env=env | {"PYTHONPATH": str(ROOT)},
         )  # fmt: skip
-        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.returncode == code, done.stdout + done.stderr
         return done.stdout
 
     return call
@@ -64,7 +67,9 @@ def test_what_new_writes_is_an_example_under_another_name(kind, tmp_path):
 @pytest.mark.slow
 def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
     said = far("pytest", "-q", "-p", "no:cacheprovider", ".")
-    assert f"{2 * len(NAMES)} passed" in said
+    passed, skipped = (sum(map(int, re.findall(rf"(\d+) {word}", said))) for word in ("passed", "skipped"))
+    assert passed + skipped == 2 * len(NAMES) + 1  # of Octave
+    assert skipped == 2 * (shutil.which("g++") is None) + (shutil.which("octave-cli") is None)
 
 
 @pytest.mark.slow
@@ -89,3 +94,48 @@ def test_the_learner_is_trained_and_tested_far_from_the_checkout(far, tmp_path):
     assert "kept 4 pairs" in far("benchmark", "train", "nearest-view", *options)
     said = far("benchmark", "run", "-m", "nearest-view", *options, "--input", "view")
     assert re.search("- Nearest View: trained on .*: 4 pairs, kept as they are", said)
+
+
+CPP, OCTAVE = ("graph-stress", "graph_stress"), ("principal-axes", "principal_axes.m")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("program", "source", "status", "reason"),
+    [
+        (CPP, "#!/bin/sh\nkill -SEGV $$", "failed", "graph-stress ended with exit code -11"),
+        (CPP, "#!/bin/sh\necho too flat >&2; exit 2", "unsupported", "could be treated; first: too flat"),
+        (CPP, "#!/bin/sh\nsleep 613 & sleep 613", "timeout", ""),
+        (CPP, "#!/bin/sh\ntest $(ulimit -d) = unlimited || exit 3", "failed", "graph-stress ended with exit code 3"),
+        (OCTAVE, "error('too flat')", "failed", "principal-axes ended with exit code 1: error: too flat"),
+        (OCTAVE, "kill(getpid(), SIG.SEGV)", "failed", "principal-axes ended with exit code -11"),
+        (OCTAVE, "pause(613)", "timeout", ""),
+    ],
+)
+def test_a_program_may_crash_hang_or_refuse(far, tmp_path, program, source, status, reason):
+    name, file = program
+    if program is OCTAVE and shutil.which("octave-cli") is None:
+        pytest.skip("there is no Octave")
+    (tmp_path / file).write_text(source)
+    (tmp_path / file).chmod(0o755)
+    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    limit = ("--timeout", "10") if status == "timeout" else ()
+    plugin = ("-m", name, "--plugin", f"{name.replace('-', '_')}.py")
+    far("benchmark", "run", "-d", "rods", *plugin, "--input", "mesh", *limit, code=1)
+    (record,) = Store.open(tmp_path / "results").records
+    assert record["status"] == status
+    assert reason in record["reason"]
+    assert not [process for process in psutil.process_iter(["cmdline"]) if "613" in (process.info["cmdline"] or ())]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (shutil.which("g++") and shutil.which("octave-cli")), reason="there is no g++ or no Octave")
+def test_programs_in_cpp_and_octave_make_rows(far, tmp_path):
+    subprocess.run(["g++", "-O2", "-o", tmp_path / "graph_stress", EXAMPLES / "graph_stress.cpp"], check=True)
+    write_rods(tmp_path / "rods", bends=(0.0, 0.8))
+    rows = ("-m", "identity", "-m", "graph-stress", "-m", "principal-axes", "--input", "mesh")
+    plugins = ("--plugin", "graph_stress.py", "--plugin", "principal_axes.py")
+    far("benchmark", "run", "-d", "rods", *rows, *plugins)
+    scores = {record["method"]: record["scores"] for record in Store.open(tmp_path / "results").records}
+    assert scores["principal-axes"] == pytest.approx(scores["identity"], abs=1e-3)
+    assert scores["graph-stress"]["NN"] == 1

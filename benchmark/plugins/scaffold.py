@@ -1,4 +1,4 @@
-"""A working plugin of each kind to start from, in one file, and its test in another."""
+"""A working plugin of each kind to start from, and its test; the program of an external one, too."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ __all__ = ["KINDS", "new_plugin"]
 #: Plugin of each kind in the folder of examples: with another name it is what is written.
 _EXAMPLES = {
     "method": "ray-stretch",
+    "external": "graph-stress",
     "descriptor": "distance-profile",
     "learner": "nearest-view",
     "scorer": "distance-distribution",
@@ -52,7 +53,7 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
     Returns
     -------
     list of pathlib.Path
-        The plugin and its test.
+        The plugin, its test, and the program of an external one.
 
     Raises
     ------
@@ -61,9 +62,11 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
     """
     _check_name(kind, name)
     spellings = _spellings(name)
-    plugin, test = (_renamed(text, _EXAMPLES[kind], name) for text in _sources(_EXAMPLES[kind]))
-    _check_python(name, spellings.module, spellings.class_name, plugin)
-    texts = {folder / f"{spellings.module}.py": plugin, folder / f"test_{spellings.module}.py": test}
+    texts = {
+        folder / _renamed(path.name, _EXAMPLES[kind], name): _renamed(path.read_text("utf-8"), _EXAMPLES[kind], name)
+        for path in _sources(_EXAMPLES[kind])
+    }
+    _check_python(name, spellings.module, spellings.class_name, next(iter(texts.values())))
     for path in texts:
         if path.exists():
             raise ConfigurationError(f"{path} exists already", "choose another name or folder")
@@ -89,13 +92,12 @@ def _spellings(name: str) -> _Spellings:
     return _Spellings(name, name.replace("-", "_"), "".join(words), " ".join(words))
 
 
-def _sources(example: str) -> tuple[str, str]:
-    """Return the plugin file of an example, and its test."""
+def _sources(example: str) -> list[Path]:
+    """Return the plugin file of an example, its test, and the program that it calls."""
     package = Path(__file__).parents[1] / "examples"  # of an installed suite; in a checkout they lie beside it
     folder = package if package.is_dir() else Path(__file__).parents[2] / "examples"
     module = _spellings(example).module
-    plugin, test = (folder / f"{prefix}{module}.py" for prefix in ("", "test_"))
-    return plugin.read_text(encoding="utf-8"), test.read_text(encoding="utf-8")
+    return [folder / f"{module}.py", folder / f"test_{module}.py", *folder.glob(f"{module}.cpp")]
 
 
 def _renamed(text: str, example: str, name: str) -> str:

@@ -20,14 +20,16 @@ def _add_new(kind: str, what: str) -> None:
     def write(name: str) -> None:
         from benchmark.plugins.scaffold import new_plugin
 
-        plugin, *others = new_plugin(kind, name)
-        for path in (plugin, *others):
+        paths = new_plugin(kind, name)
+        for path in paths:
             say(path)
-        say(f"next: edit it, then 'python -m benchmark check {plugin}'", err=True)
+        build = f"'g++ -O2 -o {paths[0].stem} {paths[2]}' and " if kind == "external" else ""
+        say(f"next: edit it, then {build}'python -m benchmark check {paths[0]}'", err=True)
 
 
 for _kind, _what in {
     "method": "a method that makes canonical forms",
+    "external": "a method that calls a program with mesh files",
     "descriptor": "a descriptor that compares shapes without a form",
     "learner": "a method that is trained",
     "scorer": "a scorer that compares forms",

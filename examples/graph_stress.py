@@ -1,0 +1,44 @@
+"""Graph Stress: a program of any language that reads a mesh file and writes another one; here ``graph_stress.cpp``."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import ClassVar
+
+import trimesh
+
+from benchmark.api import CanonicalForm, MethodInfo, Shape, UnsupportedShape
+
+#: Exit code by which the program refuses a mesh; any other one except 0 is an error.
+REFUSED = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphStress:
+    """Form that a program writes: it is called in this folder, with the files to read and to write."""
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="graph-stress",
+        title="Graph Stress",
+        summary="least-squares MDS of distances along edges, in C++",
+        files=("graph_stress",),
+    )
+    command: ClassVar[tuple[str, ...]] = ("./graph_stress",)
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the mesh that the program writes; it may have any number of vertices."""
+        with TemporaryDirectory() as folder:
+            mesh, form = f"{folder}/mesh.off", f"{folder}/form.off"
+            trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).export(mesh, digits=17)
+            words = [*self.command, mesh, form]
+            done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+            reason = " ".join(done.stderr.split())
+            if done.returncode == REFUSED:
+                raise UnsupportedShape(reason, "see the program")
+            if done.returncode:
+                raise RuntimeError(f"{self.info.name} ended with exit code {done.returncode}: {reason}")
+            made = trimesh.load_mesh(form, process=False)
+        return CanonicalForm(made.vertices, made.faces)
