@@ -5,7 +5,7 @@ from typing import Any
 __version__ = "0.2.0"
 
 #: What is offered here, and the module that has it: none is imported before it is asked for.
-_OFFERED = {"score": "benchmark.external.scoring"}
+_OFFERED = {"run": "benchmark.results", "score": "benchmark.external.scoring"}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,7 @@
-"""Contents of a results folder as pandas data frames and arrays: records, scores of queries, distances, forms.
+"""Runs from Python, and what a results folder holds as pandas data frames and arrays.
+
+>>> import benchmark
+>>> records = benchmark.run(data="tosca", methods=["classic-mds", "gps"], input="mesh")     # doctest: +SKIP
 
 >>> from benchmark.results import open_results
 >>> results = open_results("results")
@@ -12,10 +15,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +36,7 @@ from benchmark.plugins.registry import methods
 from benchmark.plugins.scorers import scorers
 from benchmark.report.cell import cell_of
 from benchmark.report.results import Result, Results
-from benchmark.text import DATA_VARIABLE
+from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -38,7 +44,7 @@ if TYPE_CHECKING:
     from benchmark.geometry.mesh import Mesh
     from benchmark.report.artefact_reader import ArtefactReader
 
-__all__ = ["ResultsFolder", "open_results"]
+__all__ = ["ResultsFolder", "frame_of", "open_results", "run"]
 
 
 @dataclass(frozen=True)
@@ -79,10 +85,7 @@ class ResultsFolder:
             preparations as ``NN_preparation_sd`` where there are some, ``seconds`` a
             shape, ``peak_mib``, ``finished``, and ``outdated``: what has changed since it was made, "" if nothing has.
         """
-        from pandas import DataFrame
-
-        rows = {result.record["key"]: _row(result) for result in self._results.values()}
-        return DataFrame.from_dict(rows, orient="index").rename_axis("key")
+        return frame_of(self._results.values())
 
     def queries(self, *keys: str) -> DataFrame:
         """Measures of single queries, of some records or of all.
@@ -249,6 +252,62 @@ def open_results(
         raise StorageError(f"{path} is no folder", "name a results folder")
     inspect(files)
     return ResultsFolder(path, Path(root) if root else None, files, published)
+
+
+def run(data: object = (), methods: object = (), input: object = (), **options: object) -> DataFrame:
+    """Run the missing jobs of a selection, as on the command line; an interrupted run resumes.
+
+    Parameters
+    ----------
+    data, methods, input
+        Names or folders of data sets, names of methods, and ``"mesh"`` or ``"view"``; one, or several in a list.
+    **options
+        Other options of ``python -m benchmark run``, such as ``plugin="smooth.py"``, ``table=["I", "III"]``,
+        ``results="results"``, ``quick=True``, ``jobs=2`` or ``timeout="10m"``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The records of the selection, as of :meth:`ResultsFolder.records`; failed jobs have a ``reason``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the command line refuses the selection.
+    """
+    from pandas import read_json
+
+    words = [*_words("dataset", data), *_words("method", methods), *_words("input", input)]
+    words += [word for name, value in options.items() for word in _words(name, value)]
+    with TemporaryDirectory() as folder:
+        frame, line = Path(folder) / "frame.json", ""
+        command = [sys.executable, "-m", "benchmark", "run", *words, "--frame", str(frame)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+            try:
+                for line in process.stdout or ():
+                    say(line.rstrip())
+            except BaseException:
+                process.terminate()  # which keeps what is finished
+                raise
+        if not frame.is_file():
+            problem, _, hint = line.strip().removeprefix("error: ").rpartition("; ")
+            raise ConfigurationError(problem, hint)
+        return read_json(frame, orient="table")
+
+
+def _words(name: str, values: object) -> Iterator[str]:
+    """Return an option as it is written on the command line."""
+    for value in values if isinstance(values, list | tuple) else (values,):
+        if value is not None and value is not False:
+            yield from (f"--{name.replace('_', '-')}", *(() if value is True else (str(value),)))
+
+
+def frame_of(results: Iterable[Result]) -> DataFrame:
+    """Return one row for each record, by key; see :meth:`ResultsFolder.records`."""
+    from pandas import DataFrame
+
+    rows = {result.record["key"]: _row(result) for result in results}
+    return DataFrame.from_dict(rows, orient="index").rename_axis("key")
 
 
 def _row(result: Result) -> dict[str, Any]:

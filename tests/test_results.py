@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import benchmark
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
@@ -168,3 +169,22 @@ def test_what_came_with_the_suite_can_be_read_in_any_clone():
     tosca = records.query("gallery == 'tosca' and input == 'mesh' and status == 'ok'")
     assert {"classic-mds", "gps", "identity"} <= set(tosca["method"])
     assert len(results.queries(tosca.index[0])) == tosca.iloc[0]["n_shapes"]
+
+
+@pytest.mark.slow
+def test_a_run_from_python_returns_its_records_resumes_and_raises_what_the_command_line_refuses(
+    folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    selection = {"data": folder / "rods", "methods": ["identity"], "input": "mesh", "plugin": folder / "fails.py"}
+    records = benchmark.run(**selection, results=tmp_path)
+    assert list(records["status"]) == ["ok", "failed"]
+    assert "1 of 2 jobs to run" not in capsys.readouterr().out
+    assert benchmark.run(**selection, results=tmp_path)["finished"].equals(records["finished"])
+    assert "0 of 2 jobs to run, 1 finished before" in capsys.readouterr().out
+    assert len(open_results(tmp_path, plugins=[folder / "fails.py"]).distances(records.index[0])) == 6
+    forms = benchmark.run(folder / "rods", forms=f"Mine={folder / 'rods'}", results=tmp_path, input="mesh")
+    assert "external-mine" in set(forms["method"])
+    with pytest.raises(ConfigurationError, match="unknown data set 'nowhere'") as caught:
+        benchmark.run("nowhere", "identity")
+    assert caught.value.hint.startswith("choose one of")

@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from benchmark.cli.options import NOT_OK, OK, PLAN, RunOptions, add_options, name_skipped, timeout_option
+from benchmark.cli.options import NOT_OK, OK, PLAN, PathOption, RunOptions, add_options, name_skipped, timeout_option
 from benchmark.errors import ConfigurationError
 from benchmark.text import brief, clean, say, say_lines
 
 if TYPE_CHECKING:
     from benchmark.api.contracts import Input
     from benchmark.execution.job_specs import Job
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.plugins.scorers import ScorerSpec
+    from benchmark.protocols.galleries import Gallery
 
 #: Most jobs that have a line each, unless somebody asks for all.
 _SCREEN = 100
@@ -40,13 +43,14 @@ _PLACE = ("gallery", "input", "method")
     metavar="NAME=DIR",
     help="Instead of methods: score DIR/SHAPE.off, ..., made by another program.",
 )
-def run(forms: tuple[str, ...], **given: Any) -> None:  # fmt: skip
+@click.option("--frame", type=PathOption(), hidden=True, help="Write the records as JSON, and print no tables.")
+def run(forms: tuple[str, ...], frame: Path | None, **given: Any) -> None:
     """Run the missing jobs of a selection, then print its tables."""
     from benchmark.pipeline.storage.store import Store
 
     options = RunOptions.of(given)
     if forms:
-        _score_forms(forms, options)
+        _score_forms(forms, options, frame)
         return
     chosen_by = (options.tables, options.methods, options.datasets, options.plugins)
     if not (options.everything or options.paper or any(chosen_by)):
@@ -63,6 +67,7 @@ def run(forms: tuple[str, ...], **given: Any) -> None:  # fmt: skip
     from benchmark.report.formats import markdown
     from benchmark.report.robustness import markdown as robustness_markdown
     from benchmark.report.robustness import robustness
+    from benchmark.results import frame_of
 
     ok = run_plan(plan, store, options)
     known = options.results_of(store)
@@ -76,6 +81,9 @@ def run(forms: tuple[str, ...], **given: Any) -> None:  # fmt: skip
         for job in plan
         if (result := found.get(job.key) or found.get((job.gallery, job.input, job.method.name)))
     ]
+    if frame is not None:
+        frame_of(shown).to_json(frame, orient="table")
+        sys.exit(OK if ok else NOT_OK)
     chosen = {job.table for job in plan}
     made = contents(shown, chosen, blanks=not options.is_narrow, named=options.is_by_name)
     if sys.stdout.isatty():
@@ -105,15 +113,15 @@ def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
             say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
 
 
-def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
+def _score_forms(forms: Sequence[str], options: RunOptions, frame: Path | None) -> None:
     """Score forms of other programs, then print the tables in which they stand."""
-    from benchmark.cli.counting import counting
     from benchmark.datasets.catalogue import sources
-    from benchmark.external.forms import score_forms
+    from benchmark.execution.processes.calls import Guard, call_apart
     from benchmark.pipeline.storage.store import Store
     from benchmark.protocols.galleries import galleries
     from benchmark.report.content import contents
     from benchmark.report.formats import markdown
+    from benchmark.results import frame_of
 
     named = [
         (name, Path(folder)) for name, equals, folder in (text.partition("=") for text in forms) if name and equals
@@ -127,13 +135,27 @@ def _score_forms(forms: Sequence[str], options: RunOptions) -> None:
     chosen = galleries(options.tables, sources(options.datasets, options.plugins), options.data_root, options.quick)
     for gallery, input_, (title, folder) in product(chosen, inputs, named):
         gallery.check_input(input_)
-        with counting(f"scoring {title}") as watched:
-            score_forms(gallery, input_, title, folder, options.scorer_spec(), store, watched)
+        guard = Guard(f"scoring {title}", "simplify its meshes, or raise --timeout", options.timeout)
+        call_apart(_score_folder, gallery, input_, title, folder, options.scorer_spec(), store, guard=guard)
     shown = options.results_of(store).all(options.seed, scorer=options.scorer_spec().name)
     names = {gallery.name for gallery in chosen}
     rows = [result for result in shown if result.record["gallery"] in names and result.record["input"] in inputs]
+    if frame is not None:
+        frame_of(rows).to_json(frame, orient="table")
+        return
     for table in contents(rows, {gallery.table.identifier for gallery in chosen}, blanks=False):
         say_lines("\n" + markdown(table))
+
+
+def _score_folder(
+    gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store
+) -> None:  # fmt: skip
+    """Score the forms of one folder, in a process of its own."""
+    from benchmark.cli.counting import counting
+    from benchmark.external.forms import score_forms
+
+    with counting(f"scoring {title}") as watched:
+        score_forms(gallery, input_, title, folder, spec, store, watched)
 
 
 @click.command()
