@@ -13,6 +13,7 @@ fclose(in);
 
 vertices -= mean(vertices, 2);
 [axes, ~] = eig(vertices * vertices');
+axes(:, 1) *= det(axes); % a rotation, which mirrors nothing
 
 out = fopen(names{2}, "w");
 fprintf(out, "OFF\n%d %d 0\n", count(1), count(2));

@@ -1,4 +1,4 @@
-"""Principal Axes: a program in Octave, ``principal_axes.m``; it moves nothing, so its row is that of Identity."""
+"""Principal Axes: a program in Octave, ``principal_axes.m``."""
 
 from __future__ import annotations
 

@@ -413,12 +413,18 @@ class RunOptions:
             If there is none, or a method or a table is unknown.
         """
         from benchmark.datasets.catalogue import is_known, is_path
+        from benchmark.pipeline.storage.records import EXTERNAL
         from benchmark.plugins.registry import methods, select
         from benchmark.protocols.tables import TABLES
 
-        known = methods(self.plugins)
+        found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         finished = FINISHED in self.methods
-        names = {spec.name for spec in select(self.methods, known)} if self.is_narrow and not finished else set()
+        names: set[str] = set()
+        if self.is_narrow and not finished:
+            names = {result.record["method"] for result in found if result.record["family"] == EXTERNAL}
+            names &= set(self.methods)
+            others = [name for name in self.methods if name not in names]
+            names |= {spec.name for spec in select(others, methods(self.plugins))} if others else set()
 
         def is_chosen(result: Result) -> bool:
             record = result.record
@@ -429,7 +435,6 @@ class RunOptions:
                 and self.allows(record)
             )
 
-        found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
         name_skipped(store)
         sets = set().union(*(_names(result.record["data"]) for result in found))
         for name in self.datasets:

@@ -198,4 +198,8 @@ def evaluated(task: Task, scores: Scores | None = None) -> Evaluation:
     index: Sequence[object] = task.queries.names or range(1, len(values) + 1)
     labels = [";".join(classes) for classes in task.queries.classes]
     queries = DataFrame({"labels": labels, **found.per_query}, index=list(index))
-    return Evaluation(DataFrame(table, index=names), queries.rename_axis("query"), tuple(task.notes(found)))
+    notes = list(task.notes(found))
+    place = names.index("mAP")
+    if ends[place, 1] < chance["mAP"]:
+        notes.append("mAP is below chance: if these are similarities, subtract them from the largest one.")
+    return Evaluation(DataFrame(table, index=names), queries.rename_axis("query"), tuple(notes))

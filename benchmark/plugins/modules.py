@@ -123,6 +123,10 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
     kind, name, known
         See :func:`benchmark.errors.did_you_mean`.
     """
+    if name.startswith("external-"):
+        return ConfigurationError(
+            f"'{name}' is scored from files, not run", "make it by 'score --results' or 'run --forms'"
+        )
     error = did_you_mean(kind, name, known)
     defines = re.compile(rf"""\bname\b[^=\n]*=\s*['"]{re.escape(name)}['"]""")
     for path in (*sorted(Path().glob("*.py")), *sorted(Path().glob("*/*.py"))):

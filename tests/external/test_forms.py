@@ -30,6 +30,9 @@ def test_forms_are_a_row_and_are_scored_once(run):
     assert "| Mine (external)" in call(*arguments)
     row = rows(run)["Mine"]
     assert (row["method"], row["status"], row["coverage"]) == ("external-mine", "ok", 1)
+    assert "| Mine (external)" in call("tables", "-m", "external-mine", "--results", run / "results")
+    with pytest.raises(AssertionError, match="make it by 'score --results' or 'run --forms'"):
+        call("run", "-d", run / "rods", "-m", "external-mine")
     assert row["NN"] > 0.6
     before = [record["finished"] for record in Store.open(run / "results").records]
     call(*arguments)
@@ -51,6 +54,13 @@ def test_missing_and_damaged_forms_count_zero(run, tmp_path):
 def test_what_does_not_fit_is_refused(run, more):
     with pytest.raises(AssertionError, match="--forms scores the meshes of a folder"):
         call("run", "-d", run / "rods", "--forms", f"Mine={run / 'forms'}", *more)
+
+
+def test_forms_that_take_too_long_are_stopped(run, tmp_path):
+    with pytest.raises(AssertionError, match="scoring Mine does not end: stopped after 0.01 s.* raise --timeout"):
+        call(
+            "run", "-d", run / "rods", "--results", tmp_path, "--forms", f"Mine={run / 'forms'}", "--timeout", "0.01s"
+        )  # fmt: skip
 
 
 def test_a_folder_without_these_shapes_is_refused(run, tmp_path):

@@ -173,6 +173,15 @@ def test_asymmetry_is_stated_and_rows_are_queries():
     assert found.queries.loc[5, "mAP"] == pytest.approx(benchmark.score(D, LABELS).queries.loc[5, "mAP"])
 
 
+def test_similarities_with_a_zero_diagonal_are_below_chance_and_the_note_names_the_cure():
+    labels = ["a"] * 6 + ["b"] * 6
+    near = np.abs(np.subtract.outer(np.arange(12) + np.repeat([0, 20], 6), np.arange(12) + np.repeat([0, 20], 6)))
+    similarities = (near.max() - near) * (1 - np.eye(12))
+    assert "subtract them from the largest one" in benchmark.score(similarities, labels).notes[-1]
+    for distances, classes in ((near, labels), (D, LABELS)):
+        assert not any("similarities" in note for note in benchmark.score(distances, classes).notes)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "problem"),
     [
