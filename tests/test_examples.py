@@ -142,7 +142,7 @@ def test_programs_in_cpp_and_octave_make_rows(far, tmp_path):
     results = open_results(tmp_path / "results", plugins=[tmp_path / "principal_axes.py"])
     records = results.records().reset_index().set_index("method")
     assert list(records["status"]) == ["ok"] * 3
-    assert records.loc["graph-stress", "NN"] == 1
+    assert records.loc["graph-stress", "NN"] > records.loc["graph-stress", "chance_NN"]
     forms = results.forms(records.loc["principal-axes", "key"])
     for name, form in results.forms(records.loc["identity", "key"]).items():
         np.testing.assert_allclose(pdist(forms[name].vertices), pdist(form.vertices), atol=1e-5)
