@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import textwrap
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmark.plugins.parameters.values import format_value
@@ -13,7 +14,23 @@ from benchmark.text import clean
 if TYPE_CHECKING:
     from benchmark.plugins.registry import MethodSpec
 
+#: Sets whose trainings show people alone.
+_PEOPLE = ("humans", "shrec14-synthetic")
+
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
+
+
+def trained_on_people(spec: MethodSpec) -> str:
+    """Warn of a method whose model was shown people alone; "" for any other, and where a table chooses the model."""
+    from benchmark.protocols.trainings import TRAININGS
+
+    if spec.is_foreign or not spec.learns or spec.missing_packages():
+        return ""
+    folder = getattr(spec.create(), "model_folder", None)
+    training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
+    if training is None or training.dataset not in _PEOPLE:
+        return ""
+    return f"its model of training '{training.name}' was shown people alone: of another shape it makes a person"
 
 
 def facts_of(spec: MethodSpec) -> dict[str, Any]:
@@ -31,6 +48,7 @@ def facts_of(spec: MethodSpec) -> dict[str, Any]:
         "inputs": list(info.inputs),
         "scale": info.scale,
         "deterministic": info.deterministic,
+        "warning": trained_on_people(spec),
         "requires": list(info.requires),
         "missing": list(spec.missing_packages()),
         "defined_in": spec.target,
@@ -51,6 +69,7 @@ def lines_of(facts: dict[str, Any], width: int) -> list[str]:
         ("inputs", " and ".join(facts["inputs"])),
         ("scale", facts["scale"]),
         ("random", "no" if facts["deterministic"] else "yes: the form depends on --seed"),
+        *([("warning", facts["warning"])] if facts["warning"] else []),
         ("needs", needs),
         ("defined in", facts["defined_in"]),
     ]

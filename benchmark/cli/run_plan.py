@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -14,7 +15,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.execution.claims import Claims
 from benchmark.execution.job_specs import Job
 from benchmark.execution.plan import unavailable_record
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernel_cache import VARIABLE
+from benchmark.kernels import compiled_files, drop_stale_kernels
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store, sweep_leftovers
@@ -79,6 +81,8 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
 def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
     """Run jobs; returns whether every one is ok."""
     drop_stale_kernels(ROOT)
+    if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
+        _say("the first run compiles kernels, which takes minutes; 'compile' does so in advance")
     for job in jobs:
         if claims.take(job.key):
             store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers

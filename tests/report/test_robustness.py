@@ -71,6 +71,14 @@ def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have
     assert {"robustness.csv", "robustness.json", "table-rods.md"} <= files
     assert not [name for name in files if "table-rods[" in name or "noise" in name]
     assert CliRunner().invoke(cli, [*common, "-o", str(tmp_path / "out"), "--check"]).exit_code == 0
+    whole = ["tables", "--results", str(tmp_path / "results"), "-o", str(tmp_path / "out"), "--check"]
+    assert CliRunner().invoke(cli, whole).exit_code == 0
+    (tmp_path / "out" / "table-old.md").write_text("")
+    (tmp_path / "out" / "mine.md").write_text("")
+    (tmp_path / "out" / "robustness-rods-mesh.png").unlink()
+    done = CliRunner().invoke(cli, whole)
+    assert done.exit_code == 1
+    assert "stale: robustness-rods-mesh.png\nleft over: table-old.md;" in done.output
     alone = CliRunner().invoke(cli, [*common, "-t", "robustness"]).output
     assert "| Pca | 1.00 | 0.004 |" in alone
     assert "Table rods" not in alone

@@ -65,10 +65,14 @@ def canonicalise(
     """
     from benchmark.cli.canonicalise import FormRequest, canonicalise_file
     from benchmark.cli.depth_forms import FrameOptions, is_of_depth
+    from benchmark.cli.description import trained_on_people
+    from benchmark.plugins.registry import methods, variant
 
     for source in sources:
         if not source.name:
             raise ConfigurationError(f"{source} is no file", "name a mesh or a depth image")
+    if warning := trained_on_people(variant(method, methods(plugins))):
+        say(f"{method}: {warning}", err=True)
     options = FrameOptions(intrinsics, str(mask or ""), depth_scale)
     request = FormRequest(method, plugins, seed, timeout)
     if is_of_depth(sources):

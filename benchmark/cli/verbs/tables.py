@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 _FEW = 2
 
 FORMATS = ("latex", "markdown", "csv", "json")
+
+#: Names of files that this verb writes for single tables.
+_WRITTEN = re.compile(r"(table|paper-table|intervals-table|splits-table|robustness)-.*\.(md|tex|png)")
 
 
 @click.command()
@@ -71,7 +75,7 @@ def tables(
     from benchmark.report.files import render
     from benchmark.report.formats import overview
     from benchmark.report.output import Folder
-    from benchmark.report.robustness import rendered, robustness
+    from benchmark.report.robustness import file_stem, rendered, robustness
 
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
@@ -114,9 +118,18 @@ def tables(
             draw_curves(perturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
         return
-    different = folder.stale(files)
-    say(f"stale: {', '.join(different)}" if different else f"{len(files)} files are up to date")
-    sys.exit(NOT_OK if different else OK)
+    pictures = {f"{file_stem(each)}.png" for each in perturbed if "markdown" in (formats or FORMATS)}
+    different = [*folder.stale(files), *sorted(name for name in pictures if not (output / name).is_file())]
+    is_whole = not (selection.tables or selection.methods or selection.datasets or selection.inputs or formats)
+    others = {path.name for path in output.glob("*")} - files.keys() - pictures
+    left_over = sorted(name for name in others if is_whole and _WRITTEN.fullmatch(name))
+    if different:
+        say(f"stale: {', '.join(different)}")
+    if left_over:
+        say(f"left over: {', '.join(left_over)}; remove what no table is written to any more")
+    if not (different or left_over):
+        say(f"{len(files) + len(pictures)} files are up to date")
+    sys.exit(NOT_OK if different or left_over else OK)
 
 
 @click.command()
