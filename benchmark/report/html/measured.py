@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -227,7 +227,8 @@ def _of_rankings(
     rows = np.concatenate([each.ranking.precision for each in known if each.ranking])
     rows = rows[~np.isnan(rows[:, 0])]
     told["precision"] = [millionths(value) for value in rows.mean(axis=0)] if len(rows) else None
-    shares: list[tuple[int, Attraction, Attraction]] = []
+    shares: list[tuple[int, Attraction]] = []
+    by_chance: list[tuple[int, Attraction]] = []
     for each in known:
         if each.ranking is None:
             continue
@@ -239,10 +240,11 @@ def _of_rankings(
         if all(shown) and share is not None and expected is not None:
             _add(told[POSES], confusion(nearest, shown))
             poses |= dict.fromkeys(shown)
-            shares.append((len(shown), share, expected))
+            shares.append((len(shown), share))
+            by_chance.append((len(shown), expected))
     if shares:
-        told["attraction"] = _mean(shares, lambda each: each[1])
-        found.data["attraction"].setdefault(known[0].input, _mean(shares, lambda each: each[2]))
+        told["attraction"] = _mean(shares)
+        found.data["attraction"].setdefault(known[0].input, _mean(by_chance))
     return told
 
 
@@ -251,13 +253,7 @@ def _add(counts: dict[tuple[str, str], int], more: Mapping[tuple[str, str], int]
         counts[pair] = counts.get(pair, 0) + count
 
 
-def _mean(
-    shares: Sequence[tuple[int, Attraction, Attraction]],
-    which: Callable[[tuple[int, Attraction, Attraction]], Attraction],
-) -> dict[str, float]:
+def _mean(shares: Sequence[tuple[int, Attraction]]) -> Attraction:
     """Mean over the galleries, by their queries."""
-    total = sum(each[0] for each in shares)
-    return {
-        name: round(sum(each[0] * getattr(which(each), name) for each in shares) / total, 4)
-        for name in ("subject", "pose", "neither", "both")
-    }
+    total = sum(count for count, _ in shares)
+    return {name: round(sum(count * share[name] for count, share in shares) / total, 4) for name in shares[0][1]}

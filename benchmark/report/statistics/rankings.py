@@ -97,20 +97,9 @@ def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str
     return counts
 
 
-@dataclass(frozen=True)
-class Attraction:
-    """Shares of all queries whose nearest match is of the same subject, or pose.
-
-    Parameters
-    ----------
-    subject, pose, neither, both
-        The subject alone, the pose alone, nothing, and both, as a second scan of a shape has.
-    """
-
-    subject: float
-    pose: float
-    neither: float
-    both: float
+#: Shares of all queries by what their nearest match has in common with them: the subject alone, the pose alone,
+#: neither, or both, as a second scan of a shape has.
+Attraction = dict[str, float]
 
 
 def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
@@ -121,7 +110,7 @@ def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequen
     match = nearest[:, 0]
     same, alike = who[match] == who, how[match] == how
     counts = (same & ~alike, ~same & alike, ~same & ~alike, same & alike)
-    return Attraction(*(float(np.mean(each)) for each in counts))
+    return _named(*(float(np.mean(each)) for each in counts))
 
 
 def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
@@ -134,6 +123,8 @@ def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attrac
     same = float((np.bincount(who).astype(np.int64) ** 2).sum() - count)
     alike = float((np.bincount(how).astype(np.int64) ** 2).sum() - count)
     both = float((np.unique(np.column_stack([who, how]), axis=0, return_counts=True)[1] ** 2).sum() - count)
-    return Attraction(
-        (same - both) / pairs, (alike - both) / pairs, (pairs - same - alike + both) / pairs, both / pairs
-    )
+    return _named((same - both) / pairs, (alike - both) / pairs, (pairs - same - alike + both) / pairs, both / pairs)
+
+
+def _named(subject: float, pose: float, neither: float, both: float) -> Attraction:
+    return {"subject": subject, "pose": pose, "neither": neither, "both": both}
