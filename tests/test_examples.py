@@ -138,7 +138,7 @@ def test_programs_in_cpp_and_octave_make_rows(far, tmp_path):
     write_rods(tmp_path / "rods", bends=(0.0, 0.8))
     rows = ("-m", "identity", "-m", "graph-stress", "-m", "principal-axes", "--input", "mesh")
     plugins = ("--plugin", "graph_stress.py", "--plugin", "principal_axes.py")
-    far("benchmark", "run", "-d", "rods", *rows, *plugins)
+    far("benchmark", "run", "-d", tmp_path / "rods", *rows, *plugins)
     results = open_results(tmp_path / "results", plugins=[tmp_path / "principal_axes.py"])
     records = results.records().reset_index().set_index("method")
     assert list(records["status"]) == ["ok"] * 3
