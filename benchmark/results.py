@@ -83,7 +83,8 @@ class ResultsFolder:
             ``unsupported`` (shapes without a result), ``coverage`` (the share of those with one), measures over these
             alone as ``NN_supported`` and so on where there are others, standard deviation over jittered
             preparations as ``NN_preparation_sd`` where there are some, ``seconds`` a
-            shape, ``peak_mib``, ``finished``, and ``outdated``: what has changed since it was made, "" if nothing has.
+            shape, ``peak_mib``, ``finished``, ``origin`` (``"here"`` or ``"published"``), and ``outdated``: what
+            has changed since it was made, "" if nothing has.
         """
         return frame_of(self._results.values())
 
@@ -334,6 +335,7 @@ def _row(result: Result) -> dict[str, Any]:
         "seconds": sum(cost.values()) if cost else np.nan,
         "peak_mib": record.get("peak_mib"),
         "finished": record.get("finished", ""),
+        "origin": result.origin,
         "outdated": result.outdated,
     }
 

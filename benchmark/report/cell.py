@@ -30,6 +30,8 @@ class Cell:
         for a single job.
     n_averaged, n_wanted
         Jobs that the scores are the mean of, and jobs that there should be.
+    origin
+        Where the scores were made: ``"here"``, ``"published"``, or both for a mean over jobs of both.
     outdated
         What has changed since the job was done; "" if nothing has.
     records
@@ -44,6 +46,7 @@ class Cell:
     n_averaged: int = 0
     n_wanted: int = 1
     outdated: str = ""
+    origin: str = ""
     records: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
     repeats: tuple[Figures, ...] = field(default=(), repr=False)
 
@@ -127,6 +130,7 @@ def _repeats(results: Sequence[Result], n_galleries: int) -> tuple[Figures, ...]
 def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
     done = [result for result in results if result.record.get("scores")]
     outdated = "; ".join(dict.fromkeys(result.outdated for result in done if result.outdated))
+    origin = " and ".join(sorted({result.origin for result in done} - {""}))
     galleries: dict[str, list[Mapping[str, Any]]] = {}
     for result in results:
         galleries.setdefault(result.record["gallery"], []).append(result.record)
@@ -136,7 +140,7 @@ def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
         record = results[0].record
         return Cell(record["status"], {"reason": record.get("reason", "")}, n_wanted=n_wanted)
     if n_wanted == 1:
-        return Cell("ok", done[0].record, n_averaged=1, outdated=outdated, records=(done[0].record,))
+        return Cell("ok", done[0].record, n_averaged=1, outdated=outdated, origin=origin, records=(done[0].record,))
     records = [result.record for result in done]
     names = list(records[0]["scores"])
     means = [_means(of_gallery, names) for of_gallery in galleries.values()]
@@ -164,7 +168,7 @@ def _cell(results: Sequence[Result], n_galleries: int) -> Cell:
     }
     columns = means if len(means) > 1 else [record["scores"] for record in records]
     deviation = {name: statistics.stdev(each[name] for each in columns) for name in names} if len(columns) > 1 else None
-    return Cell("ok", merged, deviation, len(done), n_wanted, outdated, tuple(records))
+    return Cell("ok", merged, deviation, len(done), n_wanted, outdated, origin, tuple(records))
 
 
 def _draws(record: Mapping[str, Any]) -> Sequence[int]:

@@ -73,6 +73,7 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     names += [f"{part}_{m}" for part in ("low", "high", "p_best", "spread") for m in PRINTED] + [
         "n_models",
         "n_galleries",
+        "origin",
         "status",
         "outdated",
     ]
@@ -123,6 +124,7 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
         **_preparations(cell),
+        "origin": cell.origin or None,
         "outdated": cell.outdated or None,
         **({"departs": row.departs} if row.departs else {}),
         "status": cell.status,

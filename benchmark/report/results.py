@@ -38,12 +38,15 @@ class Result:
         What the job kept.
     outdated
         What has changed since it was made; "" where nothing has, or nobody can tell.
+    origin
+        ``"here"`` if it was made in this results folder, ``"published"`` if it came with the suite.
     repeats
         Records of the same with jittered preparations, by the number of the jitter; those with scores.
     """
 
     record: Record
     outdated: str = ""
+    origin: str = ""
     repeats: Mapping[int, Record] = field(default_factory=dict, repr=False)
 
 
@@ -106,14 +109,18 @@ class Results:
         return [record for key, record in records.items() if "-" not in key or key_of(record["recipe"]) == key]
 
     def _best(self, records: Iterable[Record]) -> Result:
-        results = [Result(record, self.outdated(record)) for record in records]
+        here = self.store.records
+        results = [
+            Result(record, self.outdated(record), "here" if record["key"] in here else "published")
+            for record in records
+        ]
 
         def worth(result: Result) -> tuple[bool, bool, bool, str, str]:
             record = result.record
-            here = "unavailable" not in record["recipe"]
+            is_available = "unavailable" not in record["recipe"]
             return (
                 "-" in record["key"],
-                not result.outdated and here,
+                not result.outdated and is_available,
                 record["status"] == "ok",
                 str(record.get("finished", "")),
                 record["key"],

@@ -152,16 +152,19 @@ def test_the_same_records_make_the_same_tables_in_any_folder(rods, store, tmp_pa
     shutil.copytree(store.records.folder, copy / "records")
     shutil.move(rods, rods.with_name("gone"))
     try:
-        call("tables", "-o", tmp_path / "tables", "--check", "--results", copy)
+        call("tables", "-o", tmp_path / "again", "--results", copy)
         put_aliens(copy / "records")
         (copy / "runs" / "records").mkdir(parents=True, exist_ok=True)
         (copy / "runs" / "records" / "dangling.json").symlink_to("/nowhere/at/all")
-        assert "6 files are up to date" in call("tables", "-o", tmp_path / "tables", "--check", "--results", copy)
-        call("tables", "-o", tmp_path / "again", "--results", copy)
+        assert "6 files are up to date" in call("tables", "-o", tmp_path / "again", "--check", "--results", copy)
     finally:
         shutil.move(rods.with_name("gone"), rods)
-    assert files(tmp_path / "again") == files(tmp_path / "tables")
-    assert b"\xe2\x80\xa0" in files(tmp_path / "tables")["table-rods.md"]
+    here, published = files(tmp_path / "tables"), files(tmp_path / "again")
+    differ = {name for name in here if here[name] != published[name]}
+    assert differ == {"tables.csv", "tables.json"}
+    for name, old, new in (("tables.csv", b",here,", b",published,"), ("tables.json", b'"here"', b'"published"')):
+        assert here[name].replace(old, new) == published[name]
+    assert b"\xe2\x80\xa0" in published["table-rods.md"]
 
 
 def test_alien_files_harm_no_verb(rods, store):
