@@ -34,7 +34,10 @@ class GraphStress:
             mesh, form = f"{folder}/mesh.off", f"{folder}/form.off"
             trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).export(mesh, digits=17)
             words = [*self.command, mesh, form]
-            done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+            try:
+                done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+            except FileNotFoundError as error:
+                raise RuntimeError(f"{words[0]} cannot be started: build or install it first") from error
             reason = " ".join(done.stderr.split())
             if done.returncode == REFUSED:
                 raise UnsupportedShape(reason, "see the program")

@@ -106,6 +106,7 @@ CPP, OCTAVE = ("graph-stress", "graph_stress"), ("principal-axes", "principal_ax
 @pytest.mark.parametrize(
     ("program", "source", "status", "reason"),
     [
+        (CPP, "", "failed", "./graph_stress cannot be started: build or install it first"),
         (CPP, "#!/bin/sh\nkill -SEGV $$", "failed", "graph-stress ended with exit code -11"),
         (CPP, "#!/bin/sh\necho too flat >&2; exit 2", "unsupported", "could be treated; first: too flat"),
         (CPP, "#!/bin/sh\nsleep 613 & sleep 613", "timeout", ""),
@@ -119,8 +120,9 @@ def test_a_program_may_crash_hang_or_refuse(far, tmp_path, program, source, stat
     name, file = program
     if program is OCTAVE and shutil.which("octave-cli") is None:
         pytest.skip("there is no Octave")
-    (tmp_path / file).write_text(source)
-    (tmp_path / file).chmod(0o755)
+    if source:
+        (tmp_path / file).write_text(source)
+        (tmp_path / file).chmod(0o755)
     write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     limit = ("--timeout", "10") if status == "timeout" else ()
     plugin = ("-m", name, "--plugin", f"{name.replace('-', '_')}.py")
