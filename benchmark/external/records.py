@@ -142,6 +142,8 @@ def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
         if record["status"] == "ok" and record["input"] == input_ and not record["data"]["quick"]
         and dataset in (record["gallery"], record["data"]["name"]) and record["family"] != EXTERNAL
     ]  # fmt: skip
+    # A gallery of this name comes before others of its data set, such as a held-out part.
+    records = [record for record in records if record["gallery"] == dataset] or records
     galleries = {record["gallery"] for record in records}
     if len(galleries) > 1:
         raise ConfigurationError(

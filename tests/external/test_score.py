@@ -229,13 +229,15 @@ def test_wrong_labels_are_named(text, problem, tmp_path):
 
 @pytest.fixture
 def beside(tmp_path):
-    """A results folder with a row of the same shapes."""
+    """A results folder with a row of the same shapes, and one of a part of them."""
     results = tmp_path / "results"
     ours = record(
         scores=dict.fromkeys(("NN", "FT", "ST", "DCG"), 0.5), gallery="line",
         shapes=NAMES, labels=LABELS, n_shapes=12, n_classes=5, data={"n_shapes": 12, "n_classes": 5},
     )  # fmt: skip
-    Store.open(results).write_record(ours)
+    part = record(gallery="line held out", data={"name": "line"})
+    for one in (ours, part):
+        Store.open(results).write_record(one)
     return results
 
 
