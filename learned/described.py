@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.plugins.parameters.values import checked
 
 
 class Named(Protocol):

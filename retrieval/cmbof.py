@@ -13,9 +13,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.parameters import Interval
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.parameters.constraints import Interval
 from retrieval.clock import Progress, Signature, count_words, match_across, match_all
 from retrieval.codebook import Descriptors, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.distance import pdist, squareform
 
+from benchmark.api.parameters import Interval
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.parameters.constraints import Interval
 
 __all__ = ["SphericalHarmonics", "energies", "sample_surface"]
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     ("benchmark.errors", "benchmark.cgroup", "benchmark.plugins.closing"),
     ("benchmark.threads", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
-    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.execution.processes", "benchmark.plugins.parameters"),
+    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.execution.processes"),
     ("benchmark.geometry", "benchmark.plugins.modules", "benchmark.plugins.services"),
     ("benchmark.api", "benchmark.depth"),
     ("baselines", "learned", "retrieval"),

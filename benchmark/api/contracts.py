@@ -1,7 +1,7 @@
 """All that the author of a method imports: a shape comes in, a canonical form goes out.
 
 A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters, which may declare what they take (see :mod:`benchmark.plugins.parameters.values`). A
+fields are its parameters, which may declare what they take (see :mod:`benchmark.api.parameters`). A
 *descriptor* has no canonical form: it describes each shape by a vector and compares the vectors itself. A plain
 function becomes a method through :func:`canonical_form`.
 """
@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from benchmark.api.parameters import CheckedParameters, Interval, Matches, OneOf
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.parameters.constraints import Interval, Matches, OneOf
-from benchmark.plugins.parameters.values import CheckedParameters
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian

@@ -211,7 +211,7 @@ def read_card(folder: Path) -> dict[str, Any]:
         raise ConfigurationError(f"{path} does not name its training data", hint)
     for name in ("subjects", "identifiers"):
         seen = card.get(name)
-        if not isinstance(seen, list) or not seen or not all(isinstance(each, str) and each for each in seen):
+        if not isinstance(seen, list) or not seen or not all(isinstance(text, str) and text for text in seen):
             raise ConfigurationError(f"{path} does not list the {name} that the model has seen", hint)
     clearance = card.get("clearance", {})
     if not isinstance(clearance, dict) or not all(type(distance) is float for distance in clearance.values()):

@@ -1,8 +1,8 @@
-"""Endless stream of fresh shapes for a learner: a maker of batches, each known by its number."""
+"""Endless streams of fresh shapes for a learner: makers of batches, each known by its number."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.learning import TrainingData
+from benchmark.geometry.mesh import Mesh
 
 __all__ = ["N_POINTS", "Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "Surfaces"]
 
@@ -145,3 +146,80 @@ class StreamedData(TrainingData):
     surfaces: MakesSurfaces
     validation_surfaces: MakesSurfaces
     wide: StreamedData | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scan:
+    """One scan of a body in a pose.
+
+    Parameters
+    ----------
+    mesh
+        What the scanner delivers, n vertices.
+    corners
+        Vertices of the body around the place of each vertex, shape (n, 3).
+    weights
+        Barycentric coordinates of the place among them, shape (n, 3).
+    """
+
+    mesh: Mesh
+    corners: NDArray[np.int64]
+    weights: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scans:
+    """Some bodies that no other batch shows, scanned.
+
+    Parameters
+    ----------
+    identifiers
+        Names of the bodies, n of them.
+    canonical
+        Vertices of each body in the canonical pose, shape (n, v, 3), in metres, z up, facing -y.
+    faces
+        Triangles of all bodies, shape (m, 3).
+    scans
+        Scans of each body, one for each of its poses.
+    drawn_again
+        How often something was drawn again, by reason.
+    """
+
+    identifiers: tuple[str, ...]
+    canonical: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    scans: tuple[tuple[Scan, ...], ...]
+    drawn_again: Mapping[str, int]
+
+
+MakesScans = Callable[[int, int], Scans]
+"""Makes the scans of a number, from 0, and of so many bodies, always the same ones; batches share no body."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScannedData(TrainingData):
+    """Training data of scans that never ends.
+
+    Parameters
+    ----------
+    scans
+        Makes batches to train on.
+    validation
+        Makes batches of other bodies.
+    """
+
+    scans: MakesScans
+    validation: MakesScans
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamedAndScannedData(StreamedData):
+    """Streams of images and surfaces, with one of scans beside them.
+
+    Parameters
+    ----------
+    scanned
+        The scans.
+    """
+
+    scanned: ScannedData

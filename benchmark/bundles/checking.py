@@ -21,7 +21,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
-from benchmark.plugins.parameters.grid import split_name
+from benchmark.plugins.parameters import split_name
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.report.statistics.queries import queries_of
 from benchmark.report.statistics.significance import intervals

@@ -82,7 +82,7 @@ def datasets(_: click.Context, __: click.Parameter, begun: str) -> list[Completi
 
 def _parameters(name: str, rest: str) -> list[str]:
     """A method with one more parameter, behind those that are written."""
-    from benchmark.plugins.parameters.description import described
+    from benchmark.plugins.parameters import described
     from benchmark.plugins.registry import BUILT_IN, MethodSpec
 
     before, comma, _ = rest.rpartition(",")

@@ -7,7 +7,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmark.plugins.parameters.values import format_value
+from benchmark.api.parameters import format_value
 from benchmark.reference.bibliography import source_of
 from benchmark.text import clean
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmark.api.parameters import assignments
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES
@@ -20,7 +21,6 @@ from benchmark.datasets.human_subjects import Subject, new_subject
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.parameters.values import assignments
 
 #: Seed of the bodies; that of the bodies for training is 0.
 _SEED = 1

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from benchmark.api.datasets import DatasetInfo, ListsShapes
+from benchmark.api.parameters import parameter_values
 from benchmark.arrays import Arrays
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import file_digest
@@ -20,7 +21,6 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.plugins.closing import facts_of_file, is_closed
 from benchmark.plugins.modules import classes_of, import_plugin, sources_of
-from benchmark.plugins.parameters.values import parameter_values
 from benchmark.plugins.services import service
 from benchmark.text import LONGEST_NAME, clean, is_name
 

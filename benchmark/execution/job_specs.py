@@ -12,8 +12,8 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from benchmark.api.contracts import Input
+from benchmark.api.parameters import format_value
 from benchmark.datasets.own import is_own
-from benchmark.plugins.parameters.values import format_value
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model

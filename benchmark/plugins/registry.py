@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmark.errors import ConfigurationError
 from benchmark.plugins.inspection import KnownPlugins, installed
-from benchmark.plugins.parameters.grid import combinations, split_name
+from benchmark.plugins.parameters import combinations, split_name
 from benchmark.plugins.specs import MethodSpec, S, plugin_methods
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
@@ -118,7 +118,7 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
 def variants(name: str, known: Mapping[str, S]) -> list[S]:
     """Return the methods, or scorers, that a name with parameters stands for, one for each choice of their values.
 
-    See :func:`benchmark.plugins.parameters.grid.combinations` for how several values are written. Two choices that
+    See :func:`benchmark.plugins.parameters.combinations` for how several values are written. Two choices that
     make one method count once.
 
     Raises

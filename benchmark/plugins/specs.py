@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar, cast, get_args, get_ty
 import msgspec
 
 from benchmark.api.contracts import Descriptor, Input, Method, MethodInfo
+from benchmark.api.parameters import format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
@@ -25,9 +26,7 @@ from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
 from benchmark.plugins.closing import facts_of_file, is_closed, reached, require_open_process
 from benchmark.plugins.modules import classes_of, import_plugin, sources_of
-from benchmark.plugins.parameters.description import ParameterText, described
-from benchmark.plugins.parameters.grid import quoted
-from benchmark.plugins.parameters.values import format_value, non_default_values, parameter_values
+from benchmark.plugins.parameters import ParameterText, described, quoted
 from benchmark.source_code import FIRST_PARTY
 from benchmark.text import LONGEST_NAME, RESERVED, is_name
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import TrainingData
-from benchmark.api.scans import ScannedData, StreamedAndScannedData
-from benchmark.api.streaming import StreamedData
+from benchmark.api.streaming import ScannedData, StreamedAndScannedData, StreamedData
 from benchmark.errors import ConfigurationError
 from learned.field.configuration import Field, field_named
 from learned.field.model import load_field

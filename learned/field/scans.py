@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.scans import MakesScans, Scan
+from benchmark.api.streaming import MakesScans, Scan
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals

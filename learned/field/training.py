@@ -11,8 +11,7 @@ from torch import Tensor
 
 from benchmark.api.contracts import Interval
 from benchmark.api.learning import read_card
-from benchmark.api.scans import MakesScans
-from benchmark.api.streaming import MakesSurfaces
+from benchmark.api.streaming import MakesScans, MakesSurfaces
 from benchmark.errors import ConfigurationError
 from learned.field.batches import MakesSurfaceBatches, SurfaceBatch
 from learned.field.configuration import Field

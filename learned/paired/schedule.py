@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from torch import Tensor
 
 from benchmark.api.contracts import Interval
-from benchmark.plugins.parameters.values import checked
+from benchmark.api.parameters import checked
 from learned.training.loop import Plan
 from learned.training.machine import Precision
 

@@ -16,9 +16,9 @@ from typing import Any, Generic, TypeVar
 import torch
 
 from benchmark.api.learning import CARD, WEIGHTS, TrainingData, read_card
+from benchmark.api.parameters import checked
 from benchmark.api.streaming import StreamedData
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.parameters.values import checked
 from learned.training.checkpoint import CHECKPOINT, write
 from learned.training.loop import N, Plan, Trained, TrainingRun
 from learned.training.machine import Machine, MachineWithWorkers, device_named, machine_among

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import torch
 
 from benchmark.api.contracts import Interval
+from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.parameters.values import checked
 from benchmark.threads import available_cores
 
 Precision = Literal["auto", "float32", "bfloat16"]

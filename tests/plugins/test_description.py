@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import pytest
 
 from benchmark.api.contracts import Interval, Matches, OneOf
-from benchmark.plugins.parameters.description import described
+from benchmark.plugins.parameters import described
 from benchmark.plugins.registry import BUILT_IN, methods
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.parameters.grid import combinations, split_name
+from benchmark.plugins.parameters import combinations, split_name
 from benchmark.plugins.registry import methods, select, variant, variants
 
 

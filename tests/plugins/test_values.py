@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
+from benchmark.api.parameters import assignments, checked, format_value, non_default_values, parameter_values
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
-from benchmark.plugins.parameters.values import assignments, checked, format_value, non_default_values, parameter_values
 
 if TYPE_CHECKING:
     from fractions import Fraction

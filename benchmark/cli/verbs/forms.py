@@ -146,8 +146,8 @@ def check(
 
     Append parameters to either: FILE[power=1].
     """
+    from benchmark.api.parameters import assignments
     from benchmark.plugins.conformance import Target, check_apart
-    from benchmark.plugins.parameters.values import assignments
 
     named = Target(target, chosen, tuple(map(str, plugins)), tuple(assignments(options).items()))
     report = check_apart(named, timeout)

@@ -55,9 +55,9 @@ def train(
 ) -> None:
     """Train the models of a learner; resume an interrupted training, and skip finished models."""
     from benchmark.api.learning import Learner
+    from benchmark.api.parameters import assignments
     from benchmark.execution.processes.calls import Guard, call_apart
     from benchmark.pipeline.storage.store import Store
-    from benchmark.plugins.parameters.values import assignments
     from benchmark.protocols.tables import trainings_of
     from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, find_training, with_validation
 

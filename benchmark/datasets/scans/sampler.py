@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmark.api.scans import Scan, Scans
+from benchmark.api.streaming import Scan, Scans
 from benchmark.datasets.scans.bodies import WideBodies
 from benchmark.datasets.scans.holes import blind, patched
 from benchmark.datasets.scans.noise import misaligned, noisy
@@ -56,7 +56,7 @@ BLIND, DEPTHS = 0.3, (0.005, 0.03)
 
 @dataclass(frozen=True, kw_only=True)
 class ScanSampler:
-    """Makes batches; see :class:`benchmark.api.scans.MakesScans`.
+    """Makes batches; see :class:`benchmark.api.streaming.MakesScans`.
 
     Parameters
     ----------

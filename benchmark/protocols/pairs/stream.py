@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from benchmark.api.learning import MakesPairs, TrainingPair
-from benchmark.api.scans import ScannedData, StreamedAndScannedData
-from benchmark.api.streaming import StreamedData
+from benchmark.api.streaming import ScannedData, StreamedAndScannedData, StreamedData
 from benchmark.datasets.human_subjects import CLEARANCE
 from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.bodies import AWAY_FROM

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.learning import WEIGHTS, read_card
-from benchmark.api.scans import Scan, ScannedData, Scans, StreamedAndScannedData
+from benchmark.api.streaming import Scan, ScannedData, Scans, StreamedAndScannedData
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh

@@ -1,7 +1,7 @@
 """The parameters of a method: which values each may have, how they are read from text, checked and written.
 
-A parameter is a field of a dataclass that its maker takes. Its type says what kind of value it is, ``Literal`` which
-ones there are, and a constraint (:mod:`benchmark.plugins.parameters.constraints`) beside the type what else must hold::
+A parameter is a field of a dataclass. Its type says what kind of value it is, ``Literal`` which ones there are, and a
+constraint beside the type what else must hold::
 
     iterations: Annotated[int, Interval(1)] = 20
     start: Literal["mesh", "classic"] = "mesh"
@@ -14,11 +14,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import math
+import re
 import sys
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
 
@@ -26,23 +29,108 @@ import msgspec
 import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.plugins.parameters.constraints import Constraint, Interval, OneOf
 
-__all__ = [
-    "CheckedParameters",
-    "assignments",
-    "checked",
-    "declared_parameters",
-    "format_value",
-    "non_default_values",
-    "parameter_values",
-    "values_in_words",
-]
+
+@dataclass(frozen=True)
+class Interval:
+    """The numbers between two bounds; never NaN, and infinite in no case.
+
+    Parameters
+    ----------
+    low, high
+        The bounds; None where there is none.
+    closed
+        Which of the bounds belong to it: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    closed: Literal["both", "left", "right", "neither"] = "both"
+
+    def admit(self, value: Any) -> Any:
+        """Return the value if it lies inside, or raise ``ValueError``."""
+        above = self.low is None or self.low < value or (self.low == value and self.closed in ("both", "left"))
+        below = self.high is None or value < self.high or (self.high == value and self.closed in ("both", "right"))
+        if not (above and below and math.isfinite(value)):
+            raise ValueError
+        return value
+
+    def __str__(self) -> str:
+        low = high = ""
+        if self.low is not None:
+            low = f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
+        if self.high is not None:
+            high = f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
+        return " and ".join(filter(None, (low, high))) or "that is finite"
+
+
+Names = Iterable[str] | Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of the names that are known when the parameter is looked at.
+
+    Parameters
+    ----------
+    names
+        The names, or a mapping from each way to write one to the name that it stands for, or a function that returns
+        either, for what is expensive to import.
+    """
+
+    names: Names | Callable[[], Names]
+
+    @property
+    def known(self) -> Mapping[str, str]:
+        """The name that each way to write one stands for."""
+        names = self.names() if callable(self.names) else self.names
+        return names if isinstance(names, Mapping) else {name: name for name in names}
+
+    def admit(self, value: Any) -> Any:
+        """Return the name that the value stands for, or raise ``ValueError``."""
+        if value not in (known := self.known):
+            raise ValueError
+        return known[value]
+
+    def __str__(self) -> str:
+        return " or ".join(self.known)
+
+
+@dataclass(frozen=True)
+class Matches:
+    """The texts of one form.
+
+    Parameters
+    ----------
+    pattern
+        A regular expression for the whole text.
+    words
+        What such a text is, in words.
+    """
+
+    pattern: str
+    words: str
+
+    def admit(self, value: Any) -> Any:
+        """Return the value if it has the form, or raise ``ValueError``."""
+        if not re.fullmatch(self.pattern, value):
+            raise ValueError
+        return value
+
+    def __str__(self) -> str:
+        return self.words
+
+
+#: Conditions on a value besides its type, each with ``admit``; as text, what to write instead.
+_CONSTRAINTS = (Interval, OneOf, Matches)
 
 #: Types of one value that can be written as a word.
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 
+#: What a value raises that does not fit its type.
+_UNFIT = (ValueError, TypeError, OverflowError, KeyError)
 
+_QUOTES = "'\""
 _UNIONS = (typing.Union, types.UnionType)
 
 
@@ -79,7 +167,7 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     """
     owner = owner or getattr(getattr(cls, "info", None), "name", cls.__name__)
     fields = declared_parameters(cls)
-    found = {}
+    values = {}
     for name, value in given.items():
         if name not in fields:
             if fields:
@@ -89,13 +177,13 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
             )
         annotation, default = fields[name]
         try:
-            found[name] = _fit(annotation, value, default)
-        except (ValueError, TypeError, OverflowError, KeyError):
+            values[name] = _fit(annotation, value, default)
+        except _UNFIT:
             if isinstance(value, str) and (choices := _choices(annotation)):
                 raise did_you_mean(f"{name} of {owner}", value, choices) from None
             words = values_in_words(annotation, default)
             raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {words}") from None
-    return found
+    return values
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
@@ -134,41 +222,63 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
     ConfigurationError
         If one has no name or no value, or two have one name.
     """
-    found: dict[str, str] = {}
-    for text in _split(texts) if isinstance(texts, str) else texts:
+    values: dict[str, str] = {}
+    for text in split(texts) if isinstance(texts, str) else texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
             raise ConfigurationError(f"'{text.strip()}' has no {'value' if name else 'name'}", "write NAME=VALUE")
-        if name in found:
+        if name in values:
             raise ConfigurationError(f"'{name}' is given twice", "leave one of them out")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
-def _split(text: str) -> list[str]:
-    """Parts of a text between commas, but not between those in parentheses; none of an empty text."""
-    parts, depth = [""], 0
-    for character in text:
-        depth += {"(": 1, ")": -1}.get(character, 0)
-        if character == "," and depth == 0:
+def split(text: str, separator: str = ",") -> list[str]:
+    """Parts of a text between separators that stand neither in quotes nor in parentheses; none of an empty text.
+
+    Raises
+    ------
+    ConfigurationError
+        If a quote or a parenthesis has no other half.
+    """
+    parts = [""]
+    for character, is_outside in _characters(text):
+        if character == separator and is_outside:
             parts.append("")
         else:
             parts[-1] += character
     return parts if text.strip() else []
 
 
+def _characters(text: str) -> Iterator[tuple[str, bool]]:
+    """Each character, and whether it stands outside of quotes and parentheses."""
+    quote, depth = "", 0
+    for place, character in enumerate(text):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in _QUOTES and text[:place].rstrip()[-1:] in ("", "=", "|", ",", "("):
+            quote = character  # elsewhere, it is an apostrophe
+        else:
+            depth += {"(": 1, ")": -1}.get(character, 0)
+        yield character, not quote and depth == 0
+    if quote or depth:
+        raise ConfigurationError(
+            f"'{text}' has {'a quote' if quote else 'a parenthesis'} without its other half", "close what is opened"
+        )
+
+
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     """Annotation and default of each parameter of a class, in the order of its fields."""
     if not dataclasses.is_dataclass(cls):
         return {}
-    found: dict[str, tuple[Any, Any]] = {}
-    for field in dataclasses.fields(cls):
-        if field.init:
-            default = field.default
-            if field.default_factory is not dataclasses.MISSING:
-                default = field.default_factory()
-            found[field.name] = (_annotation(cls, field), default)
-    return found
+    return {
+        field.name: (
+            _annotation(cls, field),
+            field.default if field.default_factory is dataclasses.MISSING else field.default_factory(),
+        )
+        for field in dataclasses.fields(cls)
+        if field.init
+    }
 
 
 @functools.cache
@@ -192,14 +302,16 @@ def values_in_words(annotation: Any, default: Any = None) -> str:
         return values_in_words(tuple[type(default[0]), ...] if isinstance(default, tuple) else type(default))  # type: ignore[misc]
     if origin is Annotated:
         base = values_in_words(arguments[0], default)
-        limits = [limit for limit in arguments[1:] if isinstance(limit, Constraint)]
-        return " and ".join(f"{base} {each}" if isinstance(each, Interval) else str(each) for each in limits) or base
+        limits = [limit for limit in arguments[1:] if isinstance(limit, _CONSTRAINTS)]
+        return (
+            " and ".join(f"{base} {limit}" if isinstance(limit, Interval) else str(limit) for limit in limits) or base
+        )
     if origin is Literal:
         return " or ".join(map(format_value, arguments))
     if origin in _UNIONS:
-        return " or ".join("none" if each is NoneType else values_in_words(each) for each in arguments)
+        return " or ".join("none" if kind is NoneType else values_in_words(kind) for kind in arguments)
     if origin is tuple or annotation is tuple:
-        inner = [each for each in arguments if each is not Ellipsis]
+        inner = [kind for kind in arguments if kind is not Ellipsis]
         count = "values" if Ellipsis in arguments or not inner else f"{len(inner)} values"
         kind = f", each {values_in_words(inner[0])}" if inner and len(set(inner)) == 1 else ""
         return f"{count} in parentheses{kind}"
@@ -219,7 +331,7 @@ def _normalised(annotation: Any, value: Any) -> Any:
     """Return what a value stands for; one that its author gave is not otherwise doubted."""
     try:
         return _fit(annotation, value, value)
-    except (ValueError, TypeError, OverflowError, KeyError):
+    except _UNFIT:
         return value
 
 
@@ -235,7 +347,7 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
     if origin is Annotated:
         fitted = _fit(arguments[0], value, default)
         for limit in arguments[1:]:
-            fitted = limit.admit(fitted) if isinstance(limit, Constraint) and fitted is not None else fitted
+            fitted = limit.admit(fitted) if isinstance(limit, _CONSTRAINTS) and fitted is not None else fitted
         return fitted
     if origin is Literal:
         return value if value in arguments else {format_value(choice): choice for choice in arguments}[str(value)]
@@ -253,7 +365,7 @@ def _fit_any(annotations: Iterable[Any], value: Any, default: Any) -> Any:
     if NoneType in annotations and (value is None or (isinstance(value, str) and value.lower() == "none")):
         return None
     for annotation in annotations:
-        with suppress(ValueError, TypeError, OverflowError, KeyError):
+        with suppress(*_UNFIT):
             return _fit(annotation, value, default)
     raise ValueError
 
@@ -263,7 +375,7 @@ def _fit_tuple(arguments: tuple[Any, ...], value: Any, default: Any) -> tuple[An
     if isinstance(value, str):
         text = value.strip()
         inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
-        value = tuple(part.strip() for part in _split(inner.removesuffix(",")))
+        value = tuple(part.strip() for part in split(inner.removesuffix(",")))
     if not isinstance(value, tuple | list):
         raise TypeError
     first = default[0] if isinstance(default, tuple) and default else None
@@ -282,12 +394,12 @@ def _converted(value: Any, kind: Any) -> Any:
         if kind in (int, float):
             value = _number(kind, value)
     is_strict = kind is bool and not isinstance(value, str)
-    found = msgspec.convert(value, kind, strict=is_strict, dec_hook=_of_its_kind)
+    converted = msgspec.convert(value, kind, strict=is_strict, dec_hook=_of_its_kind)
     if kind is float:
-        found += 0.0  # so that -0.0 is 0.0
-    if found != found:
+        converted += 0.0  # so that -0.0 is 0.0
+    if converted != converted:
         raise ValueError
-    return found
+    return converted
 
 
 def _number(kind: type[int] | type[float], text: str) -> int | float:

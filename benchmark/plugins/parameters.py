@@ -1,0 +1,138 @@
+"""Parameters in text: names with parameters in brackets, several values of one, and what a docstring says of each.
+
+``metric=geodesic|biharmonic,power=1|2`` stands for four choices.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import itertools
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from benchmark.api.parameters import assignments, declared_parameters, format_value, split, values_in_words
+from benchmark.errors import ConfigurationError
+
+#: Characters that mean something between the brackets of a method: a text that has one of them is quoted.
+_SPECIAL = frozenset("|,()'\" ")
+_NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
+
+
+def split_name(name: str) -> tuple[str, str] | None:
+    """A name and what stands in brackets behind it, "" if nothing does; None where brackets do not close or follow.
+
+    Examples
+    --------
+    >>> split_name("classic-mds[metric=biharmonic]")
+    ('classic-mds', 'metric=biharmonic')
+    """
+    match = _NAME.fullmatch(name.strip())
+    return (match[1].strip(), match[2] or "") if match else None
+
+
+def combinations(text: str) -> list[dict[str, str]]:
+    """Every choice of one value for each parameter, the last one varying fastest.
+
+    Values of one parameter stand between ``|``, parameters between commas. Neither separates inside parentheses, which
+    hold one value of several numbers, or inside quotes, which hold a text as it is and are taken off.
+
+    Parameters
+    ----------
+    text
+        What stands between the brackets of a method on the command line.
+
+    Returns
+    -------
+    list of dict
+        Values by name, as text; a single empty choice for an empty text.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or a value is missing, a name is given twice, or a quote or a parenthesis has no other half.
+
+    Examples
+    --------
+    >>> combinations("metric=geodesic|biharmonic,size=3")
+    [{'metric': 'geodesic', 'size': '3'}, {'metric': 'biharmonic', 'size': '3'}]
+    """
+    given = assignments(text)
+    values = {name: _values(name, split(text, "|") or [""]) for name, text in given.items()}
+    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+
+
+def quoted(text: str) -> str:
+    """A text as it is written between the brackets of a method: in quotes where it could be taken for several."""
+    if text and not _SPECIAL & set(text):
+        return text
+    quote = '"' if "'" in text else "'"
+    return f"{quote}{text}{quote}"
+
+
+def _values(name: str, parts: list[str]) -> list[str]:
+    texts = [part.strip() for part in parts]
+    if len(texts) > 1 and not all(texts):
+        raise ConfigurationError(f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text")
+    return [text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text for text in texts]
+
+
+@dataclass(frozen=True)
+class ParameterText:
+    """One parameter.
+
+    Parameters
+    ----------
+    name
+        As it is written on the command line.
+    values
+        What it takes.
+    default
+        Its default, as it is written.
+    meaning
+        What the docstring of the class says of it; "" if that says nothing.
+    """
+
+    name: str
+    values: str
+    default: str
+    meaning: str
+
+
+def described(cls: type[Any]) -> list[ParameterText]:
+    """Parameters of a dataclass in the order of its fields; none of another class."""
+    meanings: dict[str, str] = {}
+    for base in reversed(inspect.getmro(cls)):
+        meanings |= explained(vars(base).get("__doc__") or "")
+    found = []
+    for name, (annotation, default) in declared_parameters(cls).items():
+        written = "" if default is dataclasses.MISSING else format_value(default)
+        found.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
+    return found
+
+
+def explained(docstring: str) -> dict[str, str]:
+    """Return what the section ``Parameters`` of a numpydoc docstring says of each, each on one line."""
+    lines = inspect.cleandoc(docstring).splitlines()
+    rules = [place for place, line in enumerate(lines) if place and re.fullmatch("-{3,}", line.strip())]
+    start = next((place for place in rules if lines[place - 1].strip() == "Parameters"), None)
+    if start is None:
+        return {}
+    end = min((place - 1 for place in rules if place > start), default=len(lines))
+    found: dict[str, list[str]] = {}
+    names: list[str] = []
+    for line in lines[start + 1 : end]:
+        if line and not line[0].isspace():
+            names = [name.strip().lstrip("*") for name in line.partition(" : ")[0].split(",")]
+            found |= {name: [] for name in names}
+        elif line.strip():
+            for name in names:
+                found[name].append(_plain(line.strip()))
+    return {name: " ".join(texts) for name, texts in found.items()}
+
+
+def _plain(text: str) -> str:
+    """Text without the marks of reStructuredText."""
+    text = re.sub(r":[a-z]+:`~?([^`]*)`", r"\1", text)
+    return text.replace("``", "").replace('"', "'")
