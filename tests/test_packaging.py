@@ -12,7 +12,7 @@ import setuptools
 
 import benchmark
 from benchmark.plugins.registry import methods, variant
-from benchmark.protocols import model_places
+from benchmark.protocols import models
 from benchmark.protocols.models import MissingModel, with_model
 
 ROOT = Path(__file__).parents[1]
@@ -67,13 +67,13 @@ def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, 
     spec = variant("learned[training_seed=7]", methods())
     with pytest.raises(MissingModel, match=r"needs the model humans-fold-0; run `python -m benchmark train [^`]*`$"):
         with_model(spec)
-    monkeypatch.setattr(model_places, "_ALL_HERE", "absent")  # as in an installed package
+    monkeypatch.setattr(models, "_ALL_HERE", "absent")  # as in an installed package
     with pytest.raises(MissingModel, match="or name the folder learned/models of a checkout in CANONICAL_FORMS_MODELS"):
         with_model(spec)
     (tmp_path / "humans-fold-0").mkdir()
     made = ROOT / "learned" / "models" / "humans-fold-0" / "literal-seed0"
     (tmp_path / "humans-fold-0" / "literal-seed7").symlink_to(made)
-    monkeypatch.setenv(model_places.MODELS_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(models.MODELS_VARIABLE, str(tmp_path))
     assert with_model(spec).model == tmp_path / "humans-fold-0" / "literal-seed7"
 
 

@@ -20,7 +20,7 @@ def methods(plugins: Iterable[Path] = ()) -> Rows:
     A method that cannot be imported says why.
     """
     from benchmark.plugins import registry
-    from benchmark.protocols.rows import VARIANTS
+    from benchmark.protocols.tables import VARIANTS
 
     rows: Rows = []
     for name, spec in registry.methods(plugins).items():
@@ -115,7 +115,7 @@ def models(results: Path) -> Rows:
     from benchmark.api.learning import CARD, Learner, read_card
     from benchmark.pipeline.storage.store import Store
     from benchmark.plugins import registry
-    from benchmark.protocols.model_places import MODELS_VARIABLE, model_places
+    from benchmark.protocols.models import MODELS_VARIABLE, model_places
 
     folders = {Store(results / "runs").models: "trained here"}
     for spec in registry.methods().values():

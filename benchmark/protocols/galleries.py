@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.api.contracts import Input
-from benchmark.api.learning import Learner, find_model
 from benchmark.datasets.base import Dataset, Entry, check_retrievable
 from benchmark.datasets.catalogue import (
     CATALOGUE,
@@ -20,24 +19,13 @@ from benchmark.datasets.catalogue import (
     table_name,
 )
 from benchmark.datasets.decimated import decimated_name, parsed_decimation
-from benchmark.datasets.jittered import Jittered, clean_dataset, clean_name, jittered_name
+from benchmark.datasets.jittered import Jittered, clean_name, jittered_name
 from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.registry import MethodSpec
-from benchmark.protocols.model_places import model_places
-from benchmark.protocols.rows import (
-    AVERAGED,
-    FURTHER_TRAININGS,
-    ONLY_ABLATED,
-    ONLY_NAMED,
-    QUICK_CONTROLS,
-    ROBUSTNESS_ROWS,
-    VARIANTS,
-)
-from benchmark.protocols.tables import TABLES, Table
-from benchmark.protocols.trainings import trainings_by_shape
-from benchmark.reference import paper
+from benchmark.protocols.models import has_models
+from benchmark.protocols.tables import AVERAGED, INPUTS, TABLES, Rows, Table
 
 #: ``--quick`` keeps every k-th pose so that no subject keeps more than this many.
 QUICK_POSES = 3
@@ -64,14 +52,12 @@ class Gallery:
         The shapes, in matrix order.
     quick
         Whether poses were left out to save time.
-    few_rows
-        Whether methods that the paper does not have are left out to save time.
     part
         Which part of the set it is in words, e.g. ``"fold 0"``; "" for the whole set.
-    fold
-        Number of the fold of the table that it is; None if the table has no folds.
     data_root
         The folder that holds the official sets.
+    few_rows
+        Whether methods that the paper does not have are left out to save time.
     """
 
     table: Table
@@ -80,7 +66,6 @@ class Gallery:
     entries: tuple[Entry, ...]
     quick: bool = False
     part: str = ""
-    fold: int | None = None
     data_root: Path | None = None
     few_rows: bool = False
 
@@ -91,31 +76,32 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table, and of a perturbed gallery those of its perturbation.
-
-        Depth images are no complete surfaces.
-        """
-        offered = getattr(self.dataset, "inputs", self.table.inputs)
-        return _inputs_of(clean_name(self.dataset.name), tuple(each for each in self.table.inputs if each in offered))
+        """Inputs under which it is ranked: those of its table that its shapes and their perturbation have."""
+        offered = getattr(self.dataset, "inputs", INPUTS)
+        perturbation = parsed(clean_name(self.dataset.name))
+        if perturbation:
+            offered = tuple(input_ for input_ in offered if input_ in PERTURBATIONS[perturbation[1]].inputs)
+        return tuple(input_ for input_ in self.table.inputs if input_ in offered)
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
-        if input_ == "mesh" and "mesh" not in getattr(self.dataset, "inputs", ("mesh",)):
+        if input_ in getattr(self.dataset, "inputs", INPUTS):
+            return
+        if input_ == "mesh":
             raise ConfigurationError(
                 f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
                 "drop --input mesh: there are no complete surfaces",
             )
-        if input_ == "view" and "view" not in getattr(self.dataset, "inputs", ("view",)):
-            raise ConfigurationError(
-                f"data set '{self.dataset.name}' has no views: a camera sees the mesh of the file, not a decimated one",
-                "drop --input view, or name the set without its decimation",
-            )
+        raise ConfigurationError(
+            f"data set '{self.dataset.name}' has no views: a camera sees the mesh of the file, not a decimated one",
+            "drop --input view, or name the set without its decimation",
+        )
 
     def jittered(self, number: int) -> Gallery:
         """Return the same shapes, jittered for the n-th time, as a gallery of its own."""
         dataset = Jittered(self.dataset, number)
-        kept = {entry.identifier for entry in self.entries}
-        entries = tuple(entry for entry in dataset.entries if entry.identifier in kept)
+        identifiers = {entry.identifier for entry in self.entries}
+        entries = tuple(entry for entry in dataset.entries if entry.identifier in identifiers)
         return replace(self, source=jittered_name(self.source, number), dataset=dataset, entries=entries)
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
@@ -130,72 +116,38 @@ class Gallery:
         trained_here
             Folder of the models that were trained here, looked at beside the shipped ones.
         """
-        if not self.table.ablation:
-            chosen = [row for spec in methods for row in self._with_variants(spec, trained_here)]
-            averaged = [row for spec in chosen for row in self._averaged(spec, trained_here)]
-            return list({row.name: row for row in averaged}.values())
-        printed = {row.method for row in paper.ABLATION}
-        return [
-            variant
-            for spec in methods
-            if (spec.named or spec.base_name in printed) and spec.learns and spec.split != "sampled"
-            for variant in self._averaged(spec, trained_here)
-        ]
+        rows = self.table.rows.quick() if self.few_rows else self.table.rows
+        variants = [variant for spec in methods for variant in self._variants(spec, rows, trained_here)]
+        with_trainings = [row for variant in variants for row in self._averaged(variant, rows, trained_here)]
+        return list({row.name: row for row in with_trainings}.values())
 
-    def _averaged(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
+    def _variants(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
+        """A method if it has a row, and the further rows of one that was not asked for by name."""
+        included = spec.named or rows.include(spec)
+        if self.table.ablation:
+            included = included and spec.learns and spec.split != "sampled"
+        if included:
+            yield spec
+        if spec.named or spec.parameters:
+            return
+        if included:
+            yield from (spec.with_parameters(dict(parameters)) for parameters in rows.variants.get(spec.base_name, ()))
+        for name in rows.trainings.get(clean_name(self.dataset.name), {}).get(spec.base_name, ()):
+            variant = spec.with_parameters({"training": name})
+            if has_models(variant, self, trained_here):
+                yield variant
+
+    def _averaged(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
         """The method, and its variants with other trainings that share its row and have models for these shapes."""
-        name = self.table.averaged
-        if not name or not spec.learns or spec.split != "table":
-            return [spec]
+        yield spec
+        name = rows.averaged
+        if not name or name in spec.parameters or not spec.learns or spec.split != "table":
+            return
         parameters = spec.resolved_parameters()
-        if name not in parameters or name in spec.parameters:
-            return [spec]
-        further = (spec.with_parameters({name: value}) for value in AVERAGED[name] if value != parameters[name])
-        return [spec, *(variant for variant in further if self._has_models(variant, trained_here))]
-
-    def _has_models(self, spec: MethodSpec, trained_here: Path | None) -> bool:
-        learner = spec.create()
-        if not isinstance(learner, Learner):
-            return False
-        try:
-            trainings = trainings_by_shape(learner, clean_dataset(self.dataset), self.entries, self.data_root).values()
-        except ConfigurationError:
-            return False  # the row of the plain method says why
-        folders = model_places(learner, trained_here)
-        names = {training.name for training in trainings}
-        return all(find_model(folders, name, learner.model_name) is not None for name in names)
-
-    def _has_row(self, spec: MethodSpec) -> bool:
-        """Return whether a method that was not asked for by name has a row in a table that is no ablation."""
-        if self.table.robustness:
-            return spec.base_name in ROBUSTNESS_ROWS
-        if spec.base_name in ONLY_ABLATED | ONLY_NAMED:
-            return False
-        try:
-            if self.table.split_size and spec.learns:
-                return False
-            if self.table.few_rows and spec.info.family == "extended":
-                return False
-            if self.few_rows and spec.info.family != "paper" and spec.base_name not in QUICK_CONTROLS:
-                return False
-            return self.table.extended_learners or not spec.learns or spec.info.family == "paper"
-        except ConfigurationError:
-            return True  # what cannot be imported says so in its row
-
-    def _with_variants(self, spec: MethodSpec, trained_here: Path | None) -> list[MethodSpec]:
-        own = [spec] if spec.named or self._has_row(spec) else []
-        if spec.named or spec.parameters or self.few_rows or self.table.few_rows:
-            return own
-        known = ROBUSTNESS_ROWS if self.table.robustness else VARIANTS
-        further = known.get(spec.base_name, ()) if own else ()
-        name = clean_name(self.dataset.name)
-        of_set = () if self.table.robustness else FURTHER_TRAININGS.get(name, {}).get(spec.base_name, ())
-        trained = (spec.with_parameters({"training": name}) for name in of_set)
-        return [
-            *own,
-            *(spec.with_parameters(parameters) for parameters in further),
-            *(variant for variant in trained if self._has_models(variant, trained_here)),
-        ]
+        if name in parameters:
+            values = (value for value in AVERAGED[name] if value != parameters[name])
+            further = (spec.with_parameters({name: value}) for value in values)
+            yield from (variant for variant in further if has_models(variant, self, trained_here))
 
 
 def galleries(
@@ -239,41 +191,37 @@ def galleries(
             raise did_you_mean("table", name, known)
         if quick and known[name].ablation:
             raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
-    made = [table for table in known.values() if _is_made(table, wanted_tables, wanted_sets, quick)]
-    chosen = [(table, name) for table in made for name in _sources(table, data_root, wanted_tables)]
+    selected = [table for table in TABLES if _is_selected(table, wanted_tables, wanted_sets, quick)]
+    places = [(table, name) for table in selected for name in _sources(table, data_root, wanted_tables)]
     if wanted_sets:
-        chosen = [(table, name) for name in wanted_sets for table in _tables_of(name, made, own=not wanted_tables)]
-        further = [(table, name) for table in made if table.robustness for name in wanted_sets]
-        chosen += [(replace(table, dataset=name), name) for table, name in further if name != table.dataset]
-        if not chosen:
+        places = [(table, name) for name in wanted_sets for table in _tables_of(name, selected, own=not wanted_tables)]
+        further = [(table, name) for table in selected if table.robustness for name in wanted_sets]
+        places += [(replace(table, dataset=name), name) for table, name in further if name != table.dataset]
+        if not places:
             raise ConfigurationError(
                 f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
             )
-    chosen = [(table, each) for table, name in chosen for each in (_conditions(name) if table.robustness else [name])]
-    found: list[Gallery] = []
-    for table, name in chosen:
+    chosen: list[Gallery] = []
+    for table, name in places:
         try:
-            found += _galleries(table, name, data_root, quick)
+            for condition in _conditions(name) if table.robustness else [name]:
+                chosen += _galleries(table, condition, data_root, quick)
         except DatasetError:
             if not table.part_of or table.identifier in wanted_tables:
                 raise
-    repeated = [gallery for gallery in found if not _is_derived(gallery.dataset.name)]
-    return found + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
+    # A jitter would come after a perturbation or a decimation, and show too small a spread.
+    repeated = [g for g in chosen if not parsed(g.dataset.name) and not parsed_decimation(g.dataset.name)]
+    return chosen + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
 
 
-def _is_derived(name: str) -> bool:
-    """Return whether a set is perturbed or decimated: a jitter would come after that and tell too small a spread."""
-    return parsed(name) is not None or parsed_decimation(name) is not None
-
-
-def _is_made(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
+def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
     """Return whether a selection includes a table: by its numeral, or by its set unless the table goes with others."""
-    if table.identifier in tables or (table.only_named and not tables and set(table.datasets) & set(sets)):
+    if table.identifier in tables:
         return True
-    if table.robustness or table.only_named:
-        return False
-    named = bool(sets) and not table.part_of and not table.ablation
-    return (not tables or table.part_of in tables) and (table.in_quick_runs or not quick or named)
+    if table.runs == "named":
+        return not table.robustness and not tables and bool(set(table.datasets) & set(sets))
+    by_set = bool(sets) and not table.part_of and not table.ablation
+    return (not tables or table.part_of in tables) and (not quick or table.runs == "quick" or by_set)
 
 
 def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> list[str]:
@@ -290,12 +238,12 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
     return present
 
 
-def _tables_of(name: str, made: Iterable[Table], *, own: bool) -> list[Table]:
+def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
     """Tables that use a set; where none does, one of its own if that is wanted."""
     if not is_known(name) and not is_path(name) and not parsed_decimation(name) and not parsed(name):
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
-        return [table for table in made if name in table.datasets]
+        return [table for table in selected if name in table.datasets]
     own_name = _own_table_name(name)
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
@@ -307,36 +255,28 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
     check_ranked(dataset)
     check_retrievable(dataset)
 
-    def gallery(subjects: tuple[int | str, ...], part: str = "", fold: int | None = None) -> Gallery:
+    def gallery(subjects: tuple[int | str, ...], part: str) -> Gallery:
         entries = Part(subjects).of(dataset)
         check_retrievable(dataset, entries if part else None)
-        kept = thinned(entries, QUICK_POSES) if quick else entries
-        return Gallery(table, name, dataset, kept, len(kept) < len(entries), part, fold, data_root, few_rows=quick)
+        some = thinned(entries, QUICK_POSES) if quick else entries
+        return Gallery(table, name, dataset, some, len(some) < len(entries), part, data_root, few_rows=quick)
 
-    if not table.folds:
-        return [gallery(table.subjects, table.parts[0])]
-    folds = [gallery(places, table.parts[number], number) for number, places in enumerate(table.folds)]
-    return folds[:1] if quick else folds
+    parts = zip(table.folds or (table.subjects,), table.parts, strict=True)
+    return [gallery(subjects, part) for subjects, part in parts][: 1 if quick else None]
 
 
 def _conditions(name: str) -> list[str]:
     """A clean set, and the same set under each perturbation at each strength, by name or path."""
     fitting = fitting_perturbations(name)
-    return [name, *(perturbed_name(name, each, strength) for each in fitting for strength in STRENGTHS)]
-
-
-def _inputs_of(dataset: str, inputs: tuple[Input, ...]) -> tuple[Input, ...]:
-    """Inputs under which a data set is ranked: those of its table that its perturbation is made for."""
-    found = parsed(dataset)
-    return tuple(input_ for input_ in inputs if not found or input_ in PERTURBATIONS[found[1]].inputs)
+    return [name, *(perturbed_name(name, perturbation, strength) for perturbation in fitting for strength in STRENGTHS)]
 
 
 def _own_table_name(name: str) -> str:
     """Name of the table of a set that no other table uses: that of the set, also where it is given by a path."""
     if decimation := parsed_decimation(name):
         return decimated_name(_own_table_name(decimation[0]), decimation[1])
-    if found := parsed(name):
-        return perturbed_name(_own_table_name(found[0]), *found[1:])
+    if perturbation := parsed(name):
+        return perturbed_name(_own_table_name(perturbation[0]), *perturbation[1:])
     if is_known(name) and name not in CATALOGUE:
         return open_dataset(name, None).name
     return table_name(name)

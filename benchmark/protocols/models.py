@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmark.api.learning import CARD, WEIGHTS, Learner, find_model, read_card
 from benchmark.datasets.base import Entry
@@ -16,12 +17,19 @@ from benchmark.datasets.human_subjects import CLEARANCE, TESTED
 from benchmark.datasets.jittered import clean_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.plugins.registry import MethodSpec
-from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.model_places import model_places, where_else
 from benchmark.protocols.trainings import TRAININGS, set_of_subjects, trainings_by_shape
 from benchmark.text import say
 
-__all__ = ["MissingModel", "Model", "TooNear", "find_models", "with_model"]
+if TYPE_CHECKING:
+    from benchmark.protocols.galleries import Gallery
+
+#: Environment variable of a folder of models laid out as those of the repository, for installations without them all.
+MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
+
+#: File beside the models of the repository; a wheel, which has no room for all of them, leaves it out.
+_ALL_HERE = "README.md"
+
+_INSTEAD = "take a model of another training"
 
 
 class MissingModel(ConfigurationError):
@@ -124,19 +132,30 @@ def find_models(
     if not isinstance(method, Learner):
         return {}
     of_shape = trainings_by_shape(method, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
-    needed = {training.name: training for training in of_shape.values()}
-    places = model_places(method, trained_here)
-    found = {name: _finished(places, name, method.model_name) for name in needed}
-    missing = [name for name, folders in found.items() if not folders]
+    names = dict.fromkeys(training.name for training in of_shape.values())
+    folders = {name: _finished(method, name, trained_here) for name in names}
+    missing = [name for name in names if not folders[name]]
     if missing:
         raise _missing(spec, method, missing)
     try:
-        models = {name: _first_usable(spec, name, folders, proven) for name, folders in found.items()}
+        models = {name: _first_usable(spec, name, folders[name], proven) for name in names}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.hint) from error
     for model in models.values():
         model.check_clearance(gallery.dataset.name)
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
+
+
+def has_models(spec: MethodSpec, gallery: Gallery, trained_here: Path | None) -> bool:
+    """Return whether a learner has a finished model for each shape of a gallery."""
+    learner = spec.create()
+    if not isinstance(learner, Learner):
+        return False
+    try:
+        of_shape = trainings_by_shape(learner, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
+    except ConfigurationError:
+        return False  # the row of the plain method says why
+    return all(_finished(learner, name, trained_here) for name in {training.name for training in of_shape.values()})
 
 
 def with_model(spec: MethodSpec) -> Any:
@@ -153,22 +172,52 @@ def with_model(spec: MethodSpec) -> Any:
     wanted = getattr(method, "model_folder", None)
     if not isinstance(method, Learner) or not isinstance(wanted, Path):
         return method
-    found = find_model(model_places(method), wanted.parent.name, wanted.name)
-    if found is None:
+    folder = find_model(model_places(method), wanted.parent.name, wanted.name)
+    if folder is None:
         raise _missing(spec, method, [wanted.parent.name])
-    return method if found == wanted else method.load(found)
+    return method if folder == wanted else method.load(folder)
+
+
+def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
+    """Folders of models, those that come first count: trained here, of the variable, shipped with the learner.
+
+    Parameters
+    ----------
+    learner
+        The learner.
+    trained_here
+        Folder of the models that were trained here; None where they do not count.
+    """
+    named = os.environ.get(MODELS_VARIABLE, "")
+    places = (trained_here, Path(named) if named else None, learner.shipped_models)
+    return [place for place in places if place is not None]
+
+
+def _finished(learner: Learner, training: str, trained_here: Path | None) -> list[Path]:
+    """Folders of the finished models of one training, in the order of the places."""
+    folders = (place / training / learner.model_name for place in model_places(learner, trained_here))
+    return [folder for folder in folders if (folder / CARD).is_file()]
 
 
 def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> MissingModel:
-    return MissingModel(
-        f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}",
-        f"run `{_command(spec, names)}`{where_else(learner)}",
-    )
+    """Error that names the models, the command that trains them, and where else they are if this package lacks them."""
+    words = ["python", "-m", "benchmark", "train", spec.name]
+    if len(names) == 1:
+        words += ["--only", names[0]]
+    if spec.module.endswith(".py"):
+        words += ["--plugin", spec.module]
+    hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models
+    if shipped.is_relative_to(package) and not (shipped / _ALL_HERE).is_file():
+        place = shipped.relative_to(package)
+        hint += f", or name the folder {place} of a checkout in {MODELS_VARIABLE}: installed packages lack this model"
+    return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 
-def _finished(places: Iterable[Path], data_name: str, model_name: str) -> list[Path]:
-    """Folders of the finished models of one training, in the order of the places."""
-    return [folder for place in places if (folder := find_model([place], data_name, model_name)) is not None]
+#: Folders of models that were named as unusable.
+_PASSED_OVER: set[Path] = set()
+
+#: Models by method, training and the state of their card: many jobs share one, and its card can name 10 000 subjects.
+_READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
 
 
 def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], proven: Collection[str]) -> Model:
@@ -190,45 +239,19 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
     return _model(spec, training, last, proven)
 
 
-_INSTEAD = "take a model of another training"
-
-#: Folders of models that were named as unusable.
-_PASSED_OVER: set[Path] = set()
-
-#: Models by method, training and the state of their card: many jobs share one, and its card can name 10 000 subjects.
-_READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
-
-
 def _model(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
     """The model in a folder; raises ``ConfigurationError`` if its card is not that of such a model."""
-    try:
-        status = (folder / CARD).stat()
-    except OSError:
-        return _read(spec, training, folder, proven)  # which says what is wrong
-    known_as = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
-    if known_as not in _READ:
-        _READ[known_as] = _read(spec, training, folder, proven)
-    return _READ[known_as]
-
-
-def _read(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
-    card = read_card(folder)
-    if card["data"] != training:
-        raise ConfigurationError(
-            f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
-        )
-    model = Model(training, folder, card)
-    check = getattr(spec.create(), "check_card", None)
-    if check is not None and model.digest not in proven:
-        check(card, folder)
-    return model
-
-
-def _command(spec: MethodSpec, missing: Sequence[str]) -> str:
-    """The command that trains what is missing: that one alone, or all that a strict learner needs."""
-    words = ["python", "-m", "benchmark", "train", spec.name]
-    if len(missing) == 1:
-        words += ["--only", missing[0]]
-    if spec.module.endswith(".py"):
-        words += ["--plugin", spec.module]
-    return shlex.join(words)
+    status = (folder / CARD).stat()
+    place = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
+    if place not in _READ:
+        card = read_card(folder)
+        if card["data"] != training:
+            raise ConfigurationError(
+                f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
+            )
+        model = Model(training, folder, card)
+        check = getattr(spec.create(), "check_card", None)
+        if check is not None and model.digest not in proven:
+            check(card, folder)
+        _READ[place] = model
+    return _READ[place]

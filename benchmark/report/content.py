@@ -15,8 +15,7 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
-from benchmark.protocols.rows import ONLY_ABLATED
-from benchmark.protocols.tables import INPUTS, TABLES, Table
+from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
@@ -335,7 +334,7 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
     """Row that a record belongs to: in some tables, trainings of a learner share it."""
     name = str(record["method"])
-    return without(name, table.averaged) if table.averaged else name
+    return without(name, table.rows.averaged) if table.rows.averaged else name
 
 
 def without(method: str, parameter: str) -> str:

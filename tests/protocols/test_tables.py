@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import pytest
 
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.plugins import registry
 from benchmark.protocols.galleries import QUICK_POSES, galleries
-from benchmark.protocols.tables import TABLES
+from benchmark.protocols.tables import TABLES, Rows
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from retrieval.measures import PRINTED
@@ -32,12 +34,12 @@ def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects
     between = ["I-whole", *["I-random"] * 3, "II", "III", "III-held-out"]
     assert [gallery.table.identifier for gallery in chosen] == ["I"] * 3 + between + ["IV"] * 3
     for folds in chosen[:3], chosen[-3:]:
-        assert [(gallery.name, gallery.fold) for gallery in folds] == [(f"humans fold {k}", k) for k in range(3)]
+        assert [gallery.name for gallery in folds] == [f"humans fold {k}" for k in range(3)]
         assert [len(gallery.entries) for gallery in folds] == [100, 100, 100]
         assert [len({entry.subject for entry in gallery.entries}) for gallery in folds] == [5, 5, 5]
         assert len({entry.identifier for gallery in folds for entry in gallery.entries}) == 300
     assert [gallery.entries for gallery in chosen[:3]] == [gallery.entries for gallery in chosen[-3:]]
-    assert [gallery.fold for gallery in chosen[3:7]] == [None] * 4
+    assert [gallery.part for gallery in chosen[3:7]] == [""] * 4
     # By hand: places 0, 5, 7, 9, 14 of the set.
     first = ["man-1", "child-2", "woman-3", "child-4", "woman-5"]
     assert list(dict.fromkeys(entry.subject for entry in chosen[0].entries)) == first
@@ -190,15 +192,18 @@ def test_methods_of_the_ablation_are_in_other_tables_only_when_named():
         assert printed == {"learned", "learned-without-srf", "learned-without-lrf", "learned-strict"}
 
 
-def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path, monkeypatch):
+def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path):
     further = {"mean-target": ("animals-III-people", "animals-sampled"), "mean-sampled": ("animals-III",)}
-    monkeypatch.setattr("benchmark.protocols.galleries.FURTHER_TRAININGS", {"animals": further})
     known = registry.select([], registry.methods([mean_target.PLUGIN_PATH, mean_folds.PLUGIN_PATH]))
 
     def of(gallery):
         return [spec.name for spec in gallery.rows(known, tmp_path) if spec.base_name.startswith("mean-")]
 
-    whole, held_out = galleries(["III", "III-held-out"])
+    further_rows = Rows(trainings={"animals": further})
+    whole, held_out = (
+        replace(gallery, table=replace(gallery.table, rows=further_rows))
+        for gallery in galleries(["III", "III-held-out"])
+    )
     without = of(whole)
     for name in ("animals-III-people", "animals-sampled", "animals-III"):
         mean_target.write_model(tmp_path / name / "plain-seed0", 0.5)

@@ -2,7 +2,7 @@ import numpy as np
 
 from benchmark.geometry.camera import Camera
 from benchmark.plugins.registry import BUILT_IN, methods, variant
-from benchmark.protocols.rows import ONLY_NAMED, VARIANTS
+from benchmark.protocols.tables import ONLY_NAMED, VARIANTS
 from tests.toy import rod
 from tools.families import FAMILIES, family_figure
 

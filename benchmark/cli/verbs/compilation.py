@@ -117,8 +117,7 @@ def compile_methods() -> None:
     from benchmark.geometry.io import write_mesh
     from benchmark.plugins.conformance.shapes import figure
     from benchmark.plugins.registry import methods
-    from benchmark.protocols.rows import VARIANTS
-    from benchmark.protocols.tables import INPUTS
+    from benchmark.protocols.tables import INPUTS, VARIANTS
 
     specs = [spec for spec in methods().values() if not spec.learns]
     rows = [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]

@@ -66,7 +66,7 @@ def train(
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise _no_learner(method, options.plugins)
-    trainings = [find_training(only)] if only else [*trainings_of(learner, table, options.data_root).values()]
+    trainings = [find_training(only)] if only else trainings_of(learner, table, options.data_root)
     if n_sampled and not any(training.name in COUNTED for training in trainings):
         raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "omit --sampled")
     if n_validation:
