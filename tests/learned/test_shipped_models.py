@@ -25,7 +25,7 @@ from benchmark.datasets.varied.bodies import AWAY_FROM, varied_body
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.datasets.varied_animals.proportions import drawn_species
 from benchmark.pipeline.storage.store import Store
-from benchmark.protocols.pairs import animals
+from benchmark.protocols.pairs import synthetic
 from benchmark.protocols.trainings import find_training
 from learned.field.model import load_field
 from learned.paired.methods import Learned
@@ -137,13 +137,13 @@ def test_sampled_animals_are_of_no_set(of_data: list[Card]) -> None:
     number = max(len(card["subjects"]) for card in of_data) // 2
     for place in range(number):
         written = SPECIES[SPECIES_IN_TURN[place % len(SPECIES_IN_TURN)]]
-        redrawn = drawn_species(written, np.random.default_rng([animals.SEED, place, 0]))
+        redrawn = drawn_species(written, np.random.default_rng([synthetic.SEED, place, 0]))
         girths = [
             np.log(after.sections[0].depth / before.sections[0].depth)
             for before, after in zip(written.tubes, redrawn.tubes, strict=True)
         ]
         assert np.abs(girths).max() > 0.05, "some part is thicker or thinner by more than a twentieth"
-        body = varied_body(np.random.default_rng([animals.SEED, place * animals.MOST_DRAWS**2, 0]))
+        body = varied_body(np.random.default_rng([synthetic.SEED, place * synthetic.MOST_DRAWS**2, 0]))
         assert clearance(body.subject, AWAY_FROM) >= 0.25
 
 

@@ -51,7 +51,7 @@ def store(tmp_path):
 
 
 def made(monkeypatch, store, name, dataset=None, say=None, **part):
-    monkeypatch.setattr("benchmark.protocols.pairs.protocol.open_dataset", lambda *_: dataset or Rods())
+    monkeypatch.setattr("benchmark.protocols.pairs.open_dataset", lambda *_: dataset or Rods())
     training = replace(TRAININGS[name], **part)
     return training_data(training, store, None, say or (lambda _: None))
 

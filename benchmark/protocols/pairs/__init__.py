@@ -1,5 +1,153 @@
-"""Pairs that learners are trained on: shapes of a protocol beside their canonical poses, as every method sees them."""
+"""Pairs that learners are trained on: the shapes of a protocol beside their canonical poses, as methods are given them.
 
-from benchmark.protocols.pairs.protocol import training_data
+That no shape to be tested, nor another shape of its subject, is among them is checked each time they are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
+from benchmark.datasets.animals.people import BODIES
+from benchmark.datasets.base import Entry
+from benchmark.datasets.catalogue import canonical_entry, open_dataset
+from benchmark.datasets.human_subjects import SUBJECTS, Subject, clearances
+from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.storage import keys
+from benchmark.pipeline.storage.store import Store
+from benchmark.protocols.pairs.synthetic import sampled_data, varied_data
+from benchmark.protocols.trainings import SAMPLED_BODIES, VARIED, Training
 
 __all__ = ["training_data"]
+
+_PHENOTYPES: Mapping[str, Mapping[str, Subject]] = {"humans": SUBJECTS, "animals": BODIES}
+"""Bodies of the people in sets that are trained on."""
+
+
+def training_data(
+    training: Training,
+    store: Store,
+    data_root: Path | None,
+    say: Callable[[str], None],
+    n_sampled: int = SAMPLED_BODIES,
+) -> TrainingData:
+    """Render the shapes of a protocol and make its pairs.
+
+    Parameters
+    ----------
+    training
+        The protocol.
+    store
+        Where images are kept.
+    data_root
+        The folder that holds the official sets.
+    say
+        Told about shapes that cannot be rendered, and about sampled bodies that are drawn again.
+    n_sampled
+        Number of bodies where they are sampled.
+
+    Raises
+    ------
+    DatasetError
+        If the set is absent.
+    ConfigurationError
+        If the training data would hold a subject that its models are tested on, or nothing at all.
+    """
+    dataset = open_dataset(training.dataset, data_root)
+    preparation = Preparation(dataset, "view", store)
+    tested = training.tested.of(dataset)
+
+    def unseen(start: int = 0) -> Iterator[TrainingPair]:
+        return _pairs(_renderable(tested, preparation, say)[start:], preparation)
+
+    if training.name == VARIED:
+        data: TrainingData = varied_data(training, unseen)
+    elif training.is_sampled:
+        data = sampled_data(training, n_sampled, preparation, unseen, say)
+    else:
+        data = _rendered_data(training, preparation, unseen, say)
+    _check_apart(data, tested)
+    return data
+
+
+def _rendered_data(
+    training: Training, preparation: Preparation, unseen: MakesPairs, say: Callable[[str], None]
+) -> TrainingData:
+    """Shapes of a data set."""
+    dataset = preparation.dataset
+    pairs = _renderable(training.trained.of(dataset), preparation, say)
+    subjects = tuple(dict.fromkeys(entry.subject for pair in pairs for entry in pair))
+    phenotypes = _PHENOTYPES.get(dataset.name, {})
+    bodies = [phenotypes[name] for name in subjects if name in phenotypes]
+    return TrainingData(
+        name=training.name,
+        title=f"{dataset.title}, {training.words}",
+        digest=keys.digest([[preparation.recipe(entry) for entry in pair] for pair in pairs]),
+        subjects=subjects,
+        identifiers=tuple(dict.fromkeys(entry.identifier for pair in pairs for entry in pair)),
+        n_pairs=len(pairs),
+        pairs=lambda start=0: _pairs(pairs[start:], preparation),
+        unseen=unseen,
+        clearance=clearances(bodies) if bodies else {},
+    )
+
+
+def _renderable(
+    entries: Iterable[Entry], preparation: Preparation, say: Callable[[str], None]
+) -> list[tuple[Entry, Entry]]:
+    """Shapes beside those of the same subject in the canonical pose, without those that cannot be rendered."""
+    skipped: set[str] = set()
+
+    def can_be_rendered(entry: Entry) -> bool:
+        try:
+            preparation.shape(entry)
+        except ShapeError as error:
+            if entry.identifier not in skipped:
+                say(f"skipped {entry.identifier}: {error}")
+            skipped.add(entry.identifier)
+            return False
+        return True
+
+    pairs = [(entry, canonical_entry(preparation.dataset, entry.subject)) for entry in entries]
+    return [pair for pair in pairs if all(can_be_rendered(entry) for entry in pair)]
+
+
+def _pairs(pairs: Iterable[tuple[Entry, Entry]], preparation: Preparation) -> Iterator[TrainingPair]:
+    targets: dict[str, NDArray[np.float32]] = {}
+    for entry, target in pairs:
+        if target.identifier not in targets:
+            targets[target.identifier] = _image(preparation, target)
+        yield TrainingPair(
+            identifier=entry.identifier,
+            subject=entry.subject,
+            target_identifier=target.identifier,
+            image=_image(preparation, entry),
+            target=targets[target.identifier],
+        )
+
+
+def _image(preparation: Preparation, entry: Entry) -> NDArray[np.float32]:
+    """The image that methods are given, from the store."""
+    image = preparation.shape(entry).depth
+    if image is None:
+        raise ConfigurationError(f"{entry.identifier} has no depth image", "train on the view input")
+    return image
+
+
+def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
+    """Raise ``ConfigurationError`` unless there are pairs and none of them shows a subject to be tested."""
+    if not data.n_pairs:
+        raise ConfigurationError(f"training '{data.name}' has no pairs", "check the data set with 'data check'")
+    both = sorted({entry.subject for entry in tested} & set(data.subjects)) + sorted(
+        {entry.identifier for entry in tested} & set(data.identifiers)
+    )
+    if both:
+        raise ConfigurationError(
+            f"training '{data.name}' would show what its models are tested on: {', '.join(both[:5])}",
+            "keep the subjects of the data set apart",
+        )

@@ -1,132 +1,317 @@
-"""Training data that is made, not read: what is asked for, and how bodies become pairs."""
+"""Training data that is in no set: sampled people, sampled animals and people, and the streams of fresh people.
+
+Bodies are made as they are read, for they are too many to be kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
-from benchmark.datasets.base import Dataset
-from benchmark.datasets.human_subjects import CLEARANCE
-from benchmark.geometry.camera import Camera
-from benchmark.geometry.depth import camera_coordinates, render_depth
-from benchmark.geometry.mesh import Mesh
+from benchmark.api.streaming import ScannedData, StreamedAndScannedData, StreamedData
+from benchmark.datasets import humans
+from benchmark.datasets.animals import CANONICAL_POSE, Animals
+from benchmark.datasets.animals.people import CENTIMETRES
+from benchmark.datasets.base import Entry
+from benchmark.datasets.human_poses import POSES, Pose
+from benchmark.datasets.human_subjects import CLEARANCE, TESTED
+from benchmark.datasets.scans.sampler import ScanSampler
+from benchmark.datasets.varied.bodies import AWAY_FROM
+from benchmark.datasets.varied.sampler import Sampler
+from benchmark.datasets.varied.wide import WideSampler
+from benchmark.datasets.varied_animals import AnimalSampler
+from benchmark.errors import DatasetError
+from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.depth import SIZE, camera_coordinates, render_depth
+from benchmark.geometry.mesh import Mesh, Points
+from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.lock import versions_of
-from benchmark.protocols.trainings import Training
+from benchmark.protocols.trainings import ANIMAL_POSES, SAMPLED, SAMPLED_POSES, Training
 
-Say = Callable[[str], None]
-
-MakesImages = Callable[[int, int], tuple[Camera, list[Mesh]]]
+MakesBody = Callable[[int, int], tuple[Camera, list[Mesh]]]
 """Makes the body of a number, drawn again so many times: a camera, and the body in the canonical pose, then others."""
+
+SEED = 2
+"""Of the animals, and of the stream of people: 0 and 1 train and validate learners on people alone."""
+
+TURN = 15.0
+"""Standard deviation, in degrees about the vertical axis, of where a body beside animals faces in a pose."""
+
+SHORTEST_ADULT = 1.45
+"""Height in metres below which a body is a child, of which sets of animals and people have none."""
+
+MOST_DRAWS = 60
+"""Bodies of the stream among which there is an adult; every other one is."""
+
+TRAINED, VALIDATED = 0, 1
+"""Seeds of the streams."""
+
+VIEWS = 2
+"""Images of each pose in the wide stream."""
+
+SAMPLE = 1024
+"""Pairs of a stream for a learner that keeps all of its pairs in memory."""
+
+
+# Sampled bodies ------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class SyntheticTraining:
-    """Bodies that are asked for.
+class _Sample:
+    """Bodies to be rendered.
+
+    Parameters
+    ----------
+    title
+        What they are, in words.
+    recipe
+        What determines their images.
+    n_images
+        Images of a body: the canonical pose and its own.
+    away_from
+        Generated sets of people from whose subjects they keep ``CLEARANCE``.
+    maker
+        Gives what makes the bodies from one on.
+    """
+
+    title: str
+    recipe: list[object]
+    n_images: int
+    away_from: Iterable[str]
+    maker: Callable[[int], MakesBody]
+
+
+def sampled_data(
+    training: Training, n_bodies: int, preparation: Preparation, unseen: MakesPairs, say: Callable[[str], None]
+) -> TrainingData:
+    """Pairs of sampled bodies, rendered in the frame of a data set of which they are none.
 
     Parameters
     ----------
     training
         The protocol.
-    dataset
-        The set whose frame the bodies are rendered in; none of its shapes is among them.
-    half_width
-        Half of the side of that frame.
     n_bodies
         How many.
+    preparation
+        Of the data set.
+    unseen
+        Makes pairs of the subjects that are tested.
     say
         Told about bodies that are drawn again.
     """
+    sample = _people(n_bodies, preparation) if training.name == SAMPLED else _animals(n_bodies, preparation)
+    n_images = sample.n_images
 
-    training: Training
-    dataset: Dataset
-    half_width: float
-    n_bodies: int
-    say: Say
+    def pairs(start: int = 0) -> Iterator[TrainingPair]:
+        first = start // n_images
+        bodies = _rendered(sample.maker(first), range(first, n_bodies), preparation.half_width, say)
+        return itertools.islice(bodies, start % n_images, None)
 
-    def frame(self, *cameras: Camera) -> list[object]:
-        """Return what determines the images of given meshes, for a digest."""
-        return [*map(repr, cameras), self.half_width, versions_of(["preparation/view"])]
-
-    def data(
-        self,
-        title: str,
-        recipe: list[object],
-        images: int,
-        pairs: MakesPairs,
-        unseen: MakesPairs,
-        away_from: Iterable[str],
-    ) -> TrainingData:
-        """The bodies as training data; they are made as they are read, for they are too many to be kept.
-
-        Parameters
-        ----------
-        title
-            What they are, in words.
-        recipe
-            What determines their images.
-        images
-            Images of a body: the canonical pose and its own.
-        pairs
-            Makes the pairs.
-        unseen
-            Makes pairs of the subjects that are tested.
-        away_from
-            Generated sets of people from whose subjects the bodies keep ``CLEARANCE``.
-        """
-        names = [_body_name(number) for number in range(self.n_bodies)]
-        return TrainingData(
-            name=self.training.name,
-            title=title,
-            digest=keys.digest(recipe),
-            subjects=tuple(names),
-            identifiers=tuple(f"{name}_{place}" for name in names for place in range(images)),
-            n_pairs=self.n_bodies * images,
-            pairs=pairs,
-            unseen=unseen,
-            clearance=dict.fromkeys(away_from, CLEARANCE),
-        )
-
-    def pairs(self, made: MakesImages, images: int, start: int) -> Iterator[TrainingPair]:
-        """Pairs of body after body, each rendered in the canonical pose and in its others.
-
-        Parameters
-        ----------
-        made
-            Makes a body.
-        images
-            How many meshes of a body it makes.
-        start
-            The first pair to make.
-        """
-        first, skipped = divmod(start, images)
-        drawn_again = 0
-        for number in range(first, self.n_bodies):
-            name, draw = _body_name(number), 0
-            camera, meshes = made(number, draw)
-            while any(_leaves_frame(mesh, camera, self.half_width) for mesh in meshes):
-                draw, drawn_again = draw + 1, drawn_again + 1
-                self.say(f"{name} leaves the frame and is drawn again ({drawn_again} so far)")
-                camera, meshes = made(number, draw)
-            rendered: list[NDArray[np.float32]] = [render_depth(mesh, camera, self.half_width) for mesh in meshes]
-            for place in range(skipped, images):
-                yield TrainingPair(
-                    identifier=f"{name}_{place}",
-                    subject=name,
-                    target_identifier=f"{name}_0",
-                    image=rendered[place],
-                    target=rendered[0],
-                )
-            skipped = 0
+    names = [_name(number) for number in range(n_bodies)]
+    return TrainingData(
+        name=training.name,
+        title=sample.title,
+        digest=keys.digest(sample.recipe),
+        subjects=tuple(names),
+        identifiers=tuple(f"{name}_{place}" for name in names for place in range(n_images)),
+        n_pairs=n_bodies * n_images,
+        pairs=pairs,
+        unseen=unseen,
+        clearance=dict.fromkeys(sample.away_from, CLEARANCE),
+    )
 
 
-def _body_name(number: int) -> str:
+def _name(number: int) -> str:
     return f"sample-{number}"
+
+
+def _rendered(
+    make: MakesBody, numbers: Iterable[int], half_width: float, say: Callable[[str], None]
+) -> Iterator[TrainingPair]:
+    """Pairs of body after body; one that leaves the frame is drawn again."""
+    drawn_again = 0
+    for number in numbers:
+        name, draw = _name(number), 0
+        camera, meshes = make(number, draw)
+        while any(_leaves_frame(mesh, camera, half_width) for mesh in meshes):
+            draw, drawn_again = draw + 1, drawn_again + 1
+            say(f"{name} leaves the frame and is drawn again ({drawn_again} so far)")
+            camera, meshes = make(number, draw)
+        images = [render_depth(mesh, camera, half_width) for mesh in meshes]
+        for place, image in enumerate(images):
+            yield TrainingPair(
+                identifier=f"{name}_{place}",
+                subject=name,
+                target_identifier=f"{name}_0",
+                image=image,
+                target=images[0],
+            )
 
 
 def _leaves_frame(mesh: Mesh, camera: Camera, half_width: float) -> bool:
     return bool(np.abs(camera_coordinates(mesh, camera) / half_width).max() >= 1)
+
+
+def _frame(preparation: Preparation, *cameras: Camera) -> list[object]:
+    """What determines the images of given meshes."""
+    return [*map(repr, cameras), preparation.half_width, versions_of(["preparation/view"])]
+
+
+def _people(n_bodies: int, preparation: Preparation) -> _Sample:
+    """People that are none of a set's, in poses between two authored ones."""
+    bodies = humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0)
+    n_images = 1 + SAMPLED_POSES
+
+    def maker(first: int) -> MakesBody:
+        # Bodies in a row are posed together, which is faster.
+        in_turn = humans.human_meshes(_in_all_poses(bodies[first:]))
+
+        def make(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
+            if not draw:
+                return FRONT, list(itertools.islice(in_turn, n_images))
+            again = humans.sample_human(number, SAMPLED_POSES, seed=0, draw=draw)
+            return FRONT, list(humans.human_meshes(_in_all_poses([again])))
+
+        return make
+
+    recipes = [humans.recipe(body, pose) for body, pose in _in_all_poses(bodies)]
+    return _Sample(
+        f"{n_bodies} sampled bodies in {SAMPLED_POSES} poses each, none of them in {preparation.dataset.title}",
+        [recipes, _frame(preparation, FRONT), versions_of(["sampler/people"])],
+        n_images,
+        TESTED,
+        maker,
+    )
+
+
+def _in_all_poses(bodies: Iterable[tuple[humans.Subject, Sequence[Pose]]]) -> Iterator[tuple[humans.Subject, Pose]]:
+    """Each body in the canonical pose, then in its own."""
+    return ((body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses))
+
+
+def _animals(n_bodies: int, preparation: Preparation) -> _Sample:
+    """People and animals by turns."""
+    n_images = 1 + ANIMAL_POSES
+    frame, versions = _frame(preparation, FRONT, SIDE), versions_of(["sampler/animals"])
+    return _Sample(
+        f"{n_bodies} sampled animals and people in {ANIMAL_POSES} poses each, none of them in a set",
+        [SEED, TURN, SHORTEST_ADULT, n_images, n_bodies, frame, versions],
+        n_images,
+        AWAY_FROM,
+        lambda _: person_or_animal,
+    )
+
+
+def person_or_animal(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
+    """One body, drawn again so many times: a person where the number is even, else an animal; in centimetres.
+
+    Raises
+    ------
+    DatasetError
+        If no body can be made.
+    """
+    of_kind = number // 2
+    if number % 2:
+        species, meshes = AnimalSampler(SEED, ANIMAL_POSES)(of_kind, draw)
+        camera = Animals().camera(Entry(species, species, CANONICAL_POSE))
+    else:
+        camera, meshes = FRONT, _adult(of_kind, draw)
+    random = np.random.default_rng([SEED, number, draw, len(meshes)])
+    standing, *moved = meshes
+    return camera, [standing, *(mesh.with_vertices(_turned(mesh.vertices, random)) for mesh in moved)]
+
+
+def _adult(number: int, draw: int) -> list[Mesh]:
+    """An adult in the canonical pose, then in others, from a place of the stream that nobody else looks at."""
+    stream = Sampler(SEED, poses=ANIMAL_POSES)
+    for place in range(MOST_DRAWS):
+        # Numbers of batches are free to leave gaps: each body has a run of its own.
+        body = stream.surfaces((number * MOST_DRAWS + draw) * MOST_DRAWS + place, 1)
+        if np.ptp(body.canonical[0, :, 2]) >= SHORTEST_ADULT:
+            return [Mesh(CENTIMETRES * vertices, body.faces) for vertices in (body.canonical[0], *body.posed[0])]
+    raise DatasetError(f"none of {MOST_DRAWS} bodies is an adult", "take another seed")
+
+
+def _turned(vertices: Points, random: np.random.Generator) -> Points:
+    angle = np.radians(TURN) * random.normal()
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return np.asarray(vertices @ turn.T)
+
+
+# Streams of fresh bodies ---------------------------------------------------------------------------------------------
+
+
+def varied_data(training: Training, unseen: MakesPairs) -> StreamedAndScannedData:
+    """The streams of fresh people, each one to train on and one to choose by, which share no body.
+
+    Parameters
+    ----------
+    training
+        The protocol.
+    unseen
+        Makes pairs of the subjects that are tested.
+    """
+    fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
+    common: dict[str, Any] = {
+        "name": training.name,
+        "n_pairs": SAMPLE,
+        "pairs": lambda start=0: _fresh_pairs(fresh, start),
+        "unseen": unseen,
+        "clearance": dict.fromkeys(AWAY_FROM, CLEARANCE),
+    }
+    plain = StreamedData(
+        **common,
+        **_names("varied"),
+        title="fresh bodies in free poses, none of them a subject of a generated set of people",
+        digest=keys.digest([repr(fresh), repr(validation), SAMPLE, versions_of(["sampler/varied"])]),
+        fresh=fresh,
+        validation=validation,
+        surfaces=fresh.surfaces,
+        validation_surfaces=validation.surfaces,
+    )
+    wide = WideSampler(seed=TRAINED, views=VIEWS)
+    wide_stream = replace(
+        plain,
+        **_names("wide"),
+        title="fresh bodies in free poses from several sides, no subject and no authored pose of a generated set",
+        digest=keys.digest([repr(wide), repr(validation), SAMPLE, versions_of(["sampler/wide"])]),
+        fresh=wide,
+    )
+    scans, validation_scans = ScanSampler(seed=TRAINED), ScanSampler(seed=VALIDATED)
+    scanned = ScannedData(
+        **common,  # the pairs of the plain stream: nobody who trains on scans looks at them
+        **_names("scanned"),
+        title="fresh bodies as scanners leave them, no subject, no authored pose and no scan of a generated set",
+        digest=keys.digest([repr(scans), repr(validation_scans), versions_of(["sampler/scans"])]),
+        scans=scans,
+        validation=validation_scans,
+    )
+    return StreamedAndScannedData(**vars(plain) | {"wide": wide_stream, "scanned": scanned})
+
+
+def _names(prefix: str) -> dict[str, Any]:
+    names = (f"{prefix}-{TRAINED}-0-0 and all that follow",)
+    return {"subjects": names, "identifiers": names}
+
+
+def _fresh_pairs(sampler: Sampler, start: int) -> Iterator[TrainingPair]:
+    first, skipped = divmod(start, sampler.poses)
+    bodies = (sampler(number, 1, SIZE) for number in range(first, SAMPLE // sampler.poses))
+    pairs = (
+        TrainingPair(
+            identifier=f"{body.identifiers[0]}_{place}",
+            subject=body.identifiers[0],
+            target_identifier=body.identifiers[0],
+            image=image,
+            target=body.fronts[0],
+        )
+        for body in bodies
+        for place, image in enumerate(body.images[0])
+    )
+    return itertools.islice(pairs, skipped, None)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -13,8 +10,8 @@ from benchmark.datasets.scans.sampler import ScanSampler, scan
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh
-from benchmark.protocols.pairs import stream
-from benchmark.protocols.pairs.stream import varied_data
+from benchmark.protocols.pairs import synthetic
+from benchmark.protocols.pairs.synthetic import varied_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.geometry.surfaces import limbed_body
 
@@ -48,13 +45,13 @@ def test_a_scan_tells_where_its_vertices_belong(body: Mesh) -> None:
 
 
 def test_the_stream_of_scans_is_that_of_this_sampler_and_known_by_its_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: Any = SimpleNamespace(training=TRAININGS["humans-varied"])
-    data = varied_data(asked, iter)
+    training = TRAININGS["humans-varied"]
+    data = varied_data(training, iter)
     assert data.scanned.scans == ScanSampler(seed=0)
     assert data.scanned.validation == ScanSampler(seed=1)
     assert len({data.digest, data.wide.digest, data.scanned.digest}) == 3
-    monkeypatch.setattr(stream, "versions_of", lambda _: {"sampler/scans": "other"})
-    assert varied_data(asked, iter).scanned.digest != data.scanned.digest
+    monkeypatch.setattr(synthetic, "versions_of", lambda _: {"sampler/scans": "other"})
+    assert varied_data(training, iter).scanned.digest != data.scanned.digest
 
 
 @pytest.mark.exhaustive
