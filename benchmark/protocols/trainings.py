@@ -13,36 +13,15 @@ from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, did_you_mean
 
-__all__ = [
-    "ANIMALS_SAMPLED",
-    "ANIMAL_POSES",
-    "COUNTED",
-    "HELD_OUT",
-    "POSE_FOLDS",
-    "SAMPLED",
-    "SAMPLED_BODIES",
-    "SAMPLED_POSES",
-    "SUBJECT_FOLDS",
-    "TRAININGS",
-    "VARIED",
-    "NoFolds",
-    "Training",
-    "find_training",
-    "fold_name",
-    "only_training",
-    "set_of_subjects",
-    "subject_fold",
-    "trainings_by_shape",
-    "trainings_on",
-    "with_validation",
-]
-
 
 class NoFolds(ConfigurationError):
     """A learner has a model for each fold, and a set has no folds."""
 
 
-@dataclass(frozen=True, kw_only=True)
+_WHOLE = Part()
+
+
+@dataclass(frozen=True)
 class Training:
     """One training protocol.
 
@@ -55,7 +34,7 @@ class Training:
     dataset
         Name of the set.
     trained
-        Shapes that become pairs; of no account where bodies are sampled.
+        Shapes that become pairs; none where bodies are sampled.
     tested
         Shapes that the models are made for; the training data holds none of their subjects.
     """
@@ -63,13 +42,13 @@ class Training:
     name: str
     words: str
     dataset: str
-    trained: Part
-    tested: Part
+    trained: Part = _WHOLE
+    tested: Part = _WHOLE
 
     @property
     def is_sampled(self) -> bool:
-        """Return whether it shows bodies that are in no set."""
-        return self.trained == Part()
+        """Return whether it shows bodies that are in no set, in the frame of one."""
+        return self.trained == _WHOLE
 
 
 def subject_fold(place: int) -> int:
@@ -138,42 +117,15 @@ COUNTED = frozenset({SAMPLED, ANIMALS_SAMPLED})
 VARIED = "humans-varied"
 
 
-def fold_name(dataset: str, subjects: int) -> str:
-    """Name of the training that leaves out one fold of subjects."""
-    return f"{dataset}-fold-{subjects}"
-
-
-def strict_name(dataset: str, subjects: int, poses: int) -> str:
-    """Name of the strict training that leaves out one fold of subjects and one of poses."""
-    return f"{dataset}-strict-{subjects}-{poses}"
-
-
-def _fold_names(dataset: str) -> list[str]:
-    return [fold_name(dataset, subjects) for subjects in range(len(SUBJECT_FOLDS))]
-
-
-def _strict_names(dataset: str) -> list[str]:
-    return [strict_name(dataset, a, b) for a in range(len(SUBJECT_FOLDS)) for b in range(len(POSE_FOLDS))]
-
-
 def _of_humans(dataset: str) -> Iterator[Training]:
     for number, subjects in enumerate(SUBJECT_FOLDS):
         trained = _others(subjects, SUBJECT_FOLDS)
-        yield Training(
-            name=fold_name(dataset, number),
-            words=f"subjects {_counted(trained)} in all poses",
-            dataset=dataset,
-            trained=Part(trained),
-            tested=Part(subjects),
-        )
+        words = f"subjects {_counted(trained)} in all poses"
+        yield Training(f"{dataset}-fold-{number}", words, dataset, Part(trained), Part(subjects))
         for pose_number, poses in enumerate(POSE_FOLDS):
-            yield Training(
-                name=strict_name(dataset, number, pose_number),
-                words=f"all but subjects {_counted(subjects)} and poses {_counted(poses)}",
-                dataset=dataset,
-                trained=Part(trained, _others(poses, POSE_FOLDS)),
-                tested=Part(subjects, poses),
-            )
+            name = f"{dataset}-strict-{number}-{pose_number}"
+            words = f"all but subjects {_counted(subjects)} and poses {_counted(poses)}"
+            yield Training(name, words, dataset, Part(trained, _others(poses, POSE_FOLDS)), Part(subjects, poses))
 
 
 def _others(left_out: tuple[int, ...], folds: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
@@ -187,18 +139,8 @@ def _counted(subjects: tuple[int | str, ...]) -> str:
 
 def _of_animals(dataset: str) -> Iterator[Training]:
     for suffix, classes in ("III", OTHER_ANIMALS), ("III-people", (*OTHER_ANIMALS, *PEOPLE)):
-        yield Training(
-            name=f"{dataset}-{suffix}",
-            words=f"{', '.join(sorted(classes))} in all poses",
-            dataset=dataset,
-            trained=Part(classes),
-            tested=Part(HELD_OUT),
-        )
-
-
-def _synthetic(name: str, words: str, dataset: str) -> Training:
-    """Bodies that are in no set, in the frame of one."""
-    return Training(name=name, words=words, dataset=dataset, trained=Part(), tested=Part())
+        words = f"{', '.join(sorted(classes))} in all poses"
+        yield Training(f"{dataset}-{suffix}", words, dataset, Part(classes), Part(HELD_OUT))
 
 
 TRAININGS: Mapping[str, Training] = {
@@ -208,9 +150,9 @@ TRAININGS: Mapping[str, Training] = {
         *_of_humans("humans"),
         *_of_animals("tosca"),
         *_of_animals("animals"),
-        _synthetic(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
-        _synthetic(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
-        _synthetic(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
+        Training(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
+        Training(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
+        Training(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
     )
 }
 """All protocols by name."""
@@ -286,15 +228,16 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     if only := only_training(learner):
         return [only]
     trained_on, is_strict = set_of_subjects(dataset) or dataset, learner.split == "strict"
-    names = _strict_names(trained_on) if is_strict else _fold_names(trained_on)
-    if names[0] in TRAININGS and not (is_strict and catalogued(dataset) in _FEWER_POSES):
-        return [TRAININGS[name] for name in names]
+    prefix = f"{trained_on}-{'strict' if is_strict else 'fold'}-"
+    folds = [training for name, training in TRAININGS.items() if name.startswith(prefix)]
+    if folds and not (is_strict and catalogued(dataset) in _FEWER_POSES):
+        return folds
     if is_strict:
         raise NoFolds(f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans")
     if trained_on in ("tosca", "animals"):
         return [TRAININGS[f"{trained_on}-{TABLE_III}"]]
     is_official = trained_on == "shrec14-real" and is_present("shrec14-synthetic", data_root)
-    return [TRAININGS[fold_name("shrec14-synthetic" if is_official else "humans", 0)]]
+    return [TRAININGS[f"{'shrec14-synthetic' if is_official else 'humans'}-fold-0"]]
 
 
 def trainings_by_shape(
@@ -310,15 +253,16 @@ def trainings_by_shape(
         The shapes.
     """
     entries = list(entries)
-    found = trainings_on(learner, dataset.name, data_root)
-    if len(found) == 1:
-        return dict.fromkeys((entry.identifier for entry in entries), found[0])
+    trainings = trainings_on(learner, dataset.name, data_root)
+    if len(trainings) == 1:
+        return dict.fromkeys((entry.identifier for entry in entries), trainings[0])
     # Places of poses are those of the set that is trained on, of which another one may show some alone.
-    if dataset.name != found[0].dataset:
-        dataset = open_dataset(found[0].dataset, data_root)
-    place = tuple((entry.identifier, entry.subject) for entry in dataset.entries), *(each.name for each in found)
+    if dataset.name != trainings[0].dataset:
+        dataset = open_dataset(trainings[0].dataset, data_root)
+    shapes = tuple((entry.identifier, entry.subject) for entry in dataset.entries)
+    place = shapes, *(training.name for training in trainings)
     if place not in _OF_SHAPE:
-        _OF_SHAPE[place] = {entry.identifier: each for each in found for entry in each.tested.of(dataset)}
+        _OF_SHAPE[place] = {e.identifier: training for training in trainings for e in training.tested.of(dataset)}
     return {entry.identifier: _OF_SHAPE[place][entry.identifier] for entry in entries}
 
 
