@@ -30,7 +30,8 @@ def chance_levels(labels: ArrayLike) -> dict[str, float]:
         If no class has two members.
     """
     names = np.asarray(labels)
-    n_relevant = (names[:, None] == names).sum(axis=1) - 1
+    _, places, sizes = np.unique(names, return_inverse=True, return_counts=True)
+    n_relevant = sizes[places] - 1
     return chance_of_queries(np.full(len(names), len(names) - 1), n_relevant)
 
 

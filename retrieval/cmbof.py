@@ -6,7 +6,7 @@ per gallery, ``quantise`` per form and codebook, ``distances`` per gallery.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -88,6 +88,24 @@ class CMBOF:
         codebook = self.train_codebook(features, draw)
         return self.distances([self.quantise(feature, codebook) for feature in features])
 
+    def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
+        """The codebook of a gallery, whose signatures are read one at a time; see :meth:`train_codebook`."""
+        return {"words": self.train_codebook(map(Features.from_arrays, signatures), draw)}
+
+    def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
+        """Arrays of the :class:`Signature` of a form; see :meth:`quantise`."""
+        return self.quantise(Features.from_arrays(signature), codebook["words"]).to_arrays()
+
+    def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> NDArray[np.float64]:
+        """Dissimilarities of each of M encoded forms to each of N others, shape (M, N)."""
+        first, second = ([Signature.from_arrays(arrays) for arrays in forms] for forms in (rows, columns))
+        distances = match_across(first, second)
+        if self.allow_mirror:
+            of_first, of_second = ([form.mirrored for form in forms if form.mirrored] for forms in (first, second))
+            np.minimum(distances, match_across(first, of_second), out=distances)
+            np.minimum(distances, match_across(second, of_first).T, out=distances)
+        return distances
+
     def extract(self, mesh: Mesh) -> Features:
         """Normalise the pose of a form, draw its views, and describe their keypoints.
 
@@ -100,7 +118,7 @@ class CMBOF:
         images = render(upright, self.image_size, view_sphere(self.subdivisions))
         return detect_views(images, peak_threshold=self.peak_threshold, background=BACKGROUND)
 
-    def train_codebook(self, features: Sequence[Features], seed: int | None = None) -> Descriptors:
+    def train_codebook(self, features: Iterable[Features], seed: int | None = None) -> Descriptors:
         """Draw the words of a gallery from all descriptors of all its views, shape (n_words, 128), uint8.
 
         With fewer distinct descriptors than words, all of them become words. The order of the forms does not matter.
@@ -118,7 +136,7 @@ class CMBOF:
             If there is no descriptor at all.
         """
         chosen = self.codebook_seed if seed is None else seed
-        return sample_codebook([f.descriptors for f in features], self.n_words, chosen)
+        return sample_codebook((form.descriptors for form in features), self.n_words, chosen)
 
     def quantise(self, features: Features, codebook: Descriptors) -> Signature:
         """Count the nearest words of the descriptors of each view."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ BLOCK = 1024
 POOL = 2**18
 
 
-def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int) -> Descriptors:
+def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int) -> Descriptors:
     """Draw distinct descriptors at random as words; nothing is clustered.
 
     Every distinct descriptor has the same chance, and the draw depends on the set of descriptors and the seed alone,
@@ -27,7 +27,7 @@ def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int)
     Parameters
     ----------
     descriptors
-        One array of shape (k, 128), uint8, per form of the gallery.
+        One array of shape (k, 128), uint8, per form of the gallery; read once.
     n_words
         Size of the codebook. With fewer distinct descriptors, all of them become words.
     seed
@@ -47,13 +47,7 @@ def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int)
     ----------
     Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013 (random words are as good as clusters).
     """
-    total = sum(len(part) for part in descriptors)
-    if total == 0:
-        raise DatasetError(
-            "no view of any shape of the gallery has a keypoint",
-            "check the forms (are they flat or empty?) or lower the peak threshold",
-        )
-    words = np.empty((0, descriptors[0].shape[1]), dtype=np.uint8)
+    words = np.empty((0, 128), dtype=np.uint8)
     hashes = np.empty(0, dtype=np.uint64)
     for pool in _pooled(descriptors):
         of_pool = _hash(pool, seed)
@@ -61,10 +55,15 @@ def sample_codebook(descriptors: Sequence[Descriptors], n_words: int, seed: int)
             below = of_pool <= hashes[-1]  # all others are words no more
             pool, of_pool = pool[below], of_pool[below]
         words, hashes = _smallest(np.concatenate([words, pool]), np.concatenate([hashes, of_pool]), n_words)
+    if not len(words):
+        raise DatasetError(
+            "no view of any shape of the gallery has a keypoint",
+            "check the forms (are they flat or empty?) or lower the peak threshold",
+        )
     return np.ascontiguousarray(words)
 
 
-def _pooled(descriptors: Sequence[Descriptors]) -> Iterator[Descriptors]:
+def _pooled(descriptors: Iterable[Descriptors]) -> Iterator[Descriptors]:
     """Descriptors of a few forms at a time: those of a large gallery together would need its memory twice."""
     pool: list[Descriptors] = []
     size = 0

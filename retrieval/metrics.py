@@ -6,7 +6,7 @@ stands in :mod:`retrieval.measures`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -93,14 +93,52 @@ def evaluate(
     ConfigurationError
         If the matrix is not square, finite and symmetric, does not fit the labels, or ``ties`` is unknown.
     """
-    matrix, classes, has_result = with_missing(distances, labels, answered)
+    names = np.asarray(labels)
+    places = np.arange(len(names)) if answered is None else np.asarray(answered, dtype=np.intp)
+    return evaluate_rows(check_distances(distances, names[places])[0], labels, ties, answered)[0]
 
-    def queries() -> Iterator[Query]:
-        for query, has in enumerate(has_result):
-            others = np.delete(np.arange(len(matrix)), query)
-            yield Query(matrix[query, others], classes[others] == classes[query], bool(has))
 
-    return evaluate_queries(queries(), ties)
+def evaluate_rows(
+    rows: Iterable[FloatArray],
+    labels: ArrayLike,
+    ties: Literal["expected", "index"] = "expected",
+    answered: ArrayLike | None = None,
+) -> tuple[Scores, Scores | None]:
+    """Score the rows of a distance matrix one after the other, so that the matrix need not be in memory.
+
+    Parameters
+    ----------
+    rows
+        The n rows, shape (n,) each; read once.
+    labels, ties, answered
+        As of :func:`evaluate`.
+
+    Returns
+    -------
+    tuple
+        Scores of the gallery; and those of the answered shapes among themselves, None where they are all, of one class,
+        or no two of one class.
+    """
+    classes = np.unique(np.asarray(labels), return_inverse=True)[1]
+    count = len(classes)
+    places = np.arange(count) if answered is None else np.asarray(answered, dtype=np.intp)
+    alone = classes[places]
+    is_partial = answered is not None and 1 < len(set(alone.tolist())) < len(alone)
+    values = [
+        _of_query(Query(np.zeros(count - 1), _relevant(classes, k), is_answered=False), ties) for k in range(count)
+    ]
+    values_alone = []
+    for number, (place, row) in enumerate(zip(places, rows, strict=True)):
+        whole = np.full(count, 2.0 * np.abs(row).max(initial=0.0) + 1.0)  # what has no result is behind all others
+        whole[places] = row
+        values[place] = _of_query(Query(np.delete(whole, place), _relevant(classes, place)), ties)
+        if is_partial:
+            values_alone.append(_of_query(Query(np.delete(row, number), _relevant(alone, number)), ties))
+    return _scores(values), _scores(values_alone) if is_partial else None
+
+
+def _relevant(classes: NDArray[np.intp], query: int) -> NDArray[np.bool_]:
+    return np.delete(classes, query) == classes[query]
 
 
 def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"] = "expected") -> Scores:
@@ -111,15 +149,23 @@ def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"
     ConfigurationError
         If no query has a relevant result, or ``ties`` is unknown.
     """
+    return _scores([_of_query(query, ties) for query in queries])
+
+
+def _of_query(query: Query, ties: str) -> tuple[list[float], bool]:
+    """Return all measures of a query, NaN where nothing is relevant, and whether ties matter."""
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
-    rows, are_tied = [], []
-    for query in queries:
-        results, is_tied = _ranked(query, ties)
-        has = query.is_answered
-        rows.append(_measured(results) if has or not results.n_relevant else [0.0] * len(MEASURES))
-        are_tied.append(bool(has and results.n_relevant and is_tied))
-    values = np.array(rows).reshape(-1, len(MEASURES))
+    if not query.relevant.any():
+        return [np.nan] * len(MEASURES), False
+    if not query.is_answered:
+        return [0.0] * len(MEASURES), False
+    results, is_tied = _ranked(query, ties)
+    return [measure.of_query(results) for measure in MEASURES], is_tied
+
+
+def _scores(of_queries: Sequence[tuple[list[float], bool]]) -> Scores:
+    values = np.array([measures for measures, _ in of_queries]).reshape(-1, len(MEASURES))
     scored = ~np.isnan(values[:, 0])
     if not scored.any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
@@ -127,16 +173,9 @@ def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"
     return Scores(
         means=dict(zip(names, values[scored].mean(axis=0).tolist(), strict=True)),
         per_query=dict(zip(names, values.T, strict=True)),
-        tied_queries=sum(are_tied),
+        tied_queries=sum(is_tied for _, is_tied in of_queries),
         lone_queries=int((~scored).sum()),
     )
-
-
-def _measured(results: RankedResults) -> list[float]:
-    """Return all measures of a query: NaN where nothing is relevant."""
-    if not results.n_relevant:
-        return [np.nan] * len(MEASURES)
-    return [measure.of_query(results) for measure in MEASURES]
 
 
 def with_missing(
@@ -211,8 +250,6 @@ def _ranked(query: Query, ties: str) -> tuple[RankedResults, bool]:
     order = np.argsort(query.distances, kind="stable")
     relevant = query.relevant[order].astype(np.float64)
     n_relevant, n_results = int(relevant.sum()), len(order)
-    if not n_relevant:
-        return RankedResults(relevant, relevant, 0), False
 
     # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and before it.
     starts = np.flatnonzero(np.diff(query.distances[order], prepend=-np.inf) > 0)

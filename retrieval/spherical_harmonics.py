@@ -12,14 +12,14 @@ Symposium on Geometry Processing 2003.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.distance import cdist, pdist, squareform
 
 from benchmark.api.parameters import Interval
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
@@ -94,8 +94,27 @@ class SphericalHarmonics:
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """Euclidean distances of all pairs of signatures, shape (N, N); there is nothing to draw."""
-        rows = np.array([arrays["energies"].ravel() for arrays in signatures])
-        return np.asarray(np.round(squareform(pdist(rows)) / RESOLUTION) * RESOLUTION)
+        return _rounded(squareform(pdist(_as_rows(signatures))))
+
+    def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
+        """Return nothing: a signature is compared as it is."""
+        return {}
+
+    def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
+        """Return the signature."""
+        return signature
+
+    def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> NDArray[np.float64]:
+        """Euclidean distances of each of M signatures to each of N others, shape (M, N)."""
+        return _rounded(cdist(_as_rows(rows), _as_rows(columns)))
+
+
+def _as_rows(signatures: Sequence[SignatureArrays]) -> Points:
+    return np.array([arrays["energies"].ravel() for arrays in signatures])
+
+
+def _rounded(distances: Points) -> Points:
+    return np.asarray(np.round(distances / RESOLUTION) * RESOLUTION)
 
 
 def sample_surface(mesh: Mesh) -> tuple[Points, Points]:

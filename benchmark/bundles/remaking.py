@@ -22,9 +22,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.processes.process import ForeignError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.gallery import in_shuffled_order
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.ranking import in_shuffled_order
 from benchmark.pipeline.recipes import method_components
 from benchmark.pipeline.storage.lock import versions_of
 from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name

@@ -22,10 +22,12 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import require_arrays
+from benchmark.pipeline.ranking import matrices_of
 from benchmark.pipeline.recipes import distances_recipe, draws_of, features_recipe, source_data
 from benchmark.pipeline.stages import form
 from benchmark.pipeline.storage.environment import environment
-from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.keys import bare_key, digest
+from benchmark.pipeline.storage.lock import key_of
 from benchmark.pipeline.storage.merging import told
 from benchmark.pipeline.storage.records import Record, answered_shapes, as_text, portable, scorer_name
 from benchmark.pipeline.storage.store import StorageError
@@ -188,17 +190,18 @@ def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[En
                 arrays = _signature(run, by_name[name], arrays)
         found.append(arrays)
     forms = [run.recipe(by_name[name]) for name in answered_shapes(record)]
-    matrices = [store.find(distances_recipe(forms, run.spec, scorer, draw)) for draw in draws_of(run.spec, scorer)]
-    if not all(matrices):
+    stored = dict(matrices_of(record, store))
+    recipes = [distances_recipe(forms, run.spec, scorer, draw) for draw in draws_of(run.spec, scorer)]
+    matrices = [stored.get(bare_key(key_of(recipe))) for recipe in recipes]
+    if any(matrix is None for matrix in matrices):
         raise StorageError("its distances are not stored here", "run it again here")
     holds: Holds = "descriptors" if run.describes else "signatures" if withheld else "forms"
     key = record["key"]
     entry = Entry(key, holds, withheld, {name: (sources[name], prepared[name]) for name in record["shapes"]})
-    distances = [matrix.arrays for matrix in matrices if matrix]
     return entry, {
         entry.record: as_text(_without_places(record)).encode(),
         entry.arrays: _as_file(key, folded(found)),
-        entry.distances: _as_file(key, folded(distances)),
+        entry.distances: _as_file(key, folded([{"distances": matrix} for matrix in matrices if matrix is not None])),
     }
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from benchmark.cli.depth_forms import FrameOptions
 from benchmark.cli.options import RunOptions
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.retrieval import Found, GallerySearch, input_for
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.retrieval import Found, input_for, search
 
 
 def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, options: RunOptions) -> list[str]:
@@ -35,6 +36,8 @@ def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, op
         If the query cannot be treated.
     """
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.depth.reading import READERS
+    from benchmark.pipeline.preparation import Preparation
     from benchmark.pipeline.storage.store import Store
     from benchmark.plugins.registry import methods, variant
     from benchmark.protocols.galleries import Gallery
@@ -47,12 +50,12 @@ def retrieved(query: Path, k: int, picture: Path | None, frame: FrameOptions, op
     store = Store.open(options.results)
     gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
-    input_, scorer = input_for(query, dataset, spec), options.scorer_spec()
-    search = GallerySearch(dataset, input_, spec, scorer, store, models, options.seed, source)
-    found = search.search(query, frame.files)
+    preparation = Preparation(dataset, input_for(query, dataset, spec), store)
+    run = MethodRun(preparation, store, spec, options.seed, models, options.scorer_spec())
+    found = search(run, query, frame.files(query) if query.suffix.lower() in READERS else None, source)
     seconds = time.perf_counter() - begun
     if picture:
-        _draw(search, found, query, k, picture)
+        _draw(run, found, query, k, picture)
     return [*_table(found, k), _summary(found, seconds)]
 
 
@@ -73,12 +76,12 @@ def _summary(found: Found, seconds: float) -> str:
     )
 
 
-def _draw(search: GallerySearch, found: Found, query: Path, k: int, path: Path) -> None:
+def _draw(run: MethodRun, found: Found, query: Path, k: int, path: Path) -> None:
     from benchmark.report.pictures.depth_images import retrieved_picture
     from benchmark.report.pictures.painting import save_png
 
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", found.form or found.query.mesh)]
     for rank, hit in enumerate(found.hits[:k], 1):
         text = f"{rank}. {hit.entry.identifier}\n{hit.entry.subject}\n{hit.distance:.4g}"
-        panels.append((text, search.form(hit.entry)))
+        panels.append((text, None if run.describes else run.found_form(hit.entry)))
     save_png(retrieved_picture(panels), path)

@@ -14,6 +14,8 @@ import msgspec
 from benchmark.api.contracts import Input
 from benchmark.api.parameters import format_value
 from benchmark.datasets.own import is_own
+from benchmark.pipeline.ranking import BLOCK
+from benchmark.pipeline.recipes import draws_of
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model
@@ -151,7 +153,7 @@ class ScoringTask(msgspec.Struct, frozen=True, tag=True):
 
 
 class ComparisonTask(msgspec.Struct, frozen=True, tag=True):
-    """Comparing the shapes of one job, all of them treated, under one draw of its scorer: a part of its ranking.
+    """Comparing a block of shapes of one job with those before it, all of them treated, under one draw of its scorer.
 
     Parameters
     ----------
@@ -159,10 +161,13 @@ class ComparisonTask(msgspec.Struct, frozen=True, tag=True):
         The job alone.
     draw
         The draw.
+    start
+        Number of the first shape of the block.
     """
 
     jobs: tuple[Job, ...]
     draw: int | None
+    start: int = 0
 
 
 Task = ShapeBatch | ScoringTask | ComparisonTask
@@ -226,6 +231,12 @@ def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
 def _batch(group: list[Job], chosen: tuple[str, ...]) -> ShapeBatch:
     wanted = set(chosen)
     return ShapeBatch(tuple(job for job in group if wanted & set(job.identifiers)), chosen)
+
+
+def comparison_tasks(job: Job) -> list[ComparisonTask]:
+    """Cut the ranking of a job into blocks of rows under each draw; code of plugins compares a gallery at once."""
+    starts = range(0, 1 if job.method.describes or job.scorer.is_foreign else len(job.identifiers), BLOCK)
+    return [ComparisonTask((job,), draw, start) for draw in draws_of(job.method, job.scorer) for start in starts]
 
 
 #: Shapes in one batch.

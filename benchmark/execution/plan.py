@@ -6,8 +6,8 @@ import itertools
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -93,10 +93,6 @@ def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
     return chance_levels(subjects)
 
 
-#: The scorer that the jobs of descriptors name, whatever compares the forms.
-_NO_OTHER = ScorerSpec()
-
-
 @dataclass(frozen=True)
 class JobSettings:
     """Settings that all jobs of a plan share.
@@ -134,42 +130,67 @@ def make_plan(
     settings
         Of all jobs; None for the usual ones.
     """
-    plan = _Planning(store, settings or JobSettings(), list(store.records))
-    specs, wanted_inputs = list(methods), list(inputs)
+    planning = _Planning(store, settings or JobSettings())
+    specs, chosen_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     known: dict[tuple[str, str], str] = {}
     for gallery in galleries:
         rows = gallery.rows(specs, store.models)
-        for input_ in wanted_inputs:
+        for input_ in chosen_inputs:
             if rows and input_ in gallery.inputs:
                 data = data_recipe(gallery, input_, known)
-                jobs += [plan.job(gallery, input_, spec, data) for spec in rows]
+                jobs += [planning.job(gallery, input_, spec, data) for spec in rows]
     return jobs
 
 
-@dataclass(frozen=True)
 class _Planning:
-    """Context that all jobs of a plan share."""
+    """The records that all jobs of a plan are compared with."""
 
-    store: Store
-    settings: JobSettings
-    made_here: list[Record]
+    def __init__(self, store: Store, settings: JobSettings) -> None:
+        self.store, self.settings = store, settings
+        here = list(store.records)
+        self._here = {record["key"]: record for record in here}
+        self._published = {record["key"]: record for record in store.published}
+        self._before = by_place(record for record in here if "-" not in record["key"])
+        self._published_before = by_place(self._published.values())
 
-    @cached_property
-    def _before(self) -> Mapping[Place, list[Record]]:
-        return by_place(record for record in self.made_here if "-" not in record["key"])
-
-    @cached_property
-    def _by_key(self) -> Mapping[str, Record]:
-        return {record["key"]: record for record in self.made_here}
-
-    @cached_property
-    def _published(self) -> Mapping[str, Record]:
-        return {record["key"]: record for record in self.store.published}
-
-    @cached_property
-    def _published_before(self) -> Mapping[Place, list[Record]]:
-        return by_place(self._published.values())
+    def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
+        """Return the job of a row, and whether a run would make it."""
+        missing = spec.missing_packages()
+        # A descriptor compares its descriptors itself: one job, whatever compares the forms.
+        scorer = ScorerSpec() if not missing and spec.describes else self.settings.scorer
+        source = gallery.source
+        if is_path(source) and not is_known(source):  # to be understood from any working directory
+            source = str(Path(source).absolute())
+        job = Job(
+            key="", facts=_facts(gallery, input_, spec, scorer), table=gallery.table.identifier, dataset=source,
+            data_root=gallery.data_root and gallery.data_root.absolute(),
+            identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec,
+            seed=self.settings.seed, results=self.store.root.parent.absolute(), recipe={},
+            all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
+            large_files=_large_files(gallery),
+        )  # fmt: skip
+        if missing:
+            reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}"
+            return replace(job, state="unavailable", reason=reason)
+        if input_ not in spec.info.inputs:
+            return replace(job, state="unsupported", reason=f"does not take the {input_} input")
+        try:
+            proven = self._proven(spec.name) if spec.learns else ()
+            models = find_models(spec, gallery, self.store.models.absolute(), proven)
+        except MissingModel as error:
+            return replace(job, state="unavailable", reason=str(error))
+        except (NoFolds, TooNear) as error:
+            return replace(job, state="unsupported", reason=str(error))
+        recipe = _job_recipe(gallery, job, data, models)
+        job = replace(
+            job, key=key_of(recipe), recipe=recipe, models={model.training: model for model in models.values()},
+            trainings={identifier: model.training for identifier, model in models.items()},
+        )  # fmt: skip
+        place = Place(gallery.name, input_, spec.name, job.seed, scorer.name)
+        state, reason = self._state(job, place, is_quick=gallery.quick)
+        older = self._before.get(place) if state == "stale" else None
+        return replace(job, state=state, reason=reason, ranks_again=bool(older and self._has_distances(older[-1], job)))
 
     def _proven(self, method: str) -> set[str]:
         """Digests of the models by which a method has made results, here or else elsewhere."""
@@ -179,107 +200,60 @@ class _Planning:
                 return proven
         return set()
 
-    def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
-        """Return the job of a row, and whether a run would make it."""
-        store, retry, seed = self.store, self.settings.retry, self.settings.seed
-        models: dict[str, Model] = {}
-        # A descriptor compares its descriptors itself: one job, whatever compares the forms.
-        missing = spec.missing_packages()
-        scorer = _NO_OTHER if not missing and spec.describes else self.settings.scorer
-
-        def job(state: State, reason: str, recipe: dict[str, Any] | None = None, *, ranks_again: bool = False) -> Job:
-            source = gallery.source
-            if is_path(source) and not is_known(source):  # to be understood from any working directory
-                source = str(Path(source).absolute())
-            return Job(
-                key=key_of(recipe) if recipe else "", facts=_facts(gallery, input_, spec, scorer),
-                table=gallery.table.identifier, dataset=source,
-                data_root=gallery.data_root and gallery.data_root.absolute(),
-                identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec, seed=seed,
-                results=store.root.parent.absolute(), recipe=recipe or {},
-                models={model.training: model for model in models.values()},
-                trainings={identifier: model.training for identifier, model in models.items()},
-                all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
-                ranks_again=ranks_again, large_files=_large_files(gallery), state=state, reason=reason,
-            )  # fmt: skip
-
-        if missing:
-            return job("unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}")
-        if input_ not in spec.info.inputs:
-            return job("unsupported", f"does not take the {input_} input")
-        try:
-            proven = self._proven(spec.name) if spec.learns else ()
-            models = find_models(spec, gallery, store.models.absolute(), proven)
-        except MissingModel as error:
-            return job("unavailable", str(error))
-        except (NoFolds, TooNear) as error:
-            return job("unsupported", str(error))
-        recipe = job_recipe(gallery, spec, data, models, seed, scorer)
-        key, edit = key_of(recipe), edited(recipe["versions"])
-        record = self._by_key.get(key)
+    def _state(self, job: Job, place: Place, *, is_quick: bool) -> tuple[State, str]:
+        """Return whether a run would make a job, and why."""
+        record, edit = (
+            self._here.get(job.key),
+            words_of_edit(folders) if (folders := edited(job.recipe["versions"])) else "",
+        )
         if record is not None and (changed := changed_files(record.get("files", {}))):
-            return job("stale", f"{', '.join(changed[:3])} changed", recipe)
+            return "stale", f"{', '.join(changed[:3])} changed"
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
-            status = record["status"]
-            if status == "ok" or status not in retry | ({status} if "all" in retry else set()):
-                said = "finished" if status == "ok" else f"{status}: {record.get('reason', '')}"
-                reason = "; ".join(filter(None, (said, words_of_edit(edit) if edit else "")))
-                return job("cached" if status == "ok" else "failed", reason, recipe)
-            return job("stale", f"{status} before, asked to retry", recipe)
+            return self._state_of(record, edit)
         if edit:
-            return job("stale", words_of_edit(edit), recipe)
-        if key in self._published:
-            return job("published", "finished elsewhere; a run makes it anew here", recipe)
-        place = Place(gallery.name, input_, spec.name, seed, scorer.name)
+            return "stale", edit
+        if job.key in self._published:
+            return "published", "finished elsewhere; a run makes it anew here"
         if older := self._before.get(place):
-            ranks_again = _has_distances(older[-1], recipe, store)
-            return job("stale", what_changed(older[-1], recipe), recipe, ranks_again=ranks_again)
-        if not gallery.quick and (elsewhere := self._published_before.get(place)):
-            return job("missing", f"never run here; finished elsewhere: {what_changed(elsewhere[-1], recipe)}", recipe)
-        return job("missing", "never run", recipe)
+            return "stale", difference(older[-1]["recipe"], job.recipe)
+        if not is_quick and (elsewhere := self._published_before.get(place)):
+            changes = difference(elsewhere[-1]["recipe"], job.recipe)
+            return "missing", f"never run here; finished elsewhere: {changes}"
+        return "missing", "never run"
+
+    def _state_of(self, record: Record, edit: str) -> tuple[State, str]:
+        """The same of a job that has a record."""
+        status = record["status"]
+        if status == "ok":
+            return "cached", "; ".join(filter(None, ("finished", edit)))
+        if self.settings.retry & {status, "all"}:
+            return "stale", f"{status} before, asked to retry"
+        return "failed", "; ".join(filter(None, (f"{status}: {record.get('reason', '')}", edit)))
+
+    def _has_distances(self, older: Record, job: Job) -> bool:
+        """Return whether a record differs from a job in its measures alone, and all that it was made from is kept."""
+        if older["status"] != "ok" or not older.get("artefacts"):
+            return False
+        before, now = (
+            {**recipe, "versions": {**recipe.get("versions", {}), "measures": ""}}
+            for recipe in (older["recipe"], job.recipe)
+        )
+        return before == now and all(map(self.store.has, older["artefacts"]))
 
 
-def _has_distances(older: Record, recipe: Mapping[str, Any], store: Store) -> bool:
-    """Return whether a record differs from a recipe in its measures alone, and all that it was made from is kept."""
-    if older["status"] != "ok" or not older.get("artefacts"):
-        return False
-    before, now = (
-        {**each, "versions": {**each.get("versions", {}), "measures": ""}} for each in (older["recipe"], recipe)
-    )
-    return before == now and all(map(store.has, older["artefacts"]))
-
-
-def job_recipe(
-    gallery: Gallery,
-    spec: MethodSpec,
-    data: Mapping[str, Any],
-    models: Mapping[str, Model],
-    seed: int,
-    scorer: ScorerSpec | None = None,
-) -> dict[str, Any]:
-    """Everything that determines the scores of a job.
-
-    Parameters
-    ----------
-    gallery, spec, seed, scorer
-        The job; without a scorer, by the default one.
-    data
-        :func:`data_recipe` of the gallery and an input.
-    models
-        Trained model of each shape; empty for a method that does not learn.
-    """
-    scorer = scorer or ScorerSpec()
+def _job_recipe(gallery: Gallery, job: Job, data: Mapping[str, Any], models: Mapping[str, Model]) -> dict[str, Any]:
+    """Everything that determines the scores of a job, with :func:`data_recipe`."""
     recipe = {
         **data,
-        "method": spec.base_name,
-        "parameters": spec.key_parameters(),
-        "seed": seed,
-        "scorer": recipes.scorer_recipe(scorer),
-        "versions": recipes.job_versions(gallery.dataset, data["input"], spec, scorer),
-        **recipes.job_plugins(gallery.dataset, spec, scorer),
+        "method": job.method.base_name,
+        "parameters": job.method.key_parameters(),
+        "seed": job.seed,
+        "scorer": recipes.scorer_recipe(job.scorer),
+        "versions": recipes.job_versions(gallery.dataset, job.input, job.method, job.scorer),
+        **recipes.job_plugins(gallery.dataset, job.method, job.scorer),
     }
-    if gallery.table.split_size:
-        recipe["split_size"] = gallery.table.split_size
+    if job.split_size:
+        recipe["split_size"] = job.split_size
     if models:
         recipe["models"] = {model.training: model.digest for model in models.values()}
     return dict(keys.plain(recipe))
@@ -295,13 +269,13 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
     known
         What is known of the data of shapes, by source and identifier, to which this adds; None for nothing.
     """
-    dataset, told = gallery.dataset, {} if known is None else known
+    dataset, texts = gallery.dataset, {} if known is None else known
 
     def data(entry: Entry) -> str:
         name = (gallery.source, entry.identifier)
-        if name not in told:
-            told[name] = str(recipes.source_data(dataset, entry))
-        return told[name]
+        if name not in texts:
+            texts[name] = str(recipes.source_data(dataset, entry))
+        return texts[name]
 
     recipe: dict[str, Any] = {
         "input": input_,
@@ -315,32 +289,21 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
     return recipe
 
 
-def what_changed(record: Record, now: Mapping[str, Any]) -> str:
-    """Name the parts of the recipe of a record that changed.
-
-    Parameters
-    ----------
-    record
-        A record of the same place in the plan.
-    now
-        The recipe, or those parts of it that can be told.
-    """
-    return difference({part: record["recipe"].get(part) for part in now}, now)
-
-
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """Name the parts of a recipe that changed.
 
     Parameters
     ----------
-    before, now
-        Recipes of two jobs with the same place in the plan.
+    before
+        Recipe of a job.
+    now
+        That of another one with the same place in the plan, or those parts of it that are known.
     """
     plain = keys.plain(now)
     changes: list[str] = []
     for part in PARTS:
         old, new = before.get(part), plain.get(part)
-        if old == new:
+        if part not in plain or old == new:
             continue
         if part == "versions" and not old:
             changes.append("made by version 0.2 or older")
@@ -408,14 +371,14 @@ class Estimate:
         """In words, for a plan with so many jobs to run."""
         if not n_jobs:
             return []
-        told = []
+        lines = []
         if self.seconds or not self.unknown:
             shared = f", {_duration(self.seconds / workers)} with {workers} jobs at a time" if workers > 1 else ""
-            told.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
+            lines.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
         if self.unknown:
-            told.append(f"{self.unknown} of them cannot be estimated: no job of their method has finished")
+            lines.append(f"{self.unknown} of them cannot be estimated: no job of their method has finished")
         room = "unknown before the first job here" if self.mebibytes is None else f"about {self.mebibytes:.0f} MiB"
-        return [*told, f"disk: {room}"]
+        return [*lines, f"disk: {room}"]
 
 
 def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
@@ -442,31 +405,26 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     seconds, unknown, n_forms = 0.0, 0, 0
     shared: dict[tuple[str, str, str], dict[str, float]] = {}
     for job in to_run:
-        found = _phases(job, costs)
+        phases = _phases(job, costs)
         n_forms += len(job.identifiers)
-        if found is None:
-            unknown += 1
-            found = {}
-        own = sum(value for phase, value in found.items() if phase not in SHARED)
-        seconds += own * len(job.identifiers)
+        unknown += not phases
+        seconds += len(job.identifiers) * sum(value for phase, value in phases.items() if phase not in SHARED)
         for identifier in job.identifiers:
             place = shared.setdefault((job.facts["data"]["name"], job.input, identifier), {})
             for phase in SHARED:
-                place[phase] = max(place.get(phase, 0.0), found.get(phase, 0.0))
+                place[phase] = max(place.get(phase, 0.0), phases.get(phase, 0.0))
     seconds += sum(sum(phases.values()) for phases in shared.values())
     sizes = [path.stat().st_size for path in itertools.islice(store.artefact_files(), _SAMPLE)]
     room = (n_forms + len(shared)) * statistics.fmean(sizes) / 2**20 if sizes else None
     return Estimate(seconds, unknown, room)
 
 
-def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float] | None:
-    """Seconds a shape by phase: of the gallery itself, else the median over others; None if there are none."""
+def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float]:
+    """Seconds a shape by phase: of the gallery itself, else the median over others; empty if there are none."""
     alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
     here = [record for record in alike if record["gallery"] == job.gallery]
-    found = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
-    if not found:
-        return None
-    return {phase: statistics.median(each.get(phase, 0.0) for each in found) for phase in set().union(*found)}
+    timed = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
+    return {phase: statistics.median(row.get(phase, 0.0) for row in timed) for phase in set().union(*timed)}
 
 
 def _duration(seconds: float) -> str:
@@ -516,10 +474,10 @@ class Shard:
         ConfigurationError
             If it is anything else, or there is no such part.
         """
-        found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
-        if not found:
+        numbers = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+        if not numbers:
             raise ConfigurationError(f"'{text}' is no shard", "write i/n with i from 1 to n, such as 2/3")
-        return cls(int(found[1]), int(found[2]))
+        return cls(int(numbers[1]), int(numbers[2]))
 
     def of(self, jobs: Sequence[Job]) -> list[Job]:
         """The jobs of this part.

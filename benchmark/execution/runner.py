@@ -1,19 +1,14 @@
-"""Work of a worker: run methods on the shapes of a batch, or rank a gallery and write its record."""
+"""Work of a worker: treat the shapes of a batch, compare a block of a gallery, or rank it and write its record."""
 
 from __future__ import annotations
 
-import statistics
 import time
 import traceback
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
-import numpy as np
-
-from benchmark.api.contracts import Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
@@ -21,24 +16,24 @@ from benchmark.execution.job_specs import ComparisonTask, Job, ScoringTask, Shap
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
 from benchmark.execution.processes.process import ForeignError, is_child
 from benchmark.pipeline import recipes
-from benchmark.pipeline.gallery import RankedGallery, Signatures, settled
-from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
+from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation
-from benchmark.pipeline.stages import measures
+from benchmark.pipeline.ranking import GalleryRanking
 from benchmark.pipeline.storage import keys, lock
-from benchmark.pipeline.storage.costs import Cost
 from benchmark.pipeline.storage.environment import commit
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.remote import close_to_plugins
 
-__all__ = ["failure", "keep", "make_forms", "ranked", "work"]
-
 
 class Tell(Protocol):
     """Told which job a worker is at, how many steps are behind it, and at which shape or part of a ranking it is."""
 
-    def __call__(self, job: str, steps: int, shape: str = "") -> object: ...
+    def __call__(self, job: str, steps: int, shape: str = "") -> object: ...  # noqa: D102
+
+
+#: The gallery that this process compared last, by the key of its job: its next block needs the same.
+_compared: dict[str, GalleryRanking] = {}
 
 
 def work(task: Task, tell: Tell) -> None:
@@ -47,20 +42,20 @@ def work(task: Task, tell: Tell) -> None:
     Parameters
     ----------
     task
-        Shapes to treat, a gallery to rank, or one to compare for that.
+        Shapes to treat, a gallery to rank, or a block of one to compare for that.
     tell
         Told before each step.
     """
-    if isinstance(task, ScoringTask):
-        for done, job in enumerate(task.jobs):
-            tell(job.key, done)
-            _rank(job, lambda said, key=job.key, done=done: tell(key, done, said))  # type: ignore[misc]
-    elif isinstance(task, ComparisonTask):
-        (job,) = task.jobs
-        tell(job.key, 0)
-        _compare(job, task.draw, lambda said: tell(job.key, 0, said))
-    else:
+    if not (isinstance(task, ComparisonTask) and task.jobs[0].key in _compared):
+        _compared.clear()
+    if isinstance(task, ShapeBatch):
         _treat(task, tell)
+        return
+    for done, job in enumerate(task.jobs):
+        tell(job.key, done)
+        store = Store.open(job.results)
+        with _guarded(job, store):
+            _rank(job, store, task, lambda part, key=job.key, done=done: tell(key, done, part))  # type: ignore[misc]
 
 
 def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
@@ -82,44 +77,54 @@ def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
     return {"status": status, "reason": reason, "traceback": trace}
 
 
-# Shapes --------------------------------------------------------------------------------------------------------------
+def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
+    """Make the forms of some shapes of a job and keep them, in a process of its own.
+
+    Of a shape that cannot be treated, the reason is kept.
+
+    Parameters
+    ----------
+    description
+        The job, as :func:`benchmark.execution.job_specs.to_json` writes it.
+    identifiers
+        The shapes.
+    say
+        Told each shape when it is done.
+    """
+    close_to_plugins()
+    job = job_of(description)
+    store = Store.open(job.results)
+    run = _method_run(job, _preparation(job, store), store)
+    for entry in _entries(identifiers, run.preparation.dataset):
+        with suppress(ShapeError):
+            run.answer(entry)
+        say(entry.identifier)
 
 
 def _treat(batch: ShapeBatch, tell: Tell) -> None:
     """Treat each shape by all methods in turn; a job that has failed, here or in another batch, is left alone."""
-    first = batch.jobs[0]
-    store = Store.open(first.results)
-    method_runs: dict[str, MethodRun] = {}
+    store = Store.open(batch.jobs[0].results)
+    preparation: Preparation | None = None
+    runs: dict[str, MethodRun] = {}
     made: dict[str, list[str]] = {job.key: [] for job in batch.jobs}
-    tell(first.key, 0)
-    try:
-        dataset = open_dataset(first.dataset, first.data_root)
-    except Exception:
-        for job in batch.jobs:
-            with _guarded(job, store):
-                raise
-        return
-    by_identifier = _by_identifier(dataset)
-    preparation = Preparation(dataset, first.input, store)
-    wanted = {job.key: frozenset(job.identifiers) for job in batch.jobs}
     for job in batch.jobs:
         tell(job.key, 0)
         with _guarded(job, store):
-            _require_same_code(job, dataset)
-            method_runs[job.key] = _method_run(job, preparation, store)
+            preparation = preparation or _preparation(job, store)
+            _require_same_code(job, preparation.dataset)
+            runs[job.key] = _method_run(job, preparation, store)
+    if preparation is None:
+        return
+    entries = {entry.identifier: entry for entry in preparation.dataset.entries}
+    shapes_of = {job.key: frozenset(job.identifiers) for job in batch.jobs}
     for done, identifier in enumerate(batch.identifiers):
         for job in batch.jobs:
-            if identifier not in wanted[job.key] or job.key not in method_runs or job.key in store.records:
+            if identifier not in shapes_of[job.key] or job.key not in runs or job.key in store.records:
                 continue
             tell(job.key, done, identifier)
-            with _guarded(job, store, identifier):
-                try:
-                    found = method_runs[job.key].treat(by_identifier[identifier])
-                except ShapeError:
-                    continue  # ranking finds the reason in the store
-                made[job.key] += [
-                    a.key for a in (found.prepared, found.answer, found.features) if a and not a.was_cached
-                ]
+            with _guarded(job, store, identifier), suppress(ShapeError):  # ranking finds the reason in the store
+                result = runs[job.key].treat(entries[identifier])
+                made[job.key] += [artefact.key for artefact in result.artefacts if not artefact.was_cached]
     lock.forget()
     for job in batch.jobs:
         if job.key in store.records:
@@ -127,24 +132,51 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
         tell(job.key, len(batch.identifiers))
         with _guarded(job, store):
             try:
-                _require_same_code(job, dataset)
+                _require_same_code(job, preparation.dataset)
             except _CodeChanged:
                 for key in made[job.key]:
                     store.discard(key)  # nobody knows which of the two codes made it
                 raise
 
 
+def _rank(job: Job, store: Store, task: ScoringTask | ComparisonTask, tell: Callable[[str], object]) -> None:
+    """Write the record of a job whose shapes are treated, or keep a block of distances for that."""
+    begun = time.perf_counter()
+    ranking = _compared.get(job.key)
+    preparation = ranking.run.preparation if ranking else _preparation(job, store)
+    _require_same_code(job, preparation.dataset)
+    if ranking is None:
+        run = _method_run(job, preparation, store)
+        ranking = GalleryRanking(run, _entries(job.identifiers, preparation.dataset))
+    ranking.tell = tell
+    if isinstance(task, ComparisonTask):
+        _compared[job.key] = ranking
+        ranking.compare(task.draw, task.start)
+    elif ranking.results:
+        keep(job, store, ranking.content(job.split_size, begun))
+    else:
+        reason = f"none of {len(job.identifiers)} shapes could be treated; first: {ranking.refused[0][1]}"
+        keep(job, store, failure("unsupported", reason) | {"unsupported": ranking.refused})
+
+
+def _preparation(job: Job, store: Store) -> Preparation:
+    return Preparation(open_dataset(job.dataset, job.data_root), job.input, store)
+
+
+def _entries(identifiers: Iterable[str], dataset: Dataset) -> list[Entry]:
+    by_identifier = {entry.identifier: entry for entry in dataset.entries}
+    return [by_identifier[identifier] for identifier in identifiers]
+
+
 def _method_run(job: Job, preparation: Preparation, store: Store) -> MethodRun:
-    method_run = MethodRun(preparation, store, job.method, job.seed, job.model_of, job.scorer)
-    if not isinstance(method_run.method, Method):
-        return method_run
-    seen = method_run.seen(_entries(job, preparation.dataset), preparation.dataset.name)
+    run = MethodRun(preparation, store, job.method, job.seed, job.model_of, job.scorer)
+    seen = [] if run.describes else run.seen(_entries(job.identifiers, preparation.dataset))
     if seen and job.all_unseen:
         raise ConfigurationError(
             f"{len(seen)} shapes were seen in training: {', '.join(seen[:3])}{' ...' if len(seen) > 3 else ''}",
             "test on shapes that the model has not been trained on, or take another training",
         )
-    return method_run
+    return run
 
 
 class _CodeChanged(BenchmarkError):
@@ -183,175 +215,5 @@ def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
     except BaseException as error:  # also what ends a program: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and not is_child():
             raise  # somebody interrupts jobs that are done in this process
-        said = message(error)
-        reason = f"{where}{type(error).__name__}: {said}" if said else f"{where}{type(error).__name__}"
-        keep(job, store, failure("failed", reason, traceback.format_exc()))
-
-
-def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
-    """Make the forms of some shapes of a job and keep them, in a process of its own.
-
-    Of a shape that cannot be treated, the reason is kept.
-
-    Parameters
-    ----------
-    description
-        The job, as :func:`benchmark.execution.job_specs.to_json` writes it.
-    identifiers
-        The shapes.
-    say
-        Told each shape when it is done.
-    """
-    close_to_plugins()
-    job = job_of(description)
-    store = Store.open(job.results)
-    dataset = open_dataset(job.dataset, job.data_root)
-    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
-    by_identifier = _by_identifier(dataset)
-    for identifier in identifiers:
-        with suppress(ShapeError):
-            method_run.answer(by_identifier[identifier])
-        say(identifier)
-
-
-# Galleries -----------------------------------------------------------------------------------------------------------
-
-
-def _rank(job: Job, tell: Callable[[str], object]) -> None:
-    store = Store.open(job.results)
-    with _guarded(job, store):
-        keep(job, store, ranked(job, store, tell))
-
-
-def _compare(job: Job, draw: int | None, tell: Callable[[str], object]) -> None:
-    """Keep what ranking will read of one draw; only what goes wrong becomes a record."""
-    store = Store.open(job.results)
-    with _guarded(job, store):
-        _, gallery = _gallery(job, store, tell)
-        if gallery.found:
-            gallery.compared(draw)
-
-
-def _gallery(job: Job, store: Store, tell: Callable[[str], object]) -> tuple[list[Entry], RankedGallery]:
-    """All shapes of a job, and those of them that can be ranked."""
-    dataset = open_dataset(job.dataset, job.data_root)
-    _require_same_code(job, dataset)
-    entries = _entries(job, dataset)
-    method_run = _method_run(job, Preparation(dataset, job.input, store), store)
-    return entries, RankedGallery.of(store, method_run, entries, tell)
-
-
-def ranked(job: Job, store: Store, tell: Callable[[str], object] = lambda said: None) -> dict[str, Any]:
-    """Return the content of the record of a job whose shapes are treated.
-
-    Parameters
-    ----------
-    job
-        The job.
-    store
-        Where its forms and signatures are; what is missing is made.
-    tell
-        Told which part of the ranking is under way.
-    """
-    start = time.perf_counter()
-    entries, gallery = _gallery(job, store, tell)
-    refused, names = gallery.refused, [entry.identifier for entry in entries]
-    if not gallery.found:
-        reason = f"none of {len(entries)} shapes could be treated; first: {refused[0][1]}"
-        return failure("unsupported", reason) | {"unsupported": refused}
-    labels = [entry.subject for entry in entries]
-    answered = [place for place, name in enumerate(names) if name in gallery.found] if refused else None
-    results = list(gallery.found.values())
-    scored = measures.scores(gallery.matrices(), labels, answered)
-    if job.split_size:
-        scored |= measures.over_splits(gallery.matrices(), labels, job.split_size, answered)
-    return {
-        "status": "ok",
-        **scored,
-        "shapes": names,
-        "labels": labels,
-        "n_shapes": len(entries),
-        "n_classes": len(set(labels)),
-        "unsupported": refused,
-        "unprepared": gallery.unprepared,
-        "coverage": len(gallery.found) / max(len(entries) - len(gallery.unprepared), 1),
-        "digests": gallery.digests,
-        "notes": _summary(each.notes for each in results),
-        **_costs(results, gallery.signatures),
-        "wall_seconds": round(time.perf_counter() - start + gallery.seconds_before, 3),
-        "environments": _environments(results, gallery.signatures),
-        "artefacts": sorted(
-            {a.key for t in results for a in (t.prepared, t.answer)}
-            | {key for key in (*gallery.keys, gallery.method_run.preparation.frame_key) if key}
-        ),
-        **_files(results, gallery),
-        **_learning(job, gallery.method_run, entries),
-    }
-
-
-def _files(results: Sequence[ShapeResult], gallery: RankedGallery) -> dict[str, Any]:
-    """Return the part of a record that names the files that plugins have read; empty where they read none."""
-    artefacts = [a for result in results for a in (result.prepared, result.answer, result.features) if a]
-    files: dict[str, str] = {}
-    for part in (*(artefact.files for artefact in artefacts), files_of(gallery.scorer)):
-        files |= part
-    return {"files": files} if files else {}
-
-
-def _learning(job: Job, method_run: MethodRun, entries: Iterable[Entry]) -> dict[str, Any]:
-    """Return the part of a learner's record: its models, and which shapes they had seen; empty for other methods."""
-    if not job.models:
-        return {}
-    seen = method_run.seen(entries, method_run.preparation.dataset.name)
-    return {"models": [model.summary() for model in job.models.values()], "seen": seen}
-
-
-def _costs(results: Sequence[ShapeResult], signatures: Signatures) -> dict[str, Any]:
-    """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
-    phases: dict[str, list[Cost]] = {}
-    for each in results:
-        phases.setdefault("prepare", []).append(each.prepared.cost)
-        for stage, cost in each.answer.cost.shared.items():
-            phases.setdefault(stage, []).append(cost)
-        phases.setdefault("canonicalise", []).append(each.answer.cost)
-    seconds = {phase: round(statistics.median(c.seconds for c in settled(costs)), 4) for phase, costs in phases.items()}
-    if signatures.environments:
-        seconds["features"] = signatures.seconds
-    peaks = [cost.peak_mib for cost in settled(phases["canonicalise"]) if cost.peak_mib is not None]
-    return {
-        "cost": {"seconds_per_shape": seconds, "shapes_timed": len(settled(phases["canonicalise"]))},
-        "peak_mib": round(max(peaks), 1) if peaks else None,
-    }
-
-
-def _environments(results: Sequence[ShapeResult], signatures: Signatures) -> list[dict[str, Any]]:
-    """Return where the artefacts were made: each environment with the number of artefacts."""
-    counts = Counter(a.environment for t in results for a in (t.prepared, t.answer)) + Counter(signatures.environments)
-    return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
-
-
-def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
-    """Mean and largest value of each numeric note, and counts of each text."""
-    collected: dict[str, list[float | str]] = {}
-    for note in all_notes:
-        for name, value in note.items():
-            collected.setdefault(name, []).append(value)
-    summary: dict[str, Any] = {}
-    for name, values in sorted(collected.items()):
-        if all(isinstance(value, (int, float)) for value in values):
-            numbers = np.asarray(values, dtype=np.float64)
-            summary[name] = (
-                {"mean": float(numbers.mean()), "max": float(numbers.max())} if np.isfinite(numbers).all() else None
-            )
-        else:
-            summary[name] = {str(value): values.count(value) for value in values}
-    return summary
-
-
-def _by_identifier(dataset: Dataset) -> dict[str, Entry]:
-    return {entry.identifier: entry for entry in dataset.entries}
-
-
-def _entries(job: Job, dataset: Dataset) -> list[Entry]:
-    by_identifier = _by_identifier(dataset)
-    return [by_identifier[identifier] for identifier in job.identifiers]
+        reason = ": ".join(filter(None, (type(error).__name__, message(error))))
+        keep(job, store, failure("failed", f"{where}{reason}", traceback.format_exc()))

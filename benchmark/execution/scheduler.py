@@ -12,12 +12,19 @@ from msgspec.structs import replace
 
 from benchmark.errors import BenchmarkError
 from benchmark.execution.claims import Claims
-from benchmark.execution.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, shape_batches
+from benchmark.execution.job_specs import (
+    ComparisonTask,
+    Job,
+    ScoringTask,
+    ShapeBatch,
+    Task,
+    comparison_tasks,
+    shape_batches,
+)
 from benchmark.execution.plan import UNSAVED
 from benchmark.execution.pools import LOST, UNWRITTEN, Pool, Running
 from benchmark.execution.processes.process import BIRTH, BY_HAND, ending
 from benchmark.execution.runner import failure, keep
-from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 
@@ -197,13 +204,12 @@ class JobQueue:
         return batch
 
     def _share_out(self) -> None:
-        """Let each draw of the large jobs that wait be compared by itself; they are ranked when all draws are."""
+        """Let the large jobs that wait be compared block by block; they are ranked when all blocks are."""
         for job in [job for job in self._to_rank if _is_large(job)]:
-            draws = draws_of(job.method, job.scorer)
-            if len(draws) > 1:
+            if len(tasks := comparison_tasks(job)) > 1:
                 self._to_rank.remove(job)
-                self._first += [ComparisonTask((job,), draw) for draw in draws]
-                self._open[job.key] = len(draws)
+                self._first += tasks
+                self._open[job.key] = len(tasks)
 
     def _claim(self, job: Job) -> None:
         """Claim a job, or leave it out of all batches where another run is at it or has done it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -66,12 +67,11 @@ class Preparation:
 
     def artefact(self, entry: Entry) -> Artefact:
         """The arrays of a prepared shape, or why there are none; see :func:`require_arrays`."""
-        compute = lambda: with_files(attempted(lambda: self._compute(entry)), files_of(self.dataset))  # noqa: E731
-        return self._kept(self.recipe(entry), compute, f"prepare {self.input}")
-
-    def is_prepared(self, entry: Entry) -> bool:
-        """Return whether there is a prepared shape, which methods can get."""
-        return REFUSED not in self.artefact(entry).arrays
+        return self._kept(
+            self.recipe(entry),
+            lambda: with_files(attempted(lambda: self._compute(entry)), files_of(self.dataset)),
+            f"prepare {self.input}",
+        )
 
     def recipe(self, entry: Entry) -> Recipe:
         """Return what determines the prepared shape."""
@@ -105,22 +105,19 @@ class Preparation:
             return {"vertices": mesh.vertices, "faces": mesh.faces}
 
         recipe = source_recipe(self.dataset, entry)
-        arrays = self._kept(recipe, lambda: attempted(compute), f"load {self.dataset.name}", scratch=True)
-        return Mesh(require_arrays(arrays)["vertices"], arrays.arrays["faces"])
+        loaded = self._kept(recipe, lambda: attempted(compute), f"load {self.dataset.name}", scratch=True)
+        return Mesh(require_arrays(loaded)["vertices"], loaded.arrays["faces"])
 
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
             return complete(self.mesh(entry))
-        source, noted = self._source(entry)
+        if isinstance(self.dataset, DepthFolder):
+            frame = self.dataset.observed(entry)
+            source, frame_notes = frame.surface, frame.notes
+        else:
+            source, frame_notes = self.mesh(entry), {}
         view = seen(source, self.dataset.camera(entry), self.half_width, sensor_of(self.dataset, entry))
-        return {**view, **noted}
-
-    def _source(self, entry: Entry) -> tuple[Mesh, Arrays]:
-        """The mesh of the data set, and what is noted of the depth image that it was found in."""
-        if not isinstance(self.dataset, DepthFolder):
-            return self.mesh(entry), {}
-        found = self.dataset.observed(entry)
-        return found.surface, {f"note:{name}": np.asarray(note) for name, note in found.notes.items()}
+        return {**view, **{f"note:{name}": np.asarray(note) for name, note in frame_notes.items()}}
 
     @cached_property
     def _frame(self) -> Recipe:
@@ -129,10 +126,8 @@ class Preparation:
     def _fit_frame(self) -> Arrays:
         widths = []
         for entry in self.dataset.entries:
-            try:
+            with suppress(ShapeError):  # this shape is counted as unsupported when its turn comes
                 widths.append(half_width_of(self.mesh(entry), self.dataset.camera(entry)))
-            except ShapeError:
-                continue  # this shape is counted as unsupported when its turn comes
         return {"half_width": np.asarray(frame_of(widths))}
 
     def _kept(self, recipe: Recipe, compute: Callable[[], Arrays], work: str, *, scratch: bool = False) -> Artefact:
@@ -173,8 +168,3 @@ def require_arrays(artefact: Artefact) -> Arrays:
         problem, hint = artefact.arrays[REFUSED].tolist()[:2]
         raise UnsupportedShape(problem, hint)
     return artefact.arrays
-
-
-def notes(arrays: Arrays) -> dict[str, float | str]:
-    """Return what a stage noted about a shape."""
-    return {name[5:]: value.item() for name, value in arrays.items() if name.startswith("note:")}

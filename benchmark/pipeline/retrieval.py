@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input, Mesh, Shape
+from benchmark.arrays import Arrays
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
@@ -22,16 +23,13 @@ from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Arrays, Preparation, require_arrays, shape_of
+from benchmark.pipeline.preparation import require_arrays, shape_of
 from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.stages import form
 from benchmark.pipeline.stages.complete import complete
 from benchmark.pipeline.stages.view import seen
-from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec
-from benchmark.plugins.scorers import ScorerSpec
-from benchmark.protocols.models import Model
 
 
 @dataclass(frozen=True)
@@ -97,115 +95,83 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
     return input_
 
 
-@dataclass(frozen=True, eq=False)
-class GallerySearch:
-    """A gallery that was run by one method under one input.
+def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -> Found:
+    """Return the shapes of a gallery that was run, in the order of their distance from a depth image or a mesh.
 
     Parameters
     ----------
-    dataset, input, spec, scorer
-        Which shapes, seen how, treated by which method, and compared by what.
-    store
-        Where its forms are.
-    models
-        Trained model of each shape by identifier; empty for a method that does not learn.
-    seed
-        Base seed.
+    run
+        The method and the scorer, and the gallery under its input.
+    query
+        The file.
+    frame
+        How it is read as a depth image; None for a mesh.
     source
-        What the data set is called on the command line; "" for its name.
+        What the data set is called on the command line.
+
+    Raises
+    ------
+    ConfigurationError
+        If no form of the gallery is here.
+    ShapeError
+        If the query cannot be treated.
     """
+    shape = _shape(run, query, frame)
+    entries, signatures, n_read = _signatures(run, query)
+    if not entries:
+        words = ["run", "-m", run.spec.name, "-d", source, "--input", run.preparation.input]
+        raise ConfigurationError(
+            f"no form of '{run.preparation.dataset.name}' by '{run.spec.name}' under the {run.preparation.input} input "
+            "is kept here, as this code makes it",
+            f"run `python -m benchmark {shlex.join(words)}`",
+        )
+    method: Any = run.method_for(entries[0])
+    n_made = len(entries) - n_read
+    if run.describes:
+        vectors = [arrays["descriptor"] for arrays in (*signatures, form.describe(method, shape))]
+        return Found(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_made)
+    query_form = form.form_mesh(form.canonicalise(method, shape), shape.mesh)
+    all_signatures = [*signatures, signature_of(run.scorer, query_form)]
+    matrices = [form_distances(run.scorer, all_signatures, draw or 0) for draw in draws_of(run.spec, run.scorer_spec)]
+    return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, query_form, n_read, n_made)
 
-    dataset: Dataset
-    input: Input
-    spec: MethodSpec
-    scorer: ScorerSpec
-    store: Store
-    models: Mapping[str, Model] = field(default_factory=dict)
-    seed: int = 0
-    source: str = ""
 
-    def search(self, query: Path, frame: Callable[[Path], FrameFiles] = FrameFiles) -> Found:
-        """Return the shapes in the order of their distance from a depth image or a mesh.
+def _shape(run: MethodRun, query: Path, frame: FrameFiles | None) -> Shape:
+    """The query as the method is given it, in the frame of the gallery."""
+    preparation = run.preparation
+    if frame:
+        width = getattr(preparation.dataset, "half_width", None) or HALF_WIDTH
+        arrays = seen(frame.observe().surface, UPRIGHT, width)
+    elif preparation.input == "mesh":
+        arrays = complete(read_mesh(query))
+    else:
+        arrays = seen(read_mesh(query), FRONT, preparation.half_width)
+    return shape_of(arrays, query.stem, run.seed)
 
-        Parameters
-        ----------
-        query
-            The file.
-        frame
-            Says how a depth image is read.
 
-        Raises
-        ------
-        ConfigurationError
-            If no form of the gallery is here.
-        ShapeError
-            If the query cannot be treated.
-        """
-        run = self._run
-        shape = self._shape(query, frame)
-        entries, signatures, n_read = self._signatures(query)
-        method: Any = run.method_for(entries[0])
-        n_made = len(entries) - n_read
-        if self.spec.describes:
-            vectors = [each["descriptor"] for each in (*signatures, form.describe(method, shape))]
-            return Found(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_made)
-        made = form.form_mesh(form.canonicalise(method, shape), shape.mesh)
-        all_signatures = [*signatures, signature_of(run.scorer, made)]
-        matrices = [form_distances(run.scorer, all_signatures, draw or 0) for draw in draws_of(self.spec, self.scorer)]
-        return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, made, n_read, n_made)
+def _signatures(run: MethodRun, query: Path) -> tuple[list[Entry], list[Arrays], int]:
+    """Shapes that have a form, their signatures or descriptors, and how many of these were read.
 
-    def form(self, entry: Entry) -> Mesh | None:
-        """Return the canonical form of a shape of the gallery; None where it is not kept, or there is none."""
+    A signature that is made stays for the next query.
+    """
+    entries, signatures, n_read = list[Entry](), list[Arrays](), 0
+    for entry in run.preparation.dataset.entries:
+        answer = None if _is_file(entry, query) else run.store.find(run.recipe(entry))
+        if answer is None:
+            continue
         with suppress(ShapeError):
-            return None if self.spec.describes else self._run.found_form(entry)
-        return None
-
-    @cached_property
-    def _run(self) -> MethodRun:
-        preparation = Preparation(self.dataset, self.input, self.store)
-        return MethodRun(preparation, self.store, self.spec, self.seed, self.models, self.scorer)
-
-    def _shape(self, query: Path, frame: Callable[[Path], FrameFiles]) -> Shape:
-        """The query as the method is given it, in the frame of the gallery."""
-        if query.suffix.lower() in READERS:
-            observed = frame(query).observe()
-            arrays = seen(observed.surface, UPRIGHT, getattr(self.dataset, "half_width", None) or HALF_WIDTH)
-        elif self.input == "mesh":
-            arrays = complete(read_mesh(query))
-        else:
-            arrays = seen(read_mesh(query), FRONT, self._run.preparation.half_width)
-        return shape_of(arrays, query.stem, self.seed)
-
-    def _signatures(self, query: Path) -> tuple[list[Entry], list[Arrays], int]:
-        """Shapes that have a form, their signatures or descriptors, and how many of these were read.
-
-        A signature that is made stays for the next query.
-        """
-        run, entries, signatures, n_read = self._run, list[Entry](), list[Arrays](), 0
-        for entry in self.dataset.entries:
-            answer = None if _is_file(entry, query) else self.store.find(run.recipe(entry))
-            if answer is None:
-                continue
-            with suppress(ShapeError):
-                arrays = require_arrays(answer)
-                if not self.spec.describes:
-                    answer = run.signature(entry, partial(run.form_from, arrays, entry), stays=True)
-                signatures.append(answer.arrays)
-                entries.append(entry)
-                n_read += answer.was_cached
-        if not entries:
-            words = ["run", "-m", self.spec.name, "-d", self.source or self.dataset.name, "--input", self.input]
-            raise ConfigurationError(
-                f"no form of '{self.dataset.name}' by '{self.spec.name}' under the {self.input} input is kept here, "
-                "as this code makes it",
-                f"run `python -m benchmark {shlex.join(words)}`",
-            )
-        return entries, signatures, n_read
+            arrays = require_arrays(answer)
+            if not run.describes:
+                answer = run.signature(entry, partial(run.form_from, arrays, entry), stays=True)
+            signatures.append(answer.arrays)
+            entries.append(entry)
+            n_read += answer.was_cached
+    return entries, signatures, n_read
 
 
 def _is_file(entry: Entry, query: Path) -> bool:
     return entry.path is not None and entry.path.exists() and entry.path.samefile(query)
 
 
-def _ordered(entries: Sequence[Entry], found: NDArray[np.float64]) -> tuple[Hit, ...]:
-    return tuple(Hit(entries[place], float(found[place])) for place in np.argsort(found, kind="stable"))
+def _ordered(entries: Sequence[Entry], distances: NDArray[np.float64]) -> tuple[Hit, ...]:
+    return tuple(Hit(entries[place], float(distances[place])) for place in np.argsort(distances, kind="stable"))

@@ -19,8 +19,9 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.ranking import matrices_of
 from benchmark.pipeline.stages.form import form_mesh
-from benchmark.pipeline.storage.records import Record, answered_shapes
+from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.inspection import is_passed
 from benchmark.plugins.registry import MethodSpec, variant
@@ -52,11 +53,7 @@ class ArtefactReader:
 
     def distances(self, record: Record) -> Iterator[NDArray[Any]]:
         """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
-        count = len(answered_shapes(record))
-        for name in record.get("artefacts", ()):
-            arrays = self.store.arrays_under(name, "distances")
-            if "distances" in arrays and arrays["distances"].shape == (count, count):
-                yield arrays["distances"]
+        return (matrix for _, matrix in matrices_of(record, self.store))
 
     def dataset(self, record: Record) -> Dataset:
         """The data set of a record; raises ``BenchmarkError`` if it is not here."""

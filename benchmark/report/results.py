@@ -12,7 +12,7 @@ from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.own import sources_in
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.execution.plan import data_recipe, what_changed
+from benchmark.execution.plan import data_recipe, difference
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.environment import changed_packages
 from benchmark.pipeline.storage.lock import edited, key_of, read_lock, words_of_edit
@@ -145,7 +145,7 @@ class Results:
         except BenchmarkError:
             return ""  # an unknown plugin, or a method that cannot be imported here
         if keys.plain(now) != {part: recipe.get(part) for part in now}:
-            return what_changed(record, now)
+            return difference(record["recipe"], now)
         return changed_packages(record.get("environments", ()))
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Ranking a gallery: one matrix at a time, and a word on how far it is."""
+"""Ranking a gallery: whole or block by block, and not again what was ranked before."""
 
 from functools import cache
 
@@ -7,10 +7,19 @@ import pytest
 from click.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.pipeline import method_run
+from benchmark.execution import job_specs
+from benchmark.execution.job_specs import ScoringTask, comparison_tasks, shape_batches
+from benchmark.execution.plan import JobSettings, make_plan
+from benchmark.execution.runner import work
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline import method_run, ranking
 from benchmark.pipeline.storage import lock
+from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
-from tests.toy import write_rods
+from benchmark.plugins.registry import methods, select
+from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.protocols.galleries import galleries
+from tests.toy import rod, write_off, write_rods
 
 
 def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(tmp_path, monkeypatch):
@@ -49,3 +58,81 @@ def test_distances_that_are_damaged_are_made_again(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     (after,) = store.records
     assert after["per_query"] == before["per_query"]
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """Return the plan of one method on rods, of which one cannot be treated."""
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 0.6, 1.2))
+    write_off(rods / "thin9.off", Mesh(rod(0.1, 0.7).vertices * 0, rod(0.1, 0.7).faces))
+
+    def jobs(results, method="identity", scorer="cm-bof"):
+        chosen = galleries((), [str(rods)], None)
+        settings = JobSettings(scorer=scorer_of(scorer, scorers()))
+        return make_plan(chosen, ["mesh"], select((method,), methods()), Store.open(tmp_path / results), settings)
+
+    return jobs
+
+
+def ranked(job, *, apart=False):
+    """Do the tasks of a job; returns its record."""
+    for task in [*shape_batches([job]), *(comparison_tasks(job) if apart else ()), ScoringTask((job,))]:
+        work(task, lambda *_: None)
+    return Store.open(job.results).records.read(job.key)
+
+
+@pytest.mark.parametrize(
+    ("method", "scorer"),
+    [
+        ("identity", "cm-bof"),
+        ("identity", "cm-bof[allow_mirror=true]"),
+        ("identity", "spherical-harmonics"),
+        ("surface-area", "cm-bof"),
+    ],
+)
+def test_a_gallery_that_is_ranked_block_by_block_has_the_same_record(plan, tmp_path, monkeypatch, method, scorer):
+    (job,) = plan("whole", method, scorer)
+    whole = ranked(job)
+    monkeypatch.setattr(ranking, "BLOCK", 4)
+    monkeypatch.setattr(job_specs, "BLOCK", 4)
+    (job,) = plan("blocks", method, scorer)
+    assert len(comparison_tasks(job)) == (1 if method == "surface-area" else 2 * job.scorer.info.draws)
+    blocks = ranked(job, apart=True)
+    assert whole["status"] == "ok"
+    assert whole["unsupported"]
+    assert outcome(blocks) == outcome(whole)
+    for stage in ("shapes", "forms", "signatures"):
+        assert blocks["digests"].get(stage) == whole["digests"].get(stage)
+    matrices = [
+        dict(ranking.matrices_of(record, Store.open(tmp_path / name)))
+        for name, record in (("whole", whole), ("blocks", blocks))
+    ]
+    assert matrices[0].keys() == matrices[1].keys()
+    assert all(np.array_equal(matrices[0][key], matrix) for key, matrix in matrices[1].items())
+
+
+def test_blocks_that_were_compared_before_are_not_compared_again(plan, monkeypatch):
+    monkeypatch.setattr(ranking, "BLOCK", 4)
+    monkeypatch.setattr(job_specs, "BLOCK", 4)
+    (job,) = plan("results")
+    batch, *others = [*shape_batches([job]), *comparison_tasks(job)]
+    for task in (batch, *others):
+        work(task, lambda *_: None)
+    monkeypatch.setattr(ranking.GalleryRanking, "_compared", lambda *_: pytest.fail("compared twice"))
+    work(ScoringTask((job,)), lambda *_: None)
+    store = Store.open(job.results)
+    assert store.records.read(job.key)["status"] == "ok"
+    store.drop_scratch()
+    store.remove_record(job.key)
+    monkeypatch.setattr(method_run, "signature_of", lambda *_: pytest.fail("a form was rendered"))
+    work(ScoringTask((job,)), lambda *_: None)
+    assert store.records.read(job.key)["status"] == "ok"
+
+
+def test_a_gallery_whose_whole_matrices_are_kept_is_not_compared_in_blocks(plan, monkeypatch):
+    (job,) = plan("results")
+    whole = ranked(job)
+    monkeypatch.setattr(ranking, "BLOCK", 4)
+    monkeypatch.setattr(ranking.GalleryRanking, "_compared", lambda *_: pytest.fail("compared again"))
+    Store.open(job.results).remove_record(job.key)
+    assert ranked(job)["digests"] == whole["digests"]

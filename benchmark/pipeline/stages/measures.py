@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from retrieval.chance import chance_levels
 from retrieval.measures import MEASURES
-from retrieval.metrics import Scores, evaluate
+from retrieval.metrics import Scores, check_distances, evaluate_rows
 from retrieval.splits import all_splits, ranges, scores_of_splits
 
 Matrix = NDArray[np.float64]
@@ -20,13 +19,16 @@ Matrix = NDArray[np.float64]
 _DECIMALS = 6
 
 
-def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence[int] | None = None) -> dict[str, Any]:
+def scores(
+    matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], answered: Sequence[int] | None = None
+) -> dict[str, Any]:
     """Measures of a gallery as plain numbers: means over the matrices, and their standard deviation.
 
     Parameters
     ----------
     matrices
-        One per draw of the scorer, each of shape (n, n); each is forgotten before the next one is asked for.
+        One per draw of the scorer, each of shape (n, n), or its rows one after the other, which nobody checks again;
+        each is forgotten before the next one is asked for.
     labels
         Class of each shape of the gallery, N of them.
     answered
@@ -44,16 +46,15 @@ def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence
     ConfigurationError
         If a matrix is not square, finite and symmetric, or no class has two members.
     """
-    of_answered = [labels[place] for place in answered] if answered is not None else []
+    ranked = labels if answered is None else [labels[place] for place in answered]
 
-    def scored(matrix: Matrix) -> tuple[Scores, Scores | None]:
-        is_rankable = 1 < len(set(of_answered)) < len(of_answered)
-        return evaluate(matrix, labels, answered=answered), evaluate(matrix, of_answered) if is_rankable else None
+    def scored(matrix: Iterable[Matrix]) -> tuple[Scores, Scores | None]:
+        rows = check_distances(matrix, ranked)[0] if isinstance(matrix, np.ndarray) else matrix
+        return evaluate_rows(rows, labels, answered=answered)
 
-    made = list(map(scored, matrices))
-    found, alone = [whole for whole, _ in made], [part for _, part in made if part is not None]
-    means = _by_measure(found)
-    queries = {measure.name: np.mean([each.per_query[measure.name] for each in found], axis=0) for measure in MEASURES}
+    draws, alone = zip(*map(scored, matrices), strict=True)
+    means, of_supported = _by_measure(draws), _by_measure([draw for draw in alone if draw is not None])
+    queries = {measure.name: np.mean([draw.per_query[measure.name] for draw in draws], axis=0) for measure in MEASURES}
     return {
         "scores": {name: float(np.mean(values)) for name, values in means.items()},
         "codebook_deviation": {name: float(np.std(values)) for name, values in means.items()},
@@ -61,26 +62,26 @@ def scores(matrices: Iterable[Matrix], labels: Sequence[str], answered: Sequence
             name: [None if np.isnan(value) else round(float(value), _DECIMALS) for value in values]
             for name, values in queries.items()
         },
-        "tied_queries": max(each.tied_queries for each in found),
-        "lone_queries": found[0].lone_queries,
+        "tied_queries": max(draw.tied_queries for draw in draws),
+        "lone_queries": draws[0].lone_queries,
         "chance": chance_levels(labels),
-        **({"supported": {name: float(np.mean(v)) for name, v in _by_measure(alone).items()}} if alone else {}),
+        **({"supported": {name: float(np.mean(v)) for name, v in of_supported.items()}} if any(alone) else {}),
     }
 
 
-def _by_measure(found: Sequence[Scores]) -> dict[str, list[float]]:
-    return {measure.name: [each.means[measure.name] for each in found] for measure in MEASURES}
+def _by_measure(draws: Sequence[Scores]) -> dict[str, list[float]]:
+    return {measure.name: [draw.means[measure.name] for draw in draws] for measure in MEASURES}
 
 
 def over_splits(
-    matrices: Iterable[Matrix], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
+    matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
 ) -> dict[str, Any]:
     """Return how the measures are spread over every way to take some of the subjects for testing.
 
     Parameters
     ----------
     matrices
-        One per codebook, each of shape (n, n); the measures of a split are means over them.
+        As of :func:`scores`; the measures of a split are means over them.
     labels
         Subject of each shape of the gallery, N of them.
     size
@@ -94,7 +95,7 @@ def over_splits(
         ``splits``: the number of ways, and by measure the quantiles .05, .5 and .95.
     """
     splits = all_splits(labels, size)
-    scored = list(map(partial(scores_of_splits, labels=labels, splits=splits, answered=answered), matrices))
-    means = {name: np.mean([each[name] for each in scored], axis=0) for name in scored[0]}
-    found = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
-    return {"splits": {"count": len(splits), "size": size, "quantiles": found}}
+    draws = [scores_of_splits(np.array([*matrix]), labels, splits, answered) for matrix in matrices]
+    means = {name: np.mean([draw[name] for draw in draws], axis=0) for name in draws[0]}
+    quantiles = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
+    return {"splits": {"count": len(splits), "size": size, "quantiles": quantiles}}

@@ -184,9 +184,11 @@ class Store:
         key = key_of(recipe)
         return _load(self._path(key, scratch=scratch), key, wanted)
 
-    def find_anywhere(self, recipe: Mapping[str, Any]) -> Artefact | None:
+    def find_anywhere(
+        self, recipe: Mapping[str, Any], *, wanted: Callable[[str], bool] | None = None
+    ) -> Artefact | None:
         """Return the arrays of a recipe if they are there, among those that may go or those that stay."""
-        return self.find(recipe, scratch=True) or self.find(recipe)
+        return self.find(recipe, scratch=True, wanted=wanted) or self.find(recipe, wanted=wanted)
 
     def has(self, key: str) -> bool:
         """Return whether there is a file of arrays that stay under a key, whole or not."""

@@ -1,0 +1,426 @@
+"""Ranking of a gallery: its distances, block by block, and what its record says."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+import statistics
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from typing import Any, Protocol, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.api.contracts import Method
+from benchmark.api.scoring import Scorer, SignatureArrays
+from benchmark.arrays import ABOUT, Arrays
+from benchmark.datasets.base import Entry
+from benchmark.errors import ShapeError
+from benchmark.execution.processes.opened_files import with_files
+from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
+from benchmark.pipeline.recipes import Recipe, distances_recipe, draws_of
+from benchmark.pipeline.stages import measures
+from benchmark.pipeline.storage import keys
+from benchmark.pipeline.storage.costs import Cost
+from benchmark.pipeline.storage.lock import key_of
+from benchmark.pipeline.storage.records import Record, answered_shapes
+from benchmark.pipeline.storage.store import Artefact, Store
+from benchmark.plugins.output_checks import REFUSED, distances_of, form_distances
+from benchmark.plugins.remote import Foreign
+
+T = TypeVar("T")
+Matrix = NDArray[np.float64]
+
+#: Shapes in a block of rows, and of columns: a larger gallery is compared block by block.
+BLOCK = 1024
+
+#: Array beside distances that tells of the signatures, so that ranking them again needs no signature.
+_SIGNATURES = f"{ABOUT}signatures"
+
+#: Array beside a block of distances: bare key of the recipe of all of them, first row, first column.
+_PLACE = f"{ABOUT}place"
+
+
+class BlockScorer(Scorer, Protocol):
+    """A scorer of the suite, which compares block by block what :meth:`compare` compares at once."""
+
+    def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
+        """Return what all forms of a gallery are encoded with."""
+        ...
+
+    def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
+        """Return what is compared of a form."""
+        ...
+
+    def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> Matrix:
+        """Return the dissimilarities of each of some encoded forms to each of others."""
+        ...
+
+
+class GalleryRanking:
+    """The shapes of a gallery that can be ranked, and their distances.
+
+    Where all distances are kept from an earlier ranking, no signature is made or read.
+
+    Parameters
+    ----------
+    run
+        What makes the forms.
+    gallery
+        All shapes.
+    """
+
+    #: Told which part of the distances is under way.
+    tell: Callable[[str], object] = bool
+
+    def __init__(self, run: MethodRun, gallery: Sequence[Entry]) -> None:
+        self.run, self.gallery = run, gallery
+        self.scorer = None if run.describes else run.scorer
+        self.entries = list(gallery)
+        self.results: dict[str, ShapeResult] = {}
+        self.refused: list[tuple[str, str]] = []
+        self.unprepared: list[str] = []
+        self._seconds_before: dict[str, float] = {}
+        self._read(signed=False)
+        if not (run.describes or all(map(run.store.digest_under, self.keys))):
+            self._read(signed=True)
+        order = {entry.identifier: number for number, entry in enumerate(gallery)}
+        self.refused.sort(key=lambda refusal: order[refusal[0]])
+
+    def _read(self, *, signed: bool) -> None:
+        """Read what the method made of each shape, and leave out the shapes of which there is nothing."""
+        entries, self.entries, self.results = self.entries, [], {}
+        for entry in entries:
+            try:
+                self.results[entry.identifier] = self.run.result(entry, signed=signed)
+            except ShapeError as error:
+                self.refused.append((entry.identifier, str(error)))
+                if REFUSED in self.run.preparation.artefact(entry).arrays:
+                    self.unprepared.append(entry.identifier)
+            else:
+                self.entries.append(entry)
+        spec, scorer = self.run.spec, self.run.scorer_spec
+        forms = [self.run.recipe(entry) for entry in self.entries]
+        self.recipes = {draw: distances_recipe(forms, spec, scorer, draw) for draw in draws_of(spec, scorer)}
+        self._galleries = {draw: key_of(recipe) for draw, recipe in self.recipes.items()}
+
+    # Distances -------------------------------------------------------------------------------------------------------
+
+    def distances(self, draw: int | None) -> Iterable[Matrix]:
+        """Rows of the distances under a draw: a matrix, or of a large gallery one row after the other."""
+        starts = self._starts(draw)
+        return self._rows(draw, starts) if len(starts) > 1 else self._block(draw, 0, 0).arrays["distances"]
+
+    def compare(self, draw: int | None, start: int) -> None:
+        """Make a block of rows, which starts at a shape: all that is to the left of the diagonal, and on it."""
+        starts = self._starts(draw) if self.results else ()
+        for column in starts:
+            if column <= start and start in starts:
+                self._block(draw, start, column)
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of all blocks of distances in the store."""
+        return [
+            key_of(self._recipe(draw, row, column))
+            for draw in self.recipes
+            for row in self._starts(draw)
+            for column in self._starts(draw)
+            if column <= row
+        ]
+
+    def _starts(self, draw: int | None) -> range:
+        """First shapes of the blocks: one where code of a plugin compares, or where a whole matrix is kept."""
+        count = len(self.entries)
+        is_whole = self.scorer is None or isinstance(self.scorer, Foreign) or count <= BLOCK
+        return range(0, max(count, 1), count or 1 if is_whole or self.run.store.has(self._galleries[draw]) else BLOCK)
+
+    def _rows(self, draw: int | None, starts: range) -> Iterator[Matrix]:
+        for row in starts:
+            block = np.empty((min(BLOCK, starts.stop - row), starts.stop))
+            for column in starts:
+                part = self._block(draw, max(row, column), min(row, column)).arrays["distances"]
+                block[:, column : column + BLOCK] = part if column <= row else part.T
+            yield from block
+
+    def _recipe(self, draw: int | None, row: int, column: int) -> Recipe:
+        if len(self._starts(draw)) == 1:
+            return self.recipes[draw]
+        return self._recipe_of_part("distances", draw, rows=row, columns=column)
+
+    def _recipe_of_part(self, stage: str, draw: int | None, **place: int) -> Recipe:
+        gallery = keys.bare_key(self._galleries[draw])
+        return {"stage": stage, "gallery": gallery, **place, "versions": self.recipes[draw]["versions"]}
+
+    def _block(self, draw: int | None, row: int, column: int) -> Artefact:
+        """Make, or find, a block of distances."""
+        files = lambda: files_of(self.scorer or self.run.method)  # noqa: E731
+        compare = lambda: with_files(self._compared(draw, row, column), files())  # noqa: E731
+        block = self.run.store.get_or_compute(self._recipe(draw, row, column), compare, work="rank")
+        self._seconds_before.setdefault(block.key, block.cost.seconds if block.was_cached else 0.0)
+        return block
+
+    def _compared(self, draw: int | None, row: int, column: int) -> Arrays:
+        scorer, method = self.scorer, self.run.method
+        if len(self.entries) == 1:
+            return {"distances": np.zeros((1, 1))}
+        if draw is None or scorer is None:
+            assert not isinstance(method, Method)  # noqa: S101
+            descriptors = [result.answer.arrays["descriptor"] for result in self.results.values()]
+            return {"distances": _in_order(descriptors, partial(distances_of, method), method)}
+        if any(result.signature is None for result in self.results.values()):  # the file of the distances is damaged
+            self.results = {entry.identifier: self.run.result(entry, signed=True) for entry in self.entries}
+        self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
+        about = {_SIGNATURES: np.array(json.dumps(self.signatures, sort_keys=True))}
+        if len(self._starts(draw)) == 1:
+            signatures = list(map(self.run.signature_arrays, self.entries))
+            compare = lambda items: form_distances(scorer, items, draw)  # noqa: E731
+            return {"distances": _in_order(signatures, compare, scorer), **about}
+        matched = cast(BlockScorer, scorer).match(self._encoded(draw, row), self._encoded(draw, column))
+        return {
+            "distances": matched,
+            **about,
+            _PLACE: np.array(json.dumps([keys.bare_key(self._galleries[draw]), row, column])),
+        }
+
+    def _encoded(self, draw: int, start: int) -> list[Arrays]:
+        """What is compared of a block of forms."""
+        scorer, signature_arrays, store = cast(BlockScorer, self.scorer), self.run.signature_arrays, self.run.store
+
+        def encode() -> Arrays:
+            codebook = store.get_or_compute(
+                self._recipe_of_part("codebook", draw),
+                lambda: scorer.codebook(map(signature_arrays, self.entries), draw),
+                work="codebook",
+                scratch=True,
+            ).arrays
+            entries = self.entries[start : start + BLOCK]
+            return _joined([scorer.encode(signature_arrays(entry), codebook) for entry in entries])
+
+        recipe = self._recipe_of_part("encoded", draw, rows=start, count=BLOCK)
+        return _parted(store.get_or_compute(recipe, encode, work="encode", scratch=True).arrays)
+
+    # Record ----------------------------------------------------------------------------------------------------------
+
+    def content(self, split_size: int, begun: float) -> dict[str, Any]:
+        """Return what the record says of a gallery with results.
+
+        Parameters
+        ----------
+        split_size
+            See :class:`benchmark.protocols.tables.Table`.
+        begun
+            When ranking began.
+        """
+        names, labels = ([getattr(entry, part) for entry in self.gallery] for part in ("identifier", "subject"))
+        answered = [place for place, name in enumerate(names) if name in self.results] if self.refused else None
+        scored = measures.scores(map(self.distances, self.recipes), labels, answered)
+        if split_size:
+            scored |= measures.over_splits(map(self.distances, self.recipes), labels, split_size, answered)
+        frame = self.run.preparation.frame_key
+        of_shapes = {artefact.key for result in self.results.values() for artefact in (result.prepared, result.answer)}
+        return {
+            "status": "ok",
+            **scored,
+            "shapes": names,
+            "labels": labels,
+            "n_shapes": len(names),
+            "n_classes": len(set(labels)),
+            "unsupported": self.refused,
+            "unprepared": self.unprepared,
+            "coverage": len(self.results) / max(len(names) - len(self.unprepared), 1),
+            "digests": self._digests,
+            "notes": _summary(result.notes for result in self.results.values()),
+            **_costs(self.results.values(), self.signatures),
+            "wall_seconds": round(time.perf_counter() - begun + sum(self._seconds_before.values()), 3),
+            "environments": self._environments,
+            "artefacts": sorted({*of_shapes, *self.keys, *([frame] if frame else [])}),
+            **self._files,
+            **self._learning,
+        }
+
+    @cached_property
+    def signatures(self) -> dict[str, Any]:
+        """One digest of all signatures, median seconds of one, and how many were made in which environment.
+
+        They are kept beside distances.
+        """
+        signatures = [result.signature for result in self.results.values() if result.signature]
+        if signatures:
+            return {
+                "digest": _digest(signature.digest for signature in signatures),
+                "seconds": _seconds([signature.cost for signature in signatures]),
+                "environments": dict(Counter(signature.environment for signature in signatures)),
+            }
+        recipe = self._recipe(next(iter(self.recipes)), 0, 0)
+        block = None if self.run.describes else self.run.store.find(recipe, wanted=_SIGNATURES.__eq__)
+        about = block.arrays.get(_SIGNATURES) if block else None
+        return {"digest": "", "seconds": 0.0, "environments": {}} if about is None else dict(json.loads(str(about)))
+
+    @property
+    def _digests(self) -> dict[str, str]:
+        """Digests of all that the scores come from, stage by stage, in the order of the gallery."""
+        digests = {
+            "shapes": _digest(result.prepared.digest for result in self.results.values()),
+            "forms": _digest(result.answer.digest for result in self.results.values()),
+            "signatures": self.signatures["digest"],
+            "distances": _digest(map(self.run.store.digest_under, self.keys)),
+        }
+        return {stage: digest for stage, digest in digests.items() if digest}
+
+    @property
+    def _environments(self) -> list[dict[str, Any]]:
+        """Return where the artefacts were made: each environment with the number of artefacts."""
+        counts = Counter(
+            artefact.environment for result in self.results.values() for artefact in (result.prepared, result.answer)
+        ) + Counter(self.signatures["environments"])
+        return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
+
+    @property
+    def _files(self) -> dict[str, Any]:
+        """Files that plugins have read; empty where they read none."""
+        files: dict[str, str] = {}
+        for result in self.results.values():
+            for artefact in result.artefacts:
+                files |= artefact.files
+        files |= files_of(self.scorer)
+        return {"files": files} if files else {}
+
+    @property
+    def _learning(self) -> dict[str, Any]:
+        """Models of a learner, and which shapes they had seen; empty for other methods."""
+        models = {model.training: model for model in self.run.models.values()}
+        if not models:
+            return {}
+        return {"models": [model.summary() for model in models.values()], "seen": self.run.seen(self.gallery)}
+
+
+def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:
+    """The distance matrices of a record, shape (N, N) each, with the bare key of their recipe; none where freed."""
+    count = len(answered_shapes(record))
+    in_blocks: dict[str, list[tuple[int, int, str]]] = {}
+    for key in record.get("artefacts", ()):
+        distances = store.arrays_under(key, "distances").get("distances")
+        if distances is None:
+            continue
+        if place := store.arrays_under(key, _PLACE):
+            gallery, row, column = json.loads(str(place[_PLACE]))
+            in_blocks.setdefault(gallery, []).append((row, column, key))
+        elif distances.shape == (count, count):
+            yield keys.bare_key(key), distances
+    for gallery, blocks in in_blocks.items():
+        matrix = np.full((count, count), np.nan)
+        for row, column, key in blocks:
+            block = store.arrays_under(key, "distances").get("distances", np.empty((0, 0)))
+            rows, columns = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
+            matrix[rows, columns], matrix[columns, rows] = block, block.T
+        if not np.isnan(matrix).any():
+            yield gallery, matrix
+
+
+def _joined(signatures: Sequence[Arrays]) -> Arrays:
+    """Arrays of several forms as one of each name, with their lengths."""
+    joined: dict[str, Any] = {}
+    for name in signatures[0]:
+        arrays = [signature[name] for signature in signatures]
+        joined |= {name: np.concatenate(arrays), f"lengths:{name}": np.array([len(array) for array in arrays])}
+    return joined
+
+
+def _parted(joined: Arrays) -> list[Arrays]:
+    """The arrays of each form, which :func:`_joined` has put together."""
+    parts = {
+        name: np.split(array, np.cumsum(joined[f"lengths:{name}"])[:-1])
+        for name, array in joined.items()
+        if not name.startswith("lengths:")
+    }
+    return [dict(zip(parts, arrays, strict=True)) for arrays in zip(*parts.values(), strict=True)]
+
+
+def _in_order(items: Sequence[T], compare: Callable[[Sequence[T]], Matrix], by: object) -> Matrix:
+    """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
+    return in_shuffled_order(items, compare) if isinstance(by, Foreign) else compare(items)
+
+
+def in_shuffled_order(items: Sequence[T], compare: Callable[[Sequence[T]], Matrix]) -> Matrix:
+    """Compare all pairs of items in another order, and return the matrix in theirs.
+
+    Parameters
+    ----------
+    items
+        Descriptors or signatures of N shapes; the order follows from a few measurements of them, and from no name.
+    compare
+        Returns the dissimilarities of all pairs, shape (N, N).
+    """
+    places = [_place(item if isinstance(item, Mapping) else {"": np.asarray(item)}) for item in items]
+    order = sorted(range(len(items)), key=places.__getitem__)
+    back = np.argsort(order)
+    return compare([items[number] for number in order])[np.ix_(back, back)]
+
+
+def _place(arrays: Arrays) -> tuple[Any, ...]:
+    """What places are sorted by: measurements to six digits, then every bit, and chance between copies."""
+    measurements = []
+    for name in sorted(arrays):
+        sizes = np.abs(np.asarray(arrays[name], dtype=np.float64)).ravel()
+        ramp = np.linspace(1, 2, sizes.size)
+        moments = [f"{value:.6g}" for value in (sizes.mean(), (sizes * ramp).mean())] if sizes.size else []
+        measurements += [name, str(np.shape(arrays[name])), *moments]
+    digest = hashlib.sha256(" ".join(measurements).encode()).hexdigest()
+    return digest, [arrays[name].tobytes() for name in sorted(arrays)], secrets.randbits(64)
+
+
+def _digest(digests: Iterable[str]) -> str:
+    """One digest of several, 16 hexadecimal digits; "" where one of them is not known."""
+    known = list(digests)
+    return keys.digest(known)[:16] if all(known) else ""
+
+
+def _settled(costs: Sequence[Cost]) -> Sequence[Cost]:
+    """Costs without those of first uses, which compile and load; all of them where there are no others."""
+    return [cost for cost in costs if not cost.first_use] or costs
+
+
+def _seconds(costs: Sequence[Cost]) -> float:
+    return round(statistics.median(cost.seconds for cost in _settled(costs)), 4)
+
+
+def _costs(results: Iterable[ShapeResult], signatures: Mapping[str, Any]) -> dict[str, Any]:
+    """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
+    phases: dict[str, list[Cost]] = {}
+    for result in results:
+        phases.setdefault("prepare", []).append(result.prepared.cost)
+        for stage, cost in result.answer.cost.shared.items():
+            phases.setdefault(stage, []).append(cost)
+        phases.setdefault("canonicalise", []).append(result.answer.cost)
+    of_signatures = {"features": signatures["seconds"]} if signatures["environments"] else {}
+    forms = _settled(phases["canonicalise"])
+    peaks = [cost.peak_mib for cost in forms if cost.peak_mib is not None]
+    return {
+        "cost": {
+            "seconds_per_shape": {phase: _seconds(costs) for phase, costs in phases.items()} | of_signatures,
+            "shapes_timed": len(forms),
+        },
+        "peak_mib": round(max(peaks), 1) if peaks else None,
+    }
+
+
+def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
+    """Mean and largest value of each numeric note, and counts of each text."""
+    collected: dict[str, list[float | str]] = {}
+    for notes in all_notes:
+        for name, value in notes.items():
+            collected.setdefault(name, []).append(value)
+    summary: dict[str, Any] = {}
+    for name, values in sorted(collected.items()):
+        if all(isinstance(value, (int, float)) for value in values):
+            numbers = np.asarray(values, dtype=np.float64)
+            is_finite = np.isfinite(numbers).all()
+            summary[name] = {"mean": float(numbers.mean()), "max": float(numbers.max())} if is_finite else None
+        else:
+            summary[name] = {str(value): values.count(value) for value in values}
+    return summary
