@@ -138,7 +138,7 @@ def evaluate_rows(
 
 
 def _relevant(classes: NDArray[np.intp], query: int) -> NDArray[np.bool_]:
-    return np.delete(classes, query) == classes[query]
+    return np.asarray(np.delete(classes, query) == classes[query])
 
 
 def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"] = "expected") -> Scores:

@@ -7,7 +7,7 @@ import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -150,9 +150,15 @@ class _Planning:
         self.store, self.settings = store, settings
         here = list(store.records)
         self._here = {record["key"]: record for record in here}
-        self._published = {record["key"]: record for record in store.published}
         self._before = by_place(record for record in here if "-" not in record["key"])
-        self._published_before = by_place(self._published.values())
+
+    @cached_property
+    def _published(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.store.published}
+
+    @cached_property
+    def _published_before(self) -> Mapping[Place, list[Record]]:
+        return by_place(self._published.values())
 
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
         """Return the job of a row, and whether a run would make it."""

@@ -158,8 +158,11 @@ class GalleryRanking:
 
     def _block(self, draw: int | None, row: int, column: int) -> Artefact:
         """Make, or find, a block of distances."""
-        files = lambda: files_of(self.scorer or self.run.method)  # noqa: E731
-        compare = lambda: with_files(self._compared(draw, row, column), files())  # noqa: E731
+
+        def compare() -> Arrays:
+            arrays = self._compared(draw, row, column)
+            return with_files(arrays, files_of(self.scorer or self.run.method))
+
         block = self.run.store.get_or_compute(self._recipe(draw, row, column), compare, work="rank")
         self._seconds_before.setdefault(block.key, block.cost.seconds if block.was_cached else 0.0)
         return block
