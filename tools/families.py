@@ -14,8 +14,7 @@ from benchmark.datasets.humans import Humans
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare
 from benchmark.plugins.registry import methods, variant
-from benchmark.report.pictures.forms import save
-from benchmark.report.pictures.painting import shaded
+from benchmark.report.pictures.painting import save, shaded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,6 @@ from typing import Any
 from benchmark.bundles.outcome import Outcome, RowOutcome
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
-from benchmark.report.html.pages import Board
 from benchmark.report.rounding import number
 from retrieval.measures import PRINTED
 
@@ -30,8 +29,8 @@ def keep(outcome: Outcome, results: Path) -> None:
     write_text(results / "bundles" / f"{outcome.digest}.json", json.dumps(outcome.to_plain(), sort_keys=True) + "\n")
 
 
-def boards(results: Path) -> list[Board]:
-    """Return a table for each gallery, input, scorer and seed of the bundles that a results folder keeps."""
+def boards(results: Path) -> list[tuple[str, list[list[object]]]]:
+    """Return heading and rows for each gallery, input, scorer and seed of the bundles that a results folder keeps."""
     rows: dict[tuple[Any, ...], list[tuple[float, list[object]]]] = {}
     first: dict[tuple[Any, ...], RowOutcome] = {}
     for outcome in _kept(results):
@@ -39,7 +38,7 @@ def boards(results: Path) -> list[Board]:
             place = (row.gallery, row.input, row.scorer, row.seed, row.gallery_digest)
             first.setdefault(place, row)
             rows.setdefault(place, []).append((-row.scores["DCG"], _cells(outcome, row)))
-    return [Board(_heading(first[place]), [cells for _, cells in sorted(rows[place])]) for place in sorted(rows)]
+    return [(_heading(first[place]), [cells for _, cells in sorted(rows[place])]) for place in sorted(rows)]
 
 
 def _kept(results: Path) -> Iterator[Outcome]:

@@ -137,8 +137,8 @@ def _forms(jobs: Sequence[FrameJob], options: FrameOptions, request: FormRequest
         seconds = time.perf_counter() - begun
         write_form(Path(job.target), made.form.mesh)
         if job.picture:
-            from benchmark.report.pictures.depth_images import frame_picture
             from benchmark.report.pictures.painting import save_png
+            from benchmark.report.pictures.sheets import frame_picture
 
             save_png(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), Path(job.picture))
         facts = [

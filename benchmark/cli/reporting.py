@@ -15,33 +15,46 @@ from benchmark.text import say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from benchmark.report.artefact_reader import ArtefactReader
+    from benchmark.report.content import TableContent
+
 #: Kinds of figures.
-FIGURES = ("forms", "effect", "cost")
+FIGURES = ("forms", "effect", "cost", "precision-recall", "confusion", "classes")
 
 
 def write_pages(selection: RunOptions, output: Path, *, force: bool = False) -> None:
     """Write the static report of a selection; with force, over what is of no report, too."""
     from benchmark.bundles.board import boards
-    from benchmark.plugins.registry import methods
-    from benchmark.report.artefact_reader import ArtefactReader
-    from benchmark.report.content import contents
-    from benchmark.report.html.site import write_report
+    from benchmark.report.html.pages import write_report
 
-    store = selection.store()
-    named = selection.is_by_name
-    tables = contents(selection.recorded(store), selection.tables, blanks=not selection.is_narrow, named=named)
-    if not tables:
-        raise no_table(selection)
-    artefacts = ArtefactReader(store, methods(selection.plugins), selection.data_root)
+    tables, artefacts = _recorded(selection)
+    options = [word for plugin in selection.plugins for word in ("--plugin", str(plugin))]
+    options += ["--data-root", str(selection.data_root)] if selection.data_root else []
+    options += ["--results", str(selection.results)] if selection.results != RunOptions().results else []
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
     written = write_report(
-        tables, artefacts, output, command, lambda line: say(line, err=True), boards(selection.results), force=force
-    )
+        tables, artefacts, output, command, lambda line: say(line, err=True), boards(selection.results),
+        options=options, force=force,
+    )  # fmt: skip
     name_edited(output, written.edited)
     say(
         f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
         f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"
     )
+
+
+def _recorded(selection: RunOptions) -> tuple[list[TableContent], ArtefactReader]:
+    """Tables of a selection, and the arrays behind them."""
+    from benchmark.plugins.registry import methods
+    from benchmark.report.artefact_reader import ArtefactReader
+    from benchmark.report.content import contents
+
+    store = selection.store()
+    blanks, named = not selection.is_narrow, selection.is_by_name
+    tables = contents(selection.recorded(store), selection.tables, blanks=blanks, named=named)
+    if not tables:
+        raise no_table(selection)
+    return tables, ArtefactReader(store, methods(selection.plugins), selection.data_root)
 
 
 def write_figure(
@@ -55,45 +68,54 @@ def write_figure(
     force: bool = False,
 ) -> None:
     """Draw one figure of a selection; the forms that it lacks are made in a process of their own."""
-    from benchmark.report.pictures.forms import ENDINGS, SIGNATURE, effect_figure, forms_figure, save
+    from benchmark.report.pictures.painting import ENDINGS, SIGNATURE, save
 
     if path.suffix.lower() not in ENDINGS:
         raise ConfigurationError(f"{path} is not the name of a figure", f"use {', '.join(ENDINGS)}")
     if path.is_file() and not force and SIGNATURE.encode() not in path.read_bytes():
         raise ConfigurationError(f"{path} was not drawn by 'report'", "choose another file, or pass --force")
-    if what == "cost":
-        save(_cost_figure(selection), path)
+    if what in ("forms", "effect"):
+        save(_forms_figure(selection, what, subjects, shapes, timeout), path)
     else:
-        from benchmark.pipeline.storage.store import Store
-
-        store = Store.open(selection.results)
-        planned = selection.jobs(store)
-        first = planned[0]
-        jobs = [job for job in planned if (job.gallery, job.input) == (first.gallery, first.input)]
-        if not selection.methods:  # those of the paper; the others would not fit
-            jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
-            jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
-            if not jobs:
-                raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
-        if what == "forms":
-            figure = forms_figure(jobs, store, subjects[0] if subjects else "", shapes, timeout)
-        else:
-            figure = effect_figure(jobs, store, subjects, shapes, timeout)
-        save(figure, path)
+        save(_chart(selection, what), path)
     say(f"wrote {path}")
 
 
-def _cost_figure(selection: RunOptions) -> Figure:
-    from benchmark.report.content import contents
-    from benchmark.report.pictures.cost import cost_figure
+def _forms_figure(
+    selection: RunOptions, what: str, subjects: tuple[str, ...], shapes: tuple[str, ...], timeout: float
+) -> Figure:
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.report.pictures.forms import effect_figure, forms_figure
 
-    store = selection.store()
-    tables = contents(selection.recorded(store), selection.tables)
-    if not tables:
-        raise no_table(selection)
-    if len(tables) > 1:
-        say(f"only table {tables[0].identifier} is drawn of {len(tables)}; choose with -t and -d", err=True)
-    return cost_figure(tables[0])
+    store = Store.open(selection.results)
+    planned = selection.jobs(store)
+    first = planned[0]
+    jobs = [job for job in planned if (job.gallery, job.input) == (first.gallery, first.input)]
+    if not selection.methods:  # those of the paper; the others would not fit
+        jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
+        jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
+        if not jobs:
+            raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
+    if what == "forms":
+        return forms_figure(jobs, store, subjects[0] if subjects else "", shapes, timeout)
+    return effect_figure(jobs, store, subjects, shapes, timeout)
+
+
+def _chart(selection: RunOptions, what: str) -> Figure:
+    from benchmark.report.pictures.charts import (
+        classes_figure,
+        confusion_figure,
+        cost_figure,
+        precision_recall_figure,
+    )
+
+    (table, *others), artefacts = _recorded(selection)
+    if others:
+        say(f"only table {table.identifier} is drawn of {len(others) + 1}; choose with -t and -d", err=True)
+    if what == "cost":
+        return cost_figure(table)
+    draw = {"precision-recall": precision_recall_figure, "confusion": confusion_figure, "classes": classes_figure}
+    return draw[what](table, artefacts)
 
 
 def name_edited(folder: Path, names: Iterable[str]) -> None:

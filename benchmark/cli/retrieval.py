@@ -77,8 +77,8 @@ def _summary(found: Found, seconds: float) -> str:
 
 
 def _draw(run: MethodRun, found: Found, query: Path, k: int, path: Path) -> None:
-    from benchmark.report.pictures.depth_images import retrieved_picture
     from benchmark.report.pictures.painting import save_png
+    from benchmark.report.pictures.sheets import retrieved_picture
 
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", found.form or found.query.mesh)]
     for rank, hit in enumerate(found.hits[:k], 1):

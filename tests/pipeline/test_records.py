@@ -20,10 +20,12 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.files import render
-from benchmark.report.html.measured import measured
-from benchmark.report.html.pages import TablePages, index_page, table_page
-from benchmark.report.html.scripts import data_script
+from benchmark.report.html.data import chart_data
+from benchmark.report.html.forms import DrawnSet
+from benchmark.report.html.pages import TablePages, index_page, table_pages
+from benchmark.report.html.scripts import script_json
 from benchmark.report.paper.document import paper_files
+from benchmark.report.ranked import ranked_cells
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
 
@@ -264,10 +266,10 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
     paper_files([table], ArtefactReader(Store(Path("nowhere")), {}), "article")
-    found = measured(table, ArtefactReader(Store(Path("nowhere")), {}))
-    pages = TablePages(table, found)
-    data_script("table", found.data)
-    table_page(pages, [pages])
+    cells = ranked_cells(table, ArtefactReader(Store(Path("nowhere")), {}))
+    pages = TablePages(table, cells, DrawnSet("set"))
+    script_json(chart_data(table, cells))
+    table_pages(pages, [pages])
     index_page([pages], "report")
     compare_folders([changed], [GOOD])
     as_text(portable(changed))

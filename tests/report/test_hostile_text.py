@@ -20,12 +20,13 @@ from benchmark.report.content import contents
 from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
 from benchmark.report.files import render
 from benchmark.report.frame import lines
-from benchmark.report.html.gallery import Gallery
-from benchmark.report.html.measured import measured
-from benchmark.report.html.pages import ENVIRONMENT, TablePages, forms_page, index_page, queries_page, table_page
-from benchmark.report.html.scripts import data_script
+from benchmark.report.html.data import chart_data
+from benchmark.report.html.forms import DrawnSet, Sheets
+from benchmark.report.html.pages import ENVIRONMENT, TablePages, index_page, table_pages
+from benchmark.report.html.scripts import add_script
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
+from benchmark.report.ranked import ranked_cells
 from benchmark.report.results import Result
 from benchmark.text import LONGEST_REASON, clean
 from tests.records import failed, record
@@ -198,14 +199,12 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     assert len(rows) == 3
     assert len({len(row) for row in rows}) == 1
     assert [row["title"] for row in json.loads(files["tables.json"])] == [text, text]
-    found = measured(table, NOTHING_KEPT)
-    pages = TablePages(table, found, Gallery(text, [(text, [text])], {text: {text: text}}, 1, ""))
-    for name, told in {
-        "table": table_page(pages, [pages]),
-        "index": index_page([pages], text),
-        "forms": forms_page(pages, [pages]),
-        "queries": queries_page(pages, [pages]),
-    }.items():
+    cells = ranked_cells(table, NOTHING_KEPT)
+    sheets = Sheets(text, {}, reasons={text: {text: ""}})
+    pages = TablePages(
+        table, cells, DrawnSet(text, {text: [text]}, {"mesh": sheets}, {"mesh": {text: text}}, 1), (text,)
+    )
+    for name, told in (table_pages(pages, [pages]) | {"index": index_page([pages], text)}).items():
         told.encode("utf-8")
         reader = Reader()
         reader.feed(told)
@@ -219,7 +218,9 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     reader.feed(ENVIRONMENT.get_template("parts.html").module.score_table(lines(table)))
     tags = [tag for tag, _ in reader.tags]
     assert (tags.count("table"), tags.count("script"), tags.count("td"), tags.count("tr")) == (1, 0, 3 * 4 + 1, 5)
-    script = data_script(text, found.data)
+    files = {}
+    add_script(files, text, chart_data(table, cells))
+    (script,) = (data.decode() for data in files.values())
     assert script.isascii()
     assert not set("<>&\r") & set(script)
     assert json.loads(f"[{script.removeprefix('canonicalForms.receive(').removesuffix(');' + chr(10))}]")[0] == clean(

@@ -180,8 +180,8 @@ def _drawn(
     """Return what could not be drawn, and the file that was written."""
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.perturbations.overview import overview
-    from benchmark.report.pictures.contact_sheet import contact_sheet
     from benchmark.report.pictures.painting import save_png
+    from benchmark.report.pictures.sheets import contact_sheet
 
     dataset: Dataset = open_dataset(source, Path(root) if root else None)
     if perturbations is not None:

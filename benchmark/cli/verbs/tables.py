@@ -113,7 +113,7 @@ def tables(
     if not check:
         folder.write(files)
         if perturbed and "markdown" in (formats or FORMATS):
-            from benchmark.report.pictures.curves import draw_curves
+            from benchmark.report.pictures.charts import draw_curves
 
             draw_curves(perturbed, output)
         say(f"wrote {', '.join(files)} to {output}")
@@ -152,7 +152,8 @@ def tables(
     type=click.Choice(FIGURES),
     default=FIGURES[0],
     show_default=True,
-    help="One subject by all methods; subjects before and after one method; accuracy against cost.",
+    help="One subject by all methods; subjects before and after one method; accuracy against cost; precision over "
+    "recall; nearest matches by class; scores by class.",
 )
 @click.option("--subject", "subjects", multiple=True, metavar="NAME", help="Subject to show in a figure.")
 @click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Shape to show in a figure.")

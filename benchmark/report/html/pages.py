@@ -1,60 +1,81 @@
-"""The pages of the report: what their templates are filled with. The environment escapes all that comes from data."""
+"""The report: pages, and the data that they load when it is wanted. The templates escape all that comes from data."""
 
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from benchmark.datasets.own import is_own
+from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.records import EXTERNAL, Record
+from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import html_line, html_text
 from benchmark.report.frame import Style, lines
-from benchmark.report.html.gallery import Gallery
-from benchmark.report.html.measured import Measured
-from benchmark.report.html.scripts import script_json
+from benchmark.report.html.data import chart_data, write_queries
+from benchmark.report.html.forms import DrawnSet, draw_set
+from benchmark.report.html.scripts import Files, Progress, add_script, script_json
 from benchmark.report.notes import notes
+from benchmark.report.output import Folder
+from benchmark.report.ranked import RankedCell, poses_of, ranked_cells
+from benchmark.report.reproduction.figures import reproduced_figures
 from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED
 
+#: Lists what a report consists of, so that the next one removes what it does not write again, and nothing else.
+CONTENTS = "parts/contents.json"
+
+#: Forms that can be turned, at 13 kilobytes each, and small pictures of forms, at one or two and thirty milliseconds:
+#: with plotly and the queries a report stays below thirty megabytes. Shapes of a data set beside each other.
+_MOST_FORMS, _MOST_SMALL_FORMS, _MOST_SHAPES = 1200, 16_000, 24
+
 #: Shapes that the first page lists as left out, at most.
 _MOST_LEFT_OUT = 500
+
+_ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
+
+Board = tuple[str, Sequence[Sequence[object]]]
+"""Rows of bundles on one gallery: a heading, and cells for each record."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """Files of a report: those left as edited, files, bytes, forms, and jobs with distances and with scores."""
+
+    edited: list[str]
+    n_files: int
+    size: int
+    n_forms: int
+    n_distances: int
+    n_ranked: int
 
 
 @dataclass(frozen=True)
 class TablePages:
-    """Content of the pages of one table.
-
-    Parameters
-    ----------
-    table
-        The table.
-    found
-        Data of its charts, and its rankings.
-    gallery
-        Pictures of canonical forms; None without any.
-    """
+    """Content of the pages of one table, with the options that the commands on them need."""
 
     table: TableContent
-    found: Measured
-    gallery: Gallery | None = None
+    cells: list[RankedCell]
+    drawn: DrawnSet
+    options: tuple[str, ...] = ()
 
     @property
     def stem(self) -> str:
         """Name of the pages."""
         return self.table.file_stem
-
-    @property
-    def set_stem(self) -> str:
-        """Name of the files of the data set."""
-        return set_stem(self.table)
 
     @property
     def short(self) -> str:
@@ -65,54 +86,141 @@ class TablePages:
     @property
     def heading(self) -> str:
         """Name of the table."""
-        identifier = self.table.identifier
-        own = identifier == str(self.table.data["name"])
-        return self.table.caption if own else f"Table {identifier}. {self.table.caption}"
+        identifier, caption = self.table.identifier, self.table.caption
+        return caption if identifier == str(self.table.data["name"]) else f"Table {identifier}. {caption}"
+
+    @property
+    def n_ranked(self) -> int:
+        """Jobs with scores."""
+        return sum(len(each.galleries) for each in self.cells)
+
+    @property
+    def n_distances(self) -> int:
+        """Those whose distances are stored."""
+        return sum(gallery.ranking is not None for each in self.cells for gallery in each.galleries)
+
+    @cached_property
+    def has_poses(self) -> bool:
+        """Return whether the classes take the same poses."""
+        return bool(poses_of(self.cells))
 
     @property
     def best(self) -> list[tuple[str, str, float]]:
         """Input, method and score of the highest DCG under each input, controls aside."""
-        found: list[tuple[str, str, float]] = []
-        for input_ in self.table.inputs:
-            contest = [
-                (scores["DCG"], row.label)
-                for row in self.table.rows
-                if row.family != CONTROL and (cell := row.cells.get(input_)) and (scores := cell.scores)
-            ]
-            if contest:
-                score, label = max(contest, key=lambda each: millionths(each[0]))
-                found.append((input_, label, score))
-        return found
+        contest = [
+            (each.input, each.row.label, (each.cell.scores or {})["DCG"])
+            for each in self.cells
+            if each.row.family != CONTROL
+        ]
+        of_inputs = ([one for one in contest if one[0] == input_] for input_ in self.table.inputs)
+        return [max(rows, key=lambda one: millionths(one[2])) for rows in of_inputs if rows]
 
     @property
     def run(self) -> str:
         """The command that runs the jobs of the table here."""
-        table = self.table
-        known = table.has_paper or table.table.identifier != table.data["name"]
-        chosen = ["-t", table.table.part_of or table.identifier] if known else ["-d", str(table.data["source"])]
-        scorer = ["--scorer", table.scorer] if table.scorer else []
-        done = [row.method for row in table.rows if any(cell.records for cell in row.cells.values())]
-        methods = [word for method in done for word in ("-m", method)]
-        quick = ["--quick"] if table.quick else []
-        return shlex.join(["python", "-m", "benchmark", "run", *chosen, *quick, *scorer, *methods])
+        table, name = self.table, str(self.table.data["name"])
+        source = name if is_own(str(table.data["source"])) else str(table.data["source"])
+        known = table.has_paper or table.table.identifier != name
+        chosen = ["-t", table.table.part_of or table.identifier] if known else ["-d", source]
+        chosen += ["--quick"] * table.quick
+        chosen += ["--scorer", table.scorer] if table.scorer else []
+        chosen += ["--seed", str(table.seed)] if table.seed else []
+        methods = dict.fromkeys(each.row.method for each in self.cells if each.row.family != EXTERNAL)
+        words = (word for method in methods for word in ("-m", method))
+        return shlex.join(["python", "-m", "benchmark", "run", *chosen, *words, *self.options])
+
+    @property
+    def reproduction(self) -> list[list[object]]:
+        """Figures of the paper beside ours, and what can be said of them."""
+        figures = (figure for figure in reproduced_figures([self.table]) if figure.ours is not None)
+        return [[f.title, f.input, f.measure, f.outcome, number(f.paper), number(f.ours)] for f in figures]
 
     def costs(self) -> tuple[list[str], list[list[object]]]:
         """Headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""
-        cells = [(row["title"], name, cell) for row in self.found.data["rows"] for name, cell in row["inputs"].items()]
-        phases = list(dict.fromkeys(phase for *_, cell in cells for phase in cell["phases"]))
+        by_phase = [each.cell.record.get("cost", {}).get("seconds_per_shape", {}) for each in self.cells]
+        phases = list(dict.fromkeys(phase for seconds in by_phase for phase in seconds))
         rows = [
-            [title, input_, *map(_seconds, [*map(cell["phases"].get, phases), cell["seconds"]]), cell["peak"] or ""]
-            for title, input_, cell in cells
-        ]
+            [
+                each.row.label, each.input, *map(_seconds, [*map(seconds.get, phases), each.cell.seconds]),
+                each.cell.record.get("peak_mib") or "",
+            ]
+            for each, seconds in zip(self.cells, by_phase, strict=True)
+        ]  # fmt: skip
         return ["Method", "Input", *(f"{name}, s" for name in phases), "All, s", "Peak, MiB"], rows
 
 
-@dataclass(frozen=True)
-class Board:
-    """Rows of bundles on one gallery: a heading, and a row of cells for each record."""
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
-    heading: str
-    rows: list[list[object]]
+
+def write_report(
+    tables: Sequence[TableContent],
+    artefacts: ArtefactReader,
+    root: Path,
+    command: str,
+    say: Progress = lambda _: None,
+    boards: Sequence[Board] = (),
+    *,
+    options: Sequence[str] = (),
+    force: bool = False,
+) -> Written:
+    """Write the report into its folder.
+
+    Parameters
+    ----------
+    tables
+        The tables to show.
+    artefacts
+        Where distances, surfaces and forms are, as far as they are here; without them the report shows the records.
+    root
+        Where it goes.
+    command
+        The command line that made it.
+    say
+        Told what is being done.
+    boards
+        Rows of bundles.
+    options
+        Words that commands on the pages need to find plugins, data and results.
+    force
+        Whether files are replaced that no report has written, or that were edited.
+
+    Raises
+    ------
+    BenchmarkError
+        If a file cannot be written or would take the place of what is of no report, or plotly is not installed.
+    """
+    names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms", "-queries")]
+    folder = Folder(root, "report", CONTENTS, force)
+    folder.require_own(["index.html", *names])
+    files = _assets()
+    sets: dict[str, dict[str, Record]] = {}  # tables share data sets, and records
+    for table in tables:
+        records = (record for row in table.rows for cell in row.cells.values() for record in cell.records)
+        sets.setdefault(set_stem(table), {}).update((record["key"], dict(record)) for record in records)
+    n_columns = max(1, sum(len({(r["input"], r["method"]) for r in of_set.values()}) for of_set in sets.values()))
+    room = max(2, min(_MOST_SHAPES, _MOST_FORMS // n_columns)), max(1, _MOST_SMALL_FORMS // n_columns)
+    drawn = {}
+    for stem, of_set in sets.items():
+        say(f"drawing {next((record['data']['name'] for record in of_set.values()), 'nothing')}")
+        drawn[stem] = draw_set(stem, list(of_set.values()), artefacts, files, room, say)
+    made = []
+    for table in tables:
+        say(f"ranking {table.data['name']}")
+        made.append(TablePages(table, ranked_cells(table, artefacts), drawn[set_stem(table)], tuple(options)))
+    for pages in made:
+        add_script(files, pages.stem, chart_data(pages.table, pages.cells))
+        write_queries(pages.stem, pages.table, pages.cells, pages.drawn.sheets, files)
+        files |= {name: text.encode() for name, text in table_pages(pages, made).items()}
+    files["index.html"] = index_page(made, command, boards).encode()
+    return Written(
+        folder.write(files),
+        len(files),
+        sum(map(len, files.values())),
+        sum(of_set.n_forms for of_set in drawn.values()),
+        sum(pages.n_distances for pages in made),
+        sum(pages.n_ranked for pages in made),
+    )
 
 
 def set_stem(table: TableContent) -> str:
@@ -121,32 +229,69 @@ def set_stem(table: TableContent) -> str:
     return f"set-{digest([data['source'], data['name'], bool(data['quick'])])[:10]}"
 
 
+def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, str]:
+    """Return the pages of one table by name: scores with charts, canonical forms, and the browser of queries."""
+    headings, costs = pages.costs()
+    families = list(dict.fromkeys(row.family for row in pages.table.rows))
+    content = {"lines": lines(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
+    gallery = {"gallery": pages.drawn.as_json()} if pages.drawn.n_forms else {}
+    return {
+        f"{pages.stem}.html": _page("table.html", tables, pages, {"table": pages.stem}, families=families, **content),
+        f"{pages.stem}-forms.html": _page("forms.html", tables, pages, gallery),
+        f"{pages.stem}-queries.html": _page("queries.html", tables, pages, {"queries": pages.stem}),
+    }
+
+
 def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
     """Return the first page: the tables, rows of bundles, what failed, and the commands that made all of it."""
-    return _rendered("index.html", tables, boards=boards, **_overview(tables, command))
+    cells = [
+        (pages.short, row.title, input_, cell)
+        for pages in tables
+        for row in pages.table.rows
+        for input_, cell in row.cells.items()
+    ]
+    failures = [
+        [*place, cell.status, brief(cell.record.get("reason", ""))]
+        for *place, cell in cells
+        if cell.status not in ("ok", "missing")
+    ]
+    left_out = [
+        [*place, str(shape), brief(why)] for *place, cell in cells for shape, why in cell.record.get("unsupported", ())
+    ]
+    records = {record["key"]: record for *_, cell in cells for record in cell.records}
+    environments: Counter[str] = Counter()
+    for record in records.values():
+        for part in record.get("environments", ()):
+            environments[in_words(part.get("environment", ""))] += int(part.get("artefacts", 0))
+    dates = sorted(str(record["finished"]) for record in records.values() if record.get("finished"))
+    data = {p.table.data_title: [p.table.data[key] for key in ("name", "n_shapes", "n_classes")] for p in tables}
+    return _page(
+        "index.html",
+        tables,
+        boards=boards,
+        failures=failures,
+        left_out=left_out[:_MOST_LEFT_OUT],
+        data_sets=[[str(name), title, *counts] for title, (name, *counts) in data.items()],
+        environments=sorted(environments.items()),
+        commands=[*dict.fromkeys(pages.run for pages in tables), command],
+        facts={"Jobs with scores": str(len(records))} | ({"Finished": f"{dates[0]} to {dates[-1]}"} if dates else {}),
+    )
 
 
-def table_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
-    """Return the scores of one table, and the charts that go with them."""
-    families = list(dict.fromkeys(row.family for row in pages.table.rows))
-    headings, costs = pages.costs()
-    told = {"lines": lines(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
-    return _rendered("table.html", tables, pages=pages, data={"table": pages.stem}, families=families, **told)
+def _page(
+    name: str, tables: Sequence[TablePages], pages: TablePages | None = None, data: object = None, **content: Any
+) -> str:
+    return ENVIRONMENT.get_template(name).render(tables=tables, pages=pages, data=data, **content)
 
 
-def forms_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
-    """Return the canonical forms of some shapes, and a viewer of each."""
-    data = {"gallery": pages.gallery.as_json()} if pages.gallery else {}
-    return _rendered("forms.html", tables, pages=pages, data=data)
-
-
-def queries_page(pages: TablePages, tables: Sequence[TablePages]) -> str:
-    """Return the browser of queries."""
-    return _rendered("queries.html", tables, pages=pages, data={"queries": pages.stem})
-
-
-def _rendered(name: str, tables: Sequence[TablePages], **told: Any) -> str:
-    return ENVIRONMENT.get_template(name).render({"tables": tables, "pages": None, "data": {}} | told)
+def _assets() -> Files:
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise ConfigurationError("plotly, which draws the charts, is not installed", "pip install plotly") from error
+    own = resources.files("benchmark.report.html").joinpath("assets")
+    files = {f"parts/assets/{name}": own.joinpath(name).read_bytes() for name in _ASSETS}
+    return files | {"parts/assets/plotly.js": get_plotlyjs().encode()}
 
 
 #: What a template prints is cleaned and escaped, whatever it is; what is markup already stays.
@@ -171,44 +316,3 @@ ENVIRONMENT.globals |= {
     "measures": [measure for measure in MEASURES if measure.name in PRINTED],
     "measure_titles": {measure.name: measure.title for measure in MEASURES},
 }
-
-
-def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}" if value < 100 else f"{value:.0f}"
-
-
-def _overview(tables: Sequence[TablePages], command: str) -> dict[str, Any]:
-    """Return what is told of all tables together: rows of the tables of the first page, commands, and facts."""
-    failures: list[list[object]] = []
-    left_out: list[list[object]] = []
-    environments: dict[str, int] = {}
-    data: dict[str, list[object]] = {}
-    records: dict[str, str] = {}
-    for pages in tables:
-        table = pages.table
-        what = table.data_title
-        data.setdefault(what, [str(table.data["name"]), what, table.data["n_shapes"], table.data["n_classes"]])
-        for row in table.rows:
-            for input_, cell in row.cells.items():
-                if cell.status not in ("ok", "missing"):
-                    reason = brief(cell.record.get("reason", ""))
-                    failures.append([pages.short, row.title, input_, cell.status, reason])
-                for shape, why in cell.record.get("unsupported", ()):
-                    left_out.append([pages.short, row.title, input_, str(shape), brief(why)])
-                for record in cell.records:
-                    if record["key"] in records:
-                        continue
-                    records[record["key"]] = str(record.get("finished", ""))
-                    for made in record.get("environments", ()):
-                        told = in_words(made.get("environment", ""))
-                        environments[told] = environments.get(told, 0) + int(made.get("artefacts", 0))
-    dates = sorted(filter(None, records.values()))
-    finished = {"Finished": f"{dates[0]} to {dates[-1]}"} if dates else {}
-    return {
-        "failures": failures,
-        "left_out": left_out[:_MOST_LEFT_OUT],
-        "data_sets": list(data.values()),
-        "environments": sorted(environments.items()),
-        "commands": [*dict.fromkeys(pages.run for pages in tables), command],
-        "facts": {"Jobs with scores": str(len(records)), **finished},
-    }

@@ -1,4 +1,4 @@
-"""Files of a report beside its pages: pictures, and data as scripts.
+"""Files beside the pages of a report: pictures, and data as scripts.
 
 A page that is opened from a folder may not fetch files, but it may load a script.
 """
@@ -27,21 +27,22 @@ _IN_HTML = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 def add_script(files: Files, name: str, value: Any) -> None:
     """Add a value as the script that a page loads by this name."""
-    files[f"parts/data/{name}.js"] = data_script(name, value).encode()
+    text = f"canonicalForms.receive({script_json(name)},{script_json(value)});\n"
+    files[f"parts/data/{name}.js"] = text.encode()
 
 
-def add_picture(files: Files, name: str, image: Image.Image) -> None:
-    """Add a picture, without date or version."""
+def add_picture(files: Files, name: str, image: Image.Image) -> str:
+    """Add a picture, without date or version, and return its path."""
     stream = io.BytesIO()
     image.save(stream, format="WEBP", quality=84, method=4)
     files[f"parts/pictures/{name}.webp"] = stream.getvalue()
+    return f"parts/pictures/{name}.webp"
 
 
 def script_json(value: Any) -> str:
-    r"""JSON that is also JavaScript, and text within a script of a page, whatever its strings hold.
+    """JSON that is also JavaScript, and text within a script of a page, whatever its strings hold.
 
-    Strings are cleaned as everywhere; what is not ASCII is escaped, U+2028 and halves of characters among it, and so
-    are the marks of HTML. A number that JSON does not have becomes ``null``.
+    What is not ASCII is escaped, and so are the marks of HTML. A number that JSON does not have becomes ``null``.
     """
     text = json.dumps(_plain(value), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     for mark, escaped in _IN_HTML.items():
@@ -49,23 +50,14 @@ def script_json(value: Any) -> str:
     return text
 
 
-def data_script(name: str, value: Any) -> str:
-    """A script that hands a value to the page that loads it; ``name`` is what the page asked for."""
-    return f"canonicalForms.receive({script_json(name)},{script_json(value)});\n"
-
-
 def _plain(value: Any) -> Any:
-    """The same with cleaned strings and without numbers that JSON lacks."""
+    """The same with cleaned strings, and without numbers that JSON lacks."""
     if isinstance(value, str):
         return clean(value)
     if isinstance(value, Mapping):
         return {clean(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(part) for part in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return value
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -23,10 +23,9 @@ from benchmark.report.files import bibliography
 from benchmark.report.latex import ENVIRONMENT, Latex, appendix, data_source, latex, scorer_cited
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
-from benchmark.report.pictures.cost import MEASURE
-from benchmark.report.pictures.forms import as_file
-from benchmark.report.pictures.kept_forms import kept_forms_figure
-from benchmark.report.pictures.scores import scores_figure
+from benchmark.report.pictures.charts import MEASURE, scores_figure
+from benchmark.report.pictures.forms import stored_forms_figure
+from benchmark.report.pictures.painting import as_file
 from benchmark.report.reproduction.claims import assess_claims
 from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
 from benchmark.report.statistics.significance import DRAWS, RESAMPLES
@@ -87,7 +86,7 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     texts |= {f"tables/{name}.tex": text for name, text in intervals.items()}
     given = {"tables": told, "forms": "", "intervals": list(intervals)} | _run(tables) | _reproduced(tables)
     for table in tables:
-        if (figure := kept_forms_figure(table, artefacts)) is not None:
+        if (figure := stored_forms_figure(table, artefacts)) is not None:
             figures["figures/forms.pdf"] = as_file(figure, ".pdf")
             given["forms"] = table.data_title
             break

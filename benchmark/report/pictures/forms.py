@@ -1,41 +1,43 @@
-"""Figures of forms for papers and pages: what methods make of a subject in a few poses."""
+"""Figures of forms for papers and pages: what methods make of a few shapes."""
 
 from __future__ import annotations
 
-import io
 import textwrap
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmark.api.contracts import Method
+from benchmark.api.contracts import Input, Method
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
 from benchmark.execution.job_specs import Job, to_json
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.runner import make_forms
-from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage.store import Store
+from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.report.content import TableContent
 from benchmark.report.pictures.painting import outwardness, painted
-from benchmark.report.pictures.posing import centred, reach, upright
+from benchmark.report.pictures.posing import centred, reach, spread, upright
+from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Poses of a subject that a figure shows.
+#: Shapes of a subject that a figure shows.
 POSES = 3
 
-#: Width of a figure in inches: the text of a two-column paper.
-WIDTH = 7.16
+#: Inches of a figure, the text of a two-column paper; of the widest column; of a picture of an effect.
+WIDTH, _COLUMN, _SIDE = 7.16, 1.25, 1.5
+
+#: Methods whose stored forms have room beside each other.
+_MOST = 8
 
 #: Pixels per side of a picture.
 _PIXELS = 280
@@ -48,36 +50,32 @@ _MARGIN = 1.03
 
 
 @dataclass
-class Forms:
-    """Forms of some shapes by one method, turned for the eye.
-
-    Parameters
-    ----------
-    title
-        The method.
-    meshes
-        Surfaces as they are drawn, or why there is none.
-    """
+class Column:
+    """Title of a method, and its forms of some shapes, turned for the eye; or why there is none."""
 
     title: str
-    meshes: list[Mesh | str] = field(default_factory=list)
+    meshes: Sequence[Mesh | str]
 
-    @property
-    def half(self) -> float:
-        """Half the width of a picture that holds each of them."""
-        return max((_MARGIN * reach(mesh.vertices) for mesh in self.meshes if isinstance(mesh, Mesh)), default=1.0)
+    def draw(self, place: Any, number: int) -> None:
+        """Draw one of the forms, or the reason why there is none, into its axes."""
+        mesh = self.meshes[number]
+        if isinstance(mesh, str):
+            place.set_aspect("equal")
+            reason = "\n".join(textwrap.wrap(clean(mesh), 22, max_lines=7, placeholder=" ..."))
+            place.text(0.5, 0.5, reason, transform=place.transAxes, fontsize=4, color="0.4", **_CENTRED)
+            return
+        half = _MARGIN * max(reach(other.vertices) for other in self.meshes if isinstance(other, Mesh))
+        picture = painted(mesh.vertices, mesh.faces, outwardness(mesh), _PIXELS, half)
+        place.imshow(np.asarray(picture), interpolation="antialiased")
+
+
+_CENTRED: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}
 
 
 def forms_figure(
-    jobs: Sequence[Job],
-    store: Store,
-    subject: str = "",
-    shapes: Sequence[str] = (),
-    limit: float | None = None,
+    jobs: Sequence[Job], store: Store, subject: str = "", shapes: Sequence[str] = (), limit: float | None = None
 ) -> Figure:
     """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
-
-    Where there is no form, its place tells why.
 
     Parameters
     ----------
@@ -96,11 +94,10 @@ def forms_figure(
     Raises
     ------
     ConfigurationError
-        If there is no such subject or shape.
+        If there is no such subject or shape, or none of the methods makes forms.
     """
     dataset, entries = _shapes_of(jobs[0])
-    chosen = _chosen(jobs[0].gallery, entries, subject, shapes)
-    return drawn(_of_methods(jobs, dataset, store, chosen, limit))
+    return _drawn(_columns(jobs, dataset, store, _chosen(jobs[0].gallery, entries, subject, shapes), limit))
 
 
 def effect_figure(
@@ -121,113 +118,87 @@ def effect_figure(
     shapes
         Which shapes to show of them, in place of some poses of each.
     """
-    from matplotlib.figure import Figure
-
     gallery, (dataset, entries) = jobs[0].gallery, _shapes_of(jobs[0])
-    shown = _chosen(gallery, entries, "", shapes) if shapes else entries
-    named = list(subjects) or list(dict.fromkeys(entry.subject for entry in shown))[: None if shapes else 2]
+    named = _chosen(gallery, entries, "", shapes) if shapes else []
+    subjects = subjects or list(dict.fromkeys(entry.subject for entry in named or entries))[: None if shapes else 2]
     rows = []
-    for subject in named:
-        own = [name for name in shapes if any(e.identifier == name and e.subject == subject for e in entries)]
-        rows.append(_of_methods(jobs[:1], dataset, store, _chosen(gallery, entries, subject, own), limit))
+    for subject in subjects:
+        own = [entry.identifier for entry in named if entry.subject == subject]
+        rows.append(_columns(jobs[:1], dataset, store, _chosen(gallery, entries, subject, own), limit))
     n_poses = max(len(row[0].meshes) for row in rows)
-    side = 1.5
-    figure = Figure(figsize=(side * (2 * n_poses + 0.7), side * len(rows) + 0.35), dpi=_PIXELS / 2)
     widths = [1] * n_poses + [0.7] + [1] * n_poses
-    axes = figure.subplots(
-        len(rows), len(widths), squeeze=False,
-        gridspec_kw={"width_ratios": widths, "wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 0.9},
-    )  # fmt: skip
+    figure, axes = _grid(_SIDE * sum(widths), _SIDE * len(rows) + 0.35, len(rows), widths, 0.9)
     for line, row in zip(axes, rows, strict=True):
-        for place in line:
-            place.set_axis_off()
-        for start, forms in ((0, row[0]), (n_poses + 1, row[1])):
-            for k, mesh in enumerate(forms.meshes):
-                _fill(line[start + k], mesh, forms.half)
+        for start, column in zip((0, n_poses + 1), row, strict=True):
+            for number in range(len(column.meshes)):
+                column.draw(line[start + number], number)
         line[n_poses].annotate(
             "", (0.85, 0.5), (0.15, 0.5), xycoords="axes fraction", textcoords="axes fraction",
             arrowprops={"arrowstyle": "-|>", "lw": 2.2, "color": "0.45", "mutation_scale": 18},
         )  # fmt: skip
-    figure.text(n_poses / sum(widths) / 2, 0.955, "The same bodies in different poses", **_HEAD)
-    figure.text(
-        1 - n_poses / sum(widths) / 2, 0.955, f"Their canonical forms, by {clean(jobs[0].method.info.title)}", **_HEAD
-    )
+    middle = n_poses / sum(widths) / 2
+    title = f"Their canonical forms, by {clean(jobs[0].method.info.title)}"
+    for place, text in ((middle, "The same bodies in different poses"), (1 - middle, title)):
+        figure.text(place, 0.955, text, fontsize=12, color="0.25", **_CENTRED)
     return figure
 
 
-_HEAD: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 12, "color": "0.25", "parse_math": False}
+def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
+    """Draw the first subject of a table in a few poses, and the stored forms of its methods; None without any."""
+    for input_ in table.inputs:
+        columns = _stored_columns(table, input_, artefacts)
+        if len(columns) > 1:
+            return _drawn(columns[: _MOST + 1], min(WIDTH, _COLUMN * min(len(columns), _MOST + 1)))
+    return None
 
 
-#: What each figure says about its origin, so that no figure of ours takes the place of another file.
-SIGNATURE = "canonical-forms benchmark"
-
-#: Metadata by the end of a file's name: without it, they would name the time and the version of matplotlib.
-_UNDATED: dict[str, dict[str, str | None]] = {
-    ".png": {"Software": SIGNATURE},
-    ".pdf": {"CreationDate": None, "Producer": None, "Creator": SIGNATURE},
-    ".svg": {"Date": None, "Creator": SIGNATURE},
-}
-
-#: Kinds of files that a figure can be.
-ENDINGS = tuple(_UNDATED)
-
-
-def as_file(figure: Figure, ending: str) -> bytes:
-    """Return a figure as a file without dates, of the kind that has this ending."""
-    import matplotlib as mpl
-
-    stream = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "figure"}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is drawn in its place
-        options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
-        figure.savefig(stream, format=ending[1:], **options)
-    return stream.getvalue()
+def _stored_columns(table: TableContent, input_: Input, artefacts: ArtefactReader) -> list[Column]:
+    columns: list[Column] = []
+    for row in table.rows:
+        cell = row.cells.get(input_)
+        if cell is None or not cell.records or row.family == CONTROL:
+            continue
+        record = dict(cell.records[0])
+        try:
+            shapes = [entry for entry in artefacts.dataset(record).entries if entry.identifier in record["shapes"]]
+        except BenchmarkError:
+            return []
+        entries = _chosen("", shapes, "", ())
+        surfaces = [mesh for entry in entries if (mesh := artefacts.surface(record, entry)) is not None]
+        if len(surfaces) == len(entries):
+            seen = [artefacts.seen(record, entry, mesh) for entry, mesh in zip(entries, surfaces, strict=True)]
+            column = _turned(row.title, [artefacts.form(record, entry) for entry in entries], surfaces, seen)
+            columns = columns or [_turned("input", surfaces, surfaces, seen)]
+            columns += [column] if any(isinstance(form, Mesh) for form in column.meshes) else []
+    return columns
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure without dates, so that the same picture is the same file; the end of its name chooses the kind."""
-    data = as_file(figure, path.suffix.lower())
-    try:
-        write_atomically(path, lambda file: file.write(data))
-    except OSError as error:
-        raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
-
-
-def drawn(columns: Sequence[Forms], width: float = WIDTH) -> Figure:
+def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:
     """Draw a column for the shapes and for each method, together of a width in inches."""
+    n_rows, side = len(columns[0].meshes), width / len(columns)
+    height = side * n_rows + _TITLES
+    figure, axes = _grid(width, height, n_rows, [1] * len(columns), 1 - _TITLES / height, max(300, _PIXELS / side))
+    for number, line in enumerate(axes):
+        for place, column in zip(line, columns, strict=True):
+            column.draw(place, number)
+    for place, column in zip(axes[0], columns, strict=True):
+        title = textwrap.fill(clean(column.title), 14, max_lines=2, placeholder=" ...")
+        place.text(0.5, 1.03, title, transform=place.transAxes, fontsize=6.5, **_CENTRED | {"va": "bottom"})
+    return figure
+
+
+def _grid(
+    width: float, height: float, n_rows: int, widths: Sequence[float], top: float, dpi: float = _PIXELS / 2
+) -> tuple[Figure, Any]:
+    """A figure of so many inches, and its axes without frames or gaps, up to a share of the height."""
     from matplotlib.figure import Figure
 
-    rows = [[each.meshes[k] for each in columns] for k in range(len(columns[0].meshes))]
-    side = width / len(columns)
-    height = side * len(rows) + _TITLES
-    figure = Figure(figsize=(width, height), dpi=max(300, _PIXELS / side))
-    axes = figure.subplots(
-        len(rows), len(columns), squeeze=False,
-        gridspec_kw={"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": 1 - _TITLES / height},
-    )  # fmt: skip
-    for line, row in zip(axes, rows, strict=True):
-        for place, forms, mesh in zip(line, columns, row, strict=True):
-            place.set_axis_off()
-            _fill(place, mesh, forms.half)
-    for place, forms in zip(axes[0], columns, strict=True):
-        title = textwrap.fill(clean(forms.title), 14, max_lines=2, placeholder=" ...")
-        place.text(
-            0.5, 1.03, title, transform=place.transAxes, ha="center", va="bottom", fontsize=6.5, parse_math=False
-        )
-    return figure
-
-
-def _fill(place: Any, mesh: Mesh | str, half: float) -> None:
-    """Put a picture into its place, or the reason why there is none."""
-    if isinstance(mesh, Mesh):
-        picture = painted(mesh.vertices, mesh.faces, outwardness(mesh), _PIXELS, half)
-        place.imshow(np.asarray(picture), interpolation="antialiased")
-        return
-    place.set_aspect("equal")
-    said = "\n".join(textwrap.wrap(clean(mesh), 22, max_lines=7, placeholder=" ..."))
-    place.text(
-        0.5, 0.5, said, transform=place.transAxes, ha="center", va="center", fontsize=4, color="0.4", parse_math=False
-    )
+    figure = Figure(figsize=(width, height), dpi=dpi)
+    edges = {"wspace": 0, "hspace": 0, "left": 0, "right": 1, "bottom": 0, "top": top}
+    axes = figure.subplots(n_rows, len(widths), squeeze=False, gridspec_kw={"width_ratios": widths, **edges})
+    for place in axes.flat:
+        place.set_axis_off()
+    return figure, axes
 
 
 def _shapes_of(job: Job) -> tuple[Dataset, list[Entry]]:
@@ -237,7 +208,7 @@ def _shapes_of(job: Job) -> tuple[Dataset, list[Entry]]:
 
 
 def _chosen(gallery: str, entries: Sequence[Entry], subject: str, shapes: Sequence[str]) -> list[Entry]:
-    """The named shapes, else poses of one subject, spread over those that it has."""
+    """The named shapes, else some of a subject, else of the first one."""
     if shapes:
         known = {entry.identifier: entry for entry in entries}
         unknown = next((name for name in shapes if name not in known), None)
@@ -245,64 +216,45 @@ def _chosen(gallery: str, entries: Sequence[Entry], subject: str, shapes: Sequen
             raise did_you_mean(f"shape of {gallery}", unknown, known)
         return [known[name] for name in shapes]
     name = subject or entries[0].subject
-    if not (found := poses_of(entries, name)):
+    chosen = spread([entry for entry in entries if entry.subject == name], POSES)
+    if not chosen:
         raise did_you_mean(f"subject of {gallery}", name, {entry.subject for entry in entries})
-    return found
+    return chosen
 
 
-def poses_of(entries: Sequence[Entry], subject: str) -> list[Entry]:
-    """Return some poses of a subject, spread over those that it has."""
-    members = [entry for entry in entries if entry.subject == subject]
-    return [members[i] for i in np.unique(np.linspace(0, max(len(members) - 1, 0), POSES).astype(int)) if members]
-
-
-def _of_methods(
+def _columns(
     jobs: Sequence[Job], dataset: Dataset, store: Store, entries: Sequence[Entry], limit: float | None
-) -> list[Forms]:
+) -> list[Column]:
     """The shapes themselves, then the forms of each method, all poses turned alike."""
-    input_ = jobs[0].input
-    preparation = Preparation(dataset, input_, store)
+    preparation = Preparation(dataset, jobs[0].input, store)
     surfaces = [_surface(preparation, entry) for entry in entries]
-    seen: list[Points | None] = []
-    for entry, surface in zip(entries, surfaces, strict=True):
-        vertices = None if isinstance(surface, str) else surface.vertices
-        if vertices is not None and input_ == "mesh":
-            vertices = vertices @ dataset.camera(entry).rotation.T
-        seen.append(vertices)
-    found = [untreated(surfaces, seen)]
-    found += [
-        turned(job.method.title, _made(job, preparation, entries, limit), surfaces, seen)
+    turns = [dataset.camera(entry).rotation.T if jobs[0].input == "mesh" else np.eye(3) for entry in entries]
+    seen = [None if isinstance(s, str) else s.vertices @ turn for s, turn in zip(surfaces, turns, strict=True)]
+    columns = [_turned("input", surfaces, surfaces, seen)]
+    columns += [
+        _turned(job.method.title, _made(job, preparation, store, entries, limit), surfaces, seen)
         for job in jobs
         if isinstance(job.method.create(), Method)
     ]
-    if len(found) == 1:
+    if len(columns) == 1:
         raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
-    return found
+    return columns
 
 
-def untreated(surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]) -> Forms:
-    """Return the shapes themselves as they are drawn: surfaces, and their vertices as a camera sees them."""
-    own = [
-        m if isinstance(m, str) else m.with_vertices(centred(cast(Points, s)))
-        for m, s in zip(surfaces, seen, strict=True)
-    ]
-    return Forms("input", own)
-
-
-def turned(
-    title: str, made: Sequence[Mesh | str], surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]
-) -> Forms:
-    """Return forms as they are drawn: upright, and all poses turned alike; or why there is none."""
-    forms = Forms(title)
+def _turned(
+    title: str, forms: Sequence[Mesh | str], surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]
+) -> Column:
+    """Forms as they are drawn: upright, and all poses turned alike."""
+    meshes: list[Mesh | str] = []
     model: Points | None = None
-    for form, surface, points in zip(made, surfaces, seen, strict=True):
+    for form, surface, points in zip(forms, surfaces, seen, strict=True):
         if isinstance(form, str) or isinstance(surface, str) or points is None:
-            forms.meshes.append(form if isinstance(form, str) else str(surface))
+            meshes.append(form if isinstance(form, str) else str(surface))
             continue
-        vertices = centred(upright(form, surface, points, model))
+        vertices = centred(points if form is surface else upright(form, surface, points, model))
         model = vertices if model is None else model
-        forms.meshes.append(form.with_vertices(vertices))
-    return forms
+        meshes.append(form.with_vertices(vertices))
+    return Column(title, meshes)
 
 
 def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:
@@ -312,13 +264,14 @@ def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:
         return str(error)
 
 
-def _made(job: Job, preparation: Preparation, entries: Sequence[Entry], limit: float | None) -> list[Mesh | str]:
-    """The form of each shape, or the reason why there is none."""
-    if job.state in ("unavailable", "unsupported", "failed") or preparation.store is None:
+def _made(
+    job: Job, preparation: Preparation, store: Store, entries: Sequence[Entry], limit: float | None
+) -> list[Mesh | str]:
+    """The form of each shape, made where it is missing, or the reason why there is none."""
+    if job.state in ("unavailable", "unsupported", "failed"):
         return [job.reason] * len(entries)
-    method_run = MethodRun(preparation, preparation.store, job.method, job.seed, job.model_of)
-    recipes = {entry.identifier: method_run.recipe(entry) for entry in entries}
-    missing = [name for name, recipe in recipes.items() if preparation.store.find(recipe, wanted=_nothing) is None]
+    method_run = MethodRun(preparation, store, job.method, job.seed, job.model_of)
+    missing = [e.identifier for e in entries if store.find(method_run.recipe(e), wanted=lambda _: False) is None]
     reason = "it cannot be kept"
     if missing:
         try:
@@ -326,17 +279,10 @@ def _made(job: Job, preparation: Preparation, entries: Sequence[Entry], limit: f
             call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)
         except BenchmarkError as error:
             reason = str(error)
-    return [_found(method_run, entry) or reason for entry in entries]
-
-
-def _nothing(_: str) -> bool:
-    """Want no array: it is enough to know whether a form is there."""
-    return False
-
-
-def _found(method_run: MethodRun, entry: Entry) -> Mesh | str | None:
-    """The form of a shape, or why the shape cannot be treated; None if there is no answer."""
-    try:
-        return method_run.found_form(entry)
-    except ShapeError as error:
-        return str(error)
+    forms: list[Mesh | str] = []
+    for entry in entries:
+        try:
+            forms.append(method_run.found_form(entry) or reason)
+        except ShapeError as error:
+            forms.append(str(error))
+    return forms

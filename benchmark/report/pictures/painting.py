@@ -1,11 +1,14 @@
 """Pictures of surfaces and depth images without OpenGL: the scorer's own rasteriser and a lamp.
 
-Where a surface is coloured, the colour of a place tells how far out on the body it is.
+Where a surface is coloured, the colour of a place says how far out on the body it is.
 """
 
 from __future__ import annotations
 
+import io
+import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,33 +17,43 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.edges import edges_of
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Depth images are drawn this many times finer and averaged, so that outlines are smooth.
 SUPERSAMPLING = 3
 
+#: Towards the lamp, in image coordinates: right, up, towards the viewer.
 _LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
-"""Towards the lamp, in image coordinates: right, up, towards the viewer."""
 
-#: From the trunk to the tips of the limbs; told apart on white and on black, and without seeing colours, by lightness.
-PALETTE = (
+#: From the trunk to the tips of the limbs; distinct on white and on black, and without seeing colours, by lightness.
+_PALETTE = (
     np.array([[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]]) / 255
 )
-
-_SHADES = np.stack(
-    [np.interp(np.linspace(0, 1, 256), np.linspace(0, 1, len(PALETTE)), PALETTE[:, channel]) for channel in range(3)],
-    axis=-1,
-)
+_PLAIN = np.array([0.60, 0.68, 0.77])
 
 _SOURCES = 48
-_SUPERSAMPLING = 2
+_FINER = 2
 
-_PLAIN = (0.60, 0.68, 0.77)
+#: What each figure says about its origin, so that no figure of ours takes the place of another file.
+SIGNATURE = "canonical-forms benchmark"
+
+#: Metadata by the ending of a figure's file: without it, they would name the time and the version of matplotlib.
+_UNDATED: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": SIGNATURE},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": SIGNATURE},
+    ".svg": {"Date": None, "Creator": SIGNATURE},
+}
+
+#: Endings of the files that a figure can be written to.
+ENDINGS = tuple(_UNDATED)
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
@@ -56,21 +69,15 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     along = dijkstra(graph, directed=False, indices=sources)
     along[~np.isfinite(along)] = np.nan
     far = np.nan_to_num(np.nanmean(along, axis=0))
-    low, high = float(far.min()), float(far.max())
-    share = (far - low) / max(high - low, 1e-12)
+    share = (far - far.min()) / max(float(np.ptp(far)), 1e-12)
     rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
     return np.asarray((share + rank) / 2)  # most of a body is trunk: by its share alone it would have one colour
-
-
-def colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Colours of values from 0 to 1, shape (..., 3), in [0, 1]."""
-    return np.asarray(_SHADES[np.rint(np.clip(values, 0, 1) * (len(_SHADES) - 1)).astype(np.intp)])
 
 
 def painted(
     points: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None, size: int, half: float
 ) -> Image.Image:
-    """Picture of a surface as seen along its third axis.
+    """Picture of a surface as seen along its third axis, transparent where there is nothing.
 
     Parameters
     ----------
@@ -79,18 +86,13 @@ def painted(
     faces
         Triangles.
     values
-        Of the vertices, from 0 to 1, shown as :func:`colours`; None for one plain colour.
+        Of the vertices, from 0 to 1, shown as colours; None for one plain colour.
     size
         Pixels per side.
     half
         Half the width of the picture, in units of the points.
-
-    Returns
-    -------
-    PIL.Image.Image
-        With an alpha channel: transparent where there is nothing.
     """
-    fine = size * _SUPERSAMPLING
+    fine = size * _FINER
     scaled = points / half
     pixels = np.column_stack([(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]])
     depth = depth_buffer(pixels, faces, fine, np.inf).astype(np.float64)
@@ -98,12 +100,10 @@ def painted(
     rgba = np.zeros((fine, fine, 4))
     _draw_edges(rgba, pixels, faces, values)
     if seen.any():
-        rgba[seen, :3] = _colour_of(scaled, depth, seen, values, fine) * _light(depth, seen, 2 / fine)[:, None]
+        rgba[seen, :3] = _surface_colours(scaled, depth, seen, values, fine) * _light(depth, seen, 2 / fine)[:, None]
         rgba[seen, 3] = 1.0
-    rows = np.asarray(sum(rgba[k::_SUPERSAMPLING] for k in range(_SUPERSAMPLING)))
-    blocks = np.asarray(sum(rows[:, k::_SUPERSAMPLING] for k in range(_SUPERSAMPLING))) / _SUPERSAMPLING**2
-    covered = np.maximum(blocks[..., 3:], 1e-9)
-    blocks[..., :3] = np.clip(blocks[..., :3] / covered, 0, 1)
+    blocks = rgba.reshape(size, _FINER, size, _FINER, 4).sum(axis=(1, 3)) / _FINER**2
+    blocks[..., :3] = np.clip(blocks[..., :3] / np.maximum(blocks[..., 3:], 1e-9), 0, 1)
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8), "RGBA")
 
 
@@ -138,6 +138,33 @@ def save_png(image: Image.Image, path: Path) -> None:
         ) from error
 
 
+def as_file(figure: Figure, ending: str) -> bytes:
+    """Return a figure as a file of the kind that has this ending, without dates: the same figure is the same file."""
+    import matplotlib as mpl
+
+    stream = io.BytesIO()
+    settings = {"svg.hashsalt": "figure", "pdf.fonttype": 42}  # publishers refuse the default, Type 3
+    with mpl.rc_context(settings), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is drawn in its place
+        options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
+        figure.savefig(stream, format=ending[1:], **options)
+    return stream.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the ending of its name chooses the kind."""
+    data = as_file(figure, path.suffix.lower())
+    try:
+        write_atomically(path, lambda file: file.write(data))
+    except OSError as error:
+        raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder with -o") from error
+
+
+def _colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    places = np.linspace(0, 1, len(_PALETTE))
+    return np.stack([np.interp(values, places, channel) for channel in _PALETTE.T], axis=-1)
+
+
 def _draw_edges(
     rgba: NDArray[np.float64], pixels: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None
 ) -> None:
@@ -153,23 +180,20 @@ def _draw_edges(
     rgba[row, column, 3] = 1.0
     if values is None:
         rgba[row, column, :3] = _PLAIN
-        return
-    start, end = values[edges[edge]].T
-    rgba[row, column, :3] = 0.85 * colours((start + along * (end - start))[inside])
+    else:
+        start, end = values[edges[edge]].T
+        rgba[row, column, :3] = 0.85 * _colours((start + along * (end - start))[inside])
 
 
-def _colour_of(
+def _surface_colours(
     scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64] | None, fine: int
 ) -> NDArray[np.float64]:
     if values is None:
-        return np.array([_PLAIN])
+        return _PLAIN[None]
     rows, columns = np.nonzero(seen)
     places = np.column_stack([(columns + 0.5) * 2 / fine - 1, 1 - (rows + 0.5) * 2 / fine, -depth[seen]])
-    away, nearest = cKDTree(scaled).query(places, k=min(3, len(scaled)))
-    if away.ndim == 1:
-        away, nearest = away[:, None], nearest[:, None]
-    weights = 1 / np.maximum(away, 1e-6)
-    return colours((weights * values[nearest]).sum(axis=1) / weights.sum(axis=1))
+    away, nearest = cKDTree(scaled).query(places, k=range(1, min(3, len(scaled)) + 1))
+    return _colours(np.average(values[nearest], axis=1, weights=1 / np.maximum(away, 1e-6)))
 
 
 def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_], pixel: float) -> NDArray[np.float64]:

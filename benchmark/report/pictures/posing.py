@@ -1,28 +1,70 @@
-"""Orientation of forms for comparison by eye: head up, as its shape stands, all poses alike."""
+"""Choice of the shapes that a picture shows, and their orientation: head up, as the shape stands, all poses alike."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from benchmark.datasets.base import Dataset, Entry
 from benchmark.geometry.mesh import Mesh, Points
 
-#: Share of the size of a shape by which a form may differ from it that is the shape itself, turned.
+T = TypeVar("T")
+
+#: Largest difference between a form and its shape, as a share of their size, at which the form is the shape turned.
 _SAME = 1e-3
 
-#: Points of a form that are compared; more tell no more of how it is turned.
+#: Points of a form that are compared; more say no more about its orientation.
 _COMPARED = 300
 
 _ROUNDS = 10
 
-#: How much farther from the model than the best turn another one may be that fits it nearly alike.
+#: Ratio of distances up to which two orientations fit the model alike.
 _ALIKE = 1.6
 
 #: Share of the vertices that a picture may cut off on each side: forms with a few far points are no specks.
 _CUT_OFF = 0.002
+
+
+def spread(values: Sequence[T], most: int) -> list[T]:
+    """Return so many of the values, evenly spread, the first and the last among them."""
+    places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
+    return [values[place] for place in places.tolist()]
+
+
+def select(
+    dataset: Dataset, entries: Iterable[Entry], n_subjects: int | None = None, n_poses: int = 8
+) -> list[list[Entry]]:
+    """Choose shapes spread over the subjects, and over the poses of each.
+
+    Parameters
+    ----------
+    dataset
+        Names canonical poses, if it has any.
+    entries
+        The shapes to choose from.
+    n_subjects
+        Subjects; None for all.
+    n_poses
+        Shapes of each subject.
+
+    Returns
+    -------
+    list of list of Entry
+        A row for each subject, in the order of the entries; the canonical pose leads.
+    """
+    canonical = getattr(dataset, "canonical_poses", {})
+    subjects: dict[str, list[Entry]] = {}
+    for entry in entries:
+        subjects.setdefault(entry.subject, []).append(entry)
+    rows = [
+        sorted(members, key=lambda entry: entry.pose != canonical.get(entry.subject)) for members in subjects.values()
+    ]
+    return [spread(row, n_poses) for row in spread(rows, n_subjects or len(rows))]
 
 
 def centred(points: Points) -> Points:
@@ -37,9 +79,7 @@ def reach(points: Points) -> float:
 
 
 def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], float]:
-    """The turn, or turn and reflection, that brings points onto others of the same number.
-
-    A form of distances alone is as good as its mirror image, so a reflection is no change of it.
+    """Turn points, reflected if need be, onto others of the same number [Schönemann 1966].
 
     Returns
     -------
@@ -47,10 +87,6 @@ def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], floa
         Shape (3, 3), orthogonal; turned points are ``points @ turn``.
     float
         What remains between them when both have one size, as a share of that size.
-
-    References
-    ----------
-    Schönemann, "A generalized solution of the orthogonal Procrustes problem", 1966.
     """
     here, there = points - points.mean(axis=0), target - target.mean(axis=0)
     here, there = here / max(np.linalg.norm(here), 1e-12), there / max(np.linalg.norm(there), 1e-12)
@@ -59,69 +95,51 @@ def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], floa
     return turn, float(np.linalg.norm(here @ turn - there))
 
 
-def turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The turn, or turn and reflection, that makes a form look like another of the same subject.
-
-    The principal axes of both are laid onto each other in all ways. A body is nearly its own mirror image, so several
-    may fit nearly alike: of these the one that is closest to the hint counts. It is then improved by closest points.
-
-    Parameters
-    ----------
-    points, model
-        Two forms, shape (n, 3) and (m, 3).
-    hint
-        The turn that the shape of the form suggests, shape (3, 3).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (3, 3), orthogonal; turned points are ``points @ turn``.
-    """
-    here, there = _sample(points), _sample(model)
-    tree = cKDTree(there)
-    axes_here, axes_there = (np.linalg.svd(each, full_matrices=False)[2] for each in (here, there))
-    starts = [
-        hint,
-        *(axes_here.T @ (np.array(signs)[:, None] * axes_there) for signs in product((1.0, -1.0), repeat=3)),
-    ]
-    away = [_distance(here @ turn, there, tree) for turn in starts]
-    alike = [turn for turn, distance in zip(starts, away, strict=True) if distance <= _ALIKE * min(away)]
-    best = max(alike, key=lambda turn: round(float(np.trace(turn.T @ hint)), 6))
-    for _ in range(_ROUNDS):
-        best = turn_onto(here, there[tree.query(here @ best)[1]])[0]
-    return np.asarray(best)
-
-
 def upright(form: Mesh, surface: Mesh, seen: Points, model: Points | None) -> Points:
     """Vertices of a form as they are shown beside its shape.
 
     Parameters
     ----------
-    form
-        The form.
-    surface
-        The shape that it was made of.
+    form, surface
+        The form, and the shape that it was made of.
     seen
         Vertices of the shape as its camera sees them: to the right, up, towards the viewer.
     model
         A form by the same method of another pose of the same subject, as it is shown; None if there is none yet.
     """
     points = form.vertices
-    if form.faces.shape != surface.faces.shape or (form.faces != surface.faces).any():
+    if not np.array_equal(form.faces, surface.faces):
         return points  # a surface of its own, made as a camera sees it
-    own, left = turn_onto(points, seen)
-    if model is None or left < _SAME:
-        return np.asarray(points @ own)
-    return np.asarray(points @ turn_like(points, model, own))
+    turn, remainder = turn_onto(points, seen)
+    if model is not None and remainder >= _SAME:
+        turn = _turn_like(_sample(points), _sample(model), turn)
+    return np.asarray(points @ turn)
 
 
-def _distance(points: Points, model: Points, tree: cKDTree) -> float:
-    """Mean distance to the closest point, in both directions: neither may leave a part of the other empty."""
-    return float(tree.query(points)[0].mean() + cKDTree(points).query(model)[0].mean())
+def _turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn a form so that it looks like another of the same subject.
+
+    Their principal axes are laid onto each other in all ways. A body is nearly its own mirror image, so several may fit
+    nearly alike: the one closest to the hint, which its shape gives, is improved by closest points.
+    """
+    tree = cKDTree(model)
+
+    def distance(turn: NDArray[np.float64]) -> float:
+        turned = points @ turn
+        return float(tree.query(turned)[0].mean() + cKDTree(turned).query(model)[0].mean())
+
+    axes, onto = (np.linalg.svd(form, full_matrices=False)[2] for form in (points, model))
+    turns = [hint, *(axes.T @ (np.array(signs)[:, None] * onto) for signs in product((1.0, -1.0), repeat=3))]
+    distances = [distance(turn) for turn in turns]
+    alike = [turn for turn, away in zip(turns, distances, strict=True) if away <= _ALIKE * min(distances)]
+    best = max(alike, key=lambda turn: round(float(np.trace(turn.T @ hint)), 6))
+    for _ in range(_ROUNDS):
+        best = turn_onto(points, model[tree.query(points @ best)[1]])[0]
+    return np.asarray(best)
 
 
 def _sample(points: Points) -> Points:
     """Some of the points, around their mean and of one size."""
-    chosen = points[np.unique(np.linspace(0, len(points) - 1, _COMPARED).astype(int))]
+    chosen = points[spread(range(len(points)), _COMPARED)]
     around = chosen - chosen.mean(axis=0)
     return np.asarray(around / max(np.sqrt((around**2).sum(axis=1).mean()), 1e-12))

@@ -14,7 +14,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html.site import Written, write_report
+from benchmark.report.html.pages import Written, write_report
 from benchmark.report.results import Result
 from retrieval.metrics import evaluate
 from tests.records import MEASURES, failed, record

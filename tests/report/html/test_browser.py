@@ -14,8 +14,8 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html import gallery, thumbnails
-from benchmark.report.html.site import write_report
+from benchmark.report.html import forms
+from benchmark.report.html.pages import write_report
 from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
 from tests.records import failed
@@ -252,9 +252,8 @@ def large(tmp_path_factory):
     drawn = functools.cache(lambda size: painted(*rod_picture(), size, 1.0))
     folder = tmp_path_factory.mktemp("large")
     with pytest.MonkeyPatch.context() as patch:
-        for module in (gallery, thumbnails):
-            patch.setattr(module, "painted", lambda _points, _faces, _values, size, _half: drawn(size))
-            patch.setattr(module, "upright", lambda form, *_: form.vertices)
+        patch.setattr(forms, "painted", lambda _points, _faces, _values, size, _half: drawn(size))
+        patch.setattr(forms, "upright", lambda form, *_: form.vertices)
         assert write_made_up(folder, (20, 20, 20)).n_ranked == 20
     return folder
 

@@ -14,11 +14,11 @@ from benchmark.files import write_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html.measured import Ranked, measured
-from benchmark.report.html.queries import write_queries
-from benchmark.report.html.scripts import data_script, script_json
-from benchmark.report.html.site import CONTENTS, write_report
-from benchmark.report.html.thumbnails import ACROSS, DOWN, SIDE
+from benchmark.report.html.data import chart_data, write_queries
+from benchmark.report.html.forms import ACROSS, DOWN, SIDE
+from benchmark.report.html.pages import CONTENTS, write_report
+from benchmark.report.html.scripts import add_script, script_json
+from benchmark.report.ranked import ranked_cells
 from benchmark.report.results import Result
 from retrieval.measures import PRINTED
 from tests.records import SHAPES, failed, record
@@ -47,7 +47,9 @@ def report(folder, artefacts, *records):
 
 
 def test_no_string_ends_its_script_and_every_one_is_read_back_as_it_is_shown():
-    script = data_script(HOSTILE, {HOSTILE: [HOSTILE, 1, None, float("nan"), np.float64(0.5), np.arange(2)]})
+    files = {}
+    add_script(files, HOSTILE, {HOSTILE: [HOSTILE, 1, None, float("nan"), np.float64(0.5), np.arange(2)]})
+    (script,) = (data.decode() for data in files.values())
     assert script.isascii()
     assert not set("<>&") & set(script)
     name, value = received(script)
@@ -178,7 +180,9 @@ def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
 
 def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts):
     refused = record("gps", unsupported=[["cat0", REFUSED]])
-    told = write_queries("t", [Ranked("mesh", "gps", refused, None)], {"gps": "GPS"}, {}, artefacts, {})
+    (table,), files = contents([Result(refused)]), {}
+    write_queries("t", table, ranked_cells(table, artefacts), {}, files)
+    _, told = received(files["parts/data/t-queries.js"].decode())
     assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
 
 
@@ -189,9 +193,9 @@ def test_damaged_distances_cost_their_job_alone(artefacts):
     folder = artefacts.store.artefacts / "ab"
     folder.mkdir(parents=True)
     (folder / "ab.npz").write_bytes(b"no archive")
-    found = measured(contents([Result(record("gps"))])[0], artefacts)
-    assert found.n_distances == 0
-    assert found.data["rows"][0]["inputs"]["mesh"]["precision"] is None
+    (cell,) = ranked_cells(contents([Result(record("gps"))])[0], artefacts)
+    assert [gallery.ranking for gallery in cell.galleries] == [None]
+    assert cell.precision() is None
 
 
 def test_a_data_set_that_raises_costs_its_pictures_alone(artefacts, tmp_path):
@@ -219,7 +223,8 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
         record("pca", nn=0.5, family="control", cost={"seconds_per_shape": {"a": 0.5}}),
         record("slow", nn=0.25, cost={"seconds_per_shape": {"a": 9.0}}),
     ]  # fmt: skip
-    data = measured(contents([Result(each) for each in rows])[0], artefacts).data
+    (table,) = contents([Result(each) for each in rows])
+    data = chart_data(table, ranked_cells(table, artefacts))
     told = {row["method"]: row["inputs"]["mesh"] for row in data["rows"]}
     assert data["classes"] == ["cat", "dog"]
     assert told["gps"]["classes"]["NN"] == [1.0, 0.5]

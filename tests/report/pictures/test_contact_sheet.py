@@ -12,9 +12,10 @@ from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import BenchmarkError, UnreadableMesh
 from benchmark.geometry.camera import FRONT
-from benchmark.report.pictures import contact_sheet as sheets
-from benchmark.report.pictures.contact_sheet import WIDTH, contact_sheet, select
+from benchmark.report.pictures import sheets
 from benchmark.report.pictures.painting import save_png
+from benchmark.report.pictures.posing import select
+from benchmark.report.pictures.sheets import WIDTH, contact_sheet
 from tests.toy import rod, write_rods
 
 
@@ -69,7 +70,8 @@ def chunks(content):
 def test_the_canonical_pose_leads(tmp_path):
     write_rods(tmp_path)
     (tmp_path / "dataset.toml").write_text('canonical_pose = { thick = "2" }\n')
-    shown = {row[0].subject: [entry.pose for entry in row] for row in select(folder_dataset(tmp_path), None, 3)}
+    dataset = folder_dataset(tmp_path)
+    shown = {row[0].subject: [entry.pose for entry in row] for row in select(dataset, dataset.entries, None, 3)}
     assert [pose[-1] for pose in shown["thick"]] == ["2", "0", "1"]
     assert [pose[-1] for pose in shown["thin"]] == ["0", "1", "2"]
 
@@ -131,7 +133,7 @@ def test_the_verb_writes_the_sheet_of_a_folder(tmp_path):
 def test_people_of_tosca_face_the_camera_and_animals_look_to_the_right(data_root):
     """Toes lie in front of the heels; the muzzle lies to the right of the root of the tail."""
     dataset = tosca(data_root)
-    for row in select(dataset, None, 1):
+    for row in select(dataset, dataset.entries, None, 1):
         points = dataset.load(row[0]).vertices @ dataset.camera(row[0]).rotation.T
         low, high = points.min(axis=0), points.max(axis=0)
         if row[0].subject in ("david", "gorilla", "michael", "victoria"):

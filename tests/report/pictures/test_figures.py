@@ -6,8 +6,8 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.report.content import contents
-from benchmark.report.pictures.cost import cost_figure
-from benchmark.report.pictures.forms import ENDINGS, save
+from benchmark.report.pictures.charts import cost_figure
+from benchmark.report.pictures.painting import ENDINGS, save
 from benchmark.report.results import Result
 from tests.records import failed, record
 from tests.toy import write_rods
@@ -68,3 +68,31 @@ def test_figures_of_forms_make_what_they_lack_and_name_what_is_not_there(tmp_pat
         assert said in str(done.exception)
     alone = [*asked[:5], "-m", "shape-dna", *asked[9:]]
     assert "none of the methods makes forms" in str(CliRunner().invoke(cli, alone).exception)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Words that choose the results of a descriptor on rods."""
+    base = tmp_path_factory.mktemp("ran")
+    write_rods(base / "rods")
+    chosen = ["-d", str(base / "rods"), "-m", "surface-area", "--input", "mesh", "--results", str(base / "results")]
+    assert CliRunner().invoke(cli, ["run", *chosen, "--executor", "serial"]).exit_code == 0
+    return chosen
+
+
+@pytest.mark.parametrize("what", ["precision-recall", "confusion", "classes"])
+def test_a_chart_is_a_picture_with_fonts_that_publishers_take(ran, what, tmp_path):
+    for ending, head in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
+        target = tmp_path / f"{what}{ending}"
+        done = CliRunner().invoke(cli, ["report", *ran, "--of", what, "--figure", str(target)])
+        assert (done.exit_code, done.stdout) == (0, f"wrote {target}\n")
+        assert target.read_bytes().startswith(head)
+    fonts = (tmp_path / f"{what}.pdf").read_bytes()
+    assert b"/Type3" not in fonts
+    assert b"/CIDFontType2" in fonts
+
+
+@pytest.mark.parametrize("what", ["precision-recall", "confusion"])
+def test_without_distances_a_chart_says_so(what, tmp_path):
+    asked = ["report", "-t", "III", "--published", "--of", what, "--figure", str(tmp_path / "chart.pdf")]
+    assert "no distances of the table are stored here" in str(CliRunner().invoke(cli, asked).exception)

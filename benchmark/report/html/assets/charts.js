@@ -12,7 +12,7 @@
     cost: "No row has both scores and a cost under this input.",
     precision: "It takes the distances of a job, and none are kept here.",
     classes: "There are no scores, or more classes than one could read.",
-    attraction: "It takes distances, and a data set whose subjects take the same poses.",
+    attraction: "It takes distances, and a data set whose classes take the same poses.",
     confusion: "It takes distances, and not more classes than one could read.",
   };
 
@@ -31,12 +31,12 @@
     const selects = Object.fromEntries([...chart.querySelectorAll("select")].map((s) => [s.dataset.choice, s]));
     const inputs = data.inputs.filter((input) => data.rows.some((row) => row.inputs[input]));
     fill(selects.input, inputs.map((name) => [name, name]), inputs[0]);
-    if (selects.kind) fill(selects.kind, [["subjects", "subjects"], ...(data.poses.length ? [["poses", "poses"]] : [])], "subjects");
+    if (selects.kind) fill(selects.kind, ["classes", ...(data.poses.length ? ["poses"] : [])].map((kind) => [kind, kind]), "classes");
     const plot = chart.querySelector(".plot");
     const show = async () => {
       const input = selects.input.value;
       if (selects.method) {
-        const rows = data.rows.filter((row) => row.inputs[input]?.subjects.length);
+        const rows = data.rows.filter((row) => row.inputs[input]?.confusion.classes?.length);
         const kept = rows.some((row) => row.method === selects.method.value) ? selects.method.value : rows[0]?.method;
         fill(selects.method, rows.map((row) => [row.method, row.title]), kept);
       }
@@ -182,21 +182,21 @@
     const rows = rowsOf(data, input).filter((row) => row.attraction);
     if (!rows.length || !expected) return null;
     const all = [...rows.map((row) => [row.title, row.attraction]), ["at random", expected]].reverse();
-    const kinds = [["subject", "the subject", "#2a9d8f"], ["both", "both", "#8bc4b0"], ["neither", "neither", "#9aa5b1"], ["pose", "the pose", "#d9722b"]];
+    const kinds = [["subject", "the class", "#2a9d8f"], ["both", "both", "#8bc4b0"], ["neither", "neither", "#9aa5b1"], ["pose", "the pose", "#d9722b"]];
     const names = unique(all.map(([title]) => plain(short(title))));
     const traces = kinds.filter(([kind]) => all.some(([, shares]) => shares[kind] > 0)).map(([kind, title, shade]) => ({
       type: "bar", orientation: "h", name: title, y: names, x: all.map(([, shares]) => shares[kind]),
       marker: { color: shade }, hovertemplate: "%{y}<br>" + title + ": %{x:.0%}<extra></extra>",
     }));
-    return { traces, layout: { barmode: "stack", height: 90 + 25 * all.length, margin: { l: 30, r: 10, t: 10, b: 40 }, xaxis: { range: [0, 1], tickformat: ".0%" }, yaxis: { type: "category" }, legend: { orientation: "h", y: 1.08, traceorder: "normal" }, bargap: 0.25 } };
+    return { traces, layout: { barmode: "stack", height: 130 + 25 * all.length, margin: { l: 30, r: 10, t: 50, b: 40 }, xaxis: { range: [0, 1], tickformat: ".0%" }, yaxis: { type: "category" }, legend: { orientation: "h", y: 1, yanchor: "bottom", traceorder: "normal" }, bargap: 0.25 } };
   }
 
   function confusion(data, input, _, method, kind) {
     const row = rowsOf(data, input).find((each) => each.method === method);
-    const names = kind === "poses" ? data.poses : data.classes;
-    if (!row || !row[kind]?.length || !names.length) return null;
+    const names = data[kind];
+    if (!row || !row.confusion[kind]?.length || !names.length) return null;
     const counts = names.map(() => new Array(names.length).fill(0));
-    for (const [query, match, count] of row[kind]) counts[query][match] += count;
+    for (const [query, match, count] of row.confusion[kind]) counts[query][match] += count;
     const shares = counts.map((line) => { const all = line.reduce((a, b) => a + b, 0); return line.map((n) => (all && n ? n / all : null)); });
     const labels = names.map(plain);
     const size = Math.min(900, Math.max(320, 120 + 22 * names.length));

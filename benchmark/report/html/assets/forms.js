@@ -7,6 +7,7 @@
   const NEAR = 2.2;  // of an orthographic camera the scale is that of the scene
   const COLOURS = [[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]];
   const LAMP = [-0.4, 0.6, 0.7];
+  const HIDDEN = ["it makes no forms", "not kept here", "not in this gallery"];  // of all shapes of a class: no row
   const gallery = pageData().gallery;
   const byId = (id) => document.getElementById(id);
   let shown = { input: "", shape: "", method: "" };
@@ -17,9 +18,9 @@
 
   document.addEventListener("DOMContentLoaded", () => {
     fill(byId("forms-input"), Object.keys(gallery.inputs).map((name) => [name, name]));
-    fill(byId("forms-subject"), gallery.subjects.map((each, k) => [String(k), each.name]));
+    fill(byId("forms-class"), gallery.classes.map((each, k) => [String(k), each.name]));
     byId("forms-input").addEventListener("change", grid);
-    byId("forms-subject").addEventListener("change", grid);
+    byId("forms-class").addEventListener("change", grid);
     byId("viewer-close").addEventListener("click", () => byId("viewer").close());
     byId("viewer-shape").addEventListener("change", (event) => view({ shape: event.target.value }));
     byId("viewer-method").addEventListener("change", (event) => view({ method: event.target.value }));
@@ -34,17 +35,17 @@
   /* One figure for each method, one picture for each pose. */
   function grid() {
     const input = byId("forms-input").value;
-    const subject = gallery.subjects[byId("forms-subject").value];
+    const shown = gallery.classes[byId("forms-class").value];
     const { methods, cells } = gallery.inputs[input];
     const figures = ["", ...methods].map((method, row) => {
       const title = row ? method.title : "The shape itself";
-      const states = subject.shapes.map((shape) => (row ? cells[shape][row - 1] : ""));
-      if (row && states.every((state) => state === "it makes no forms")) return null;
-      const tiles = subject.shapes.map((shape, k) => tile(input, shape, row, row ? method.name : "", title, states[k], methods.length));
+      const states = shown.shapes.map((shape) => (row ? cells[shape][row - 1] : ""));
+      if (row && states.every((state) => HIDDEN.includes(state))) return null;
+      const tiles = shown.shapes.map((shape, k) => tile(input, shape, row, row ? method.name : "", title, states[k], methods.length));
       return make("figure", row ? {} : { class: "input" }, make("figcaption", { text: title }), make("div", { class: "poses" }, ...tiles));
     });
     byId("forms").replaceChildren(...figures.filter(Boolean));
-    byId("forms").dataset.shown = `${input}|${subject.name}`;
+    byId("forms").dataset.shown = `${input}|${shown.name}`;
   }
 
   function tile(input, shape, row, method, title, state, count) {

@@ -4,7 +4,7 @@
 (() => {
   const { load, pageData, address, addressOf, make, fill, number } = canonicalForms;
   const { queries: stem } = pageData();
-  const NEAREST = 5, AT_ONCE = 20, MOST_NAMES = 400;
+  const NEAREST = 5, AT_ONCE = 20, MOST_NAMES = 400, ACROSS = 10, DOWN = 5;
   const KNOWN = ["it makes no forms", "not kept here"];  // no fault of a shape
   const byId = (id) => document.getElementById(id);
   /* Queries are numbers in the gallery; those of `base` have data, those of `kept` pass the filters. */
@@ -40,6 +40,12 @@
     return here.find((each) => each.input === input) ?? here[0];
   };
 
+  /* Those without distances are shown only where none have them. */
+  const methods = () => {
+    const ranked = gallery.methods.filter((method) => method.is_ranked);
+    return ranked.length ? ranked : gallery.methods;
+  };
+
   /* What is chosen is kept where the gallery has it, too. */
   function refill(id, entries) {
     const before = byId(id).value;
@@ -53,19 +59,19 @@
     choose(all.galleries[Number(number)] ?? all.galleries[0], wanted, { first, second, measure });
   }
 
-  function choose(chosen, wanted, methods = {}) {
+  function choose(chosen, wanted, preset = {}) {
     gallery = chosen;
     base = gallery.queries ?? gallery.names.map((_, k) => k);
     byId("query-gallery").value = gallery.gallery;
     byId("query-gallery").closest("label").hidden = byId("query-gallery").length < 2;
     refill("query-input", options(all.galleries.filter((each) => each.gallery === gallery.gallery).map((each) => each.input)));
     byId("query-input").value = gallery.input;
-    refill("query-class", options(gallery.subjects, ["", "all"]));
+    refill("query-class", options(gallery.classes, ["", "all"]));
     refill("query-pose", gallery.poses.some(Boolean) ? options(gallery.poses, ["", "all"]) : []);
-    const titles = gallery.methods.map((method) => [method.name, method.title]);
+    const titles = methods().map((method) => [method.name, method.title]);
     refill("query-first", titles);
     refill("query-second", [...titles.slice(1), ...titles.slice(0, 1)]);
-    for (const [name, value] of Object.entries(methods)) {
+    for (const [name, value] of Object.entries(preset)) {
       const field = byId(`query-${name}`);
       if ([...field.options].some((option) => option.value === value)) field.value = value;
     }
@@ -76,8 +82,8 @@
   }
 
   function filter() {
-    const [subject, pose] = [byId("query-class").value, byId("query-pose").value];
-    kept = base.filter((k) => (!subject || gallery.subjects[k] === subject) && (!pose || gallery.poses[k] === pose));
+    const [of_class, pose] = [byId("query-class").value, byId("query-pose").value];
+    kept = base.filter((k) => (!of_class || gallery.classes[k] === of_class) && (!pose || gallery.poses[k] === pose));
     if (kept.length && !kept.includes(query)) query = kept[0];
   }
 
@@ -115,7 +121,7 @@
   const note = (...names) => history.replaceState(null, "", addressOf(String(all.galleries.indexOf(gallery)), ...names));
   const part = (number) => load(`queries-${stem}-${gallery.number}-${number}`);
   const gap = ({ x, y }) => Math.round(1000 * Math.abs(y - x));  // scores have three decimals
-  const told = (k) => `subject ${gallery.subjects[k]}${gallery.poses[k] ? `, pose ${gallery.poses[k]}` : ""}`;
+  const told = (k) => `class ${gallery.classes[k]}${gallery.poses[k] ? `, pose ${gallery.poses[k]}` : ""}`;
 
   /* One query under all methods ---------------------------------------------------------------------------------------- */
 
@@ -132,7 +138,7 @@
     const within = place % all.part;
     const failed = all.failed.filter((each) => each.input === gallery.input);
     byId("matches").replaceChildren(
-      ...gallery.methods.map((method) => {
+      ...methods().map((method) => {
         const scores = data[method.name]?.scores[within];
         const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : number(scores[n])}`).join("   ") : "left out";
         return make("div", { class: "row" }, side(method, k, data[method.name]?.nearest?.[within], text));
@@ -149,10 +155,10 @@
     const parts = await Promise.all(Array.from({ length: Math.ceil(base.length / all.part) }, (_, n) => part(n)));
     if (wanted !== gallery || byId("query-view").value !== "two") return;
     const measure = chosen[2];
-    const methods = chosen.slice(0, 2).map((name) => gallery.methods.find((each) => each.name === name));
+    const pair = chosen.slice(0, 2).map((name) => gallery.methods.find((each) => each.name === name));
     const found = kept.map((k) => {
       const place = base.indexOf(k);
-      const here = methods.map((method) => parts[Math.floor(place / all.part)][method.name]);
+      const here = pair.map((method) => parts[Math.floor(place / all.part)][method.name]);
       const [x, y] = here.map((each) => each?.scores[place % all.part]?.[all.measures.indexOf(measure)] ?? null);
       return { k, x, y, nearest: here.map((each) => each?.nearest?.[place % all.part]) };
     }).filter(({ x, y }) => x !== null && y !== null && x !== y).sort((a, b) => gap(b) - gap(a));
@@ -160,11 +166,11 @@
     const better = found.filter(({ x, y }) => y > x).length;
     byId("query").className = "";
     byId("query").replaceChildren(make("p", { text: `${found.length} of ${kept.length} queries differ in ${measure}, most first: `
-      + `${methods[0].title} is better on ${found.length - better}, ${methods[1].title} on ${better}.` }));
+      + `${pair[0].title} is better on ${found.length - better}, ${pair[1].title} on ${better}.` }));
     const more = make("button", { type: "button" });
     const add = () => {
       const shown = byId("matches").querySelectorAll(".row").length;
-      more.before(...found.slice(shown, shown + AT_ONCE).map((each) => differing(each, methods, measure)));
+      more.before(...found.slice(shown, shown + AT_ONCE).map((each) => differing(each, pair, measure)));
       const left = found.length - shown - AT_ONCE;
       more.hidden = left <= 0;
       more.textContent = `show ${Math.min(AT_ONCE, left)} more of ${left}`;
@@ -212,21 +218,21 @@
       box.textContent = "no picture";
       return box;
     }
-    const n = picture % (all.across * all.down);
-    box.style.backgroundImage = `url("parts/pictures/${gallery.sheets}-${number}-${Math.floor(picture / (all.across * all.down))}.webp")`;
-    box.style.backgroundSize = `${100 * all.across}% ${100 * all.down}%`;
-    box.style.backgroundPosition = `${(100 * (n % all.across)) / (all.across - 1)}% ${(100 * Math.floor(n / all.across)) / (all.down - 1)}%`;
+    const n = picture % (ACROSS * DOWN);
+    box.style.backgroundImage = `url("parts/pictures/${gallery.sheets}-${number}-${Math.floor(picture / (ACROSS * DOWN))}.webp")`;
+    box.style.backgroundSize = `${100 * ACROSS}% ${100 * DOWN}%`;
+    box.style.backgroundPosition = `${(100 * (n % ACROSS)) / (ACROSS - 1)}% ${(100 * Math.floor(n / ACROSS)) / (DOWN - 1)}%`;
     return box;
   }
 
   function tile(method, match, k, rank) {
-    const hit = gallery.subjects[match] === gallery.subjects[k];
+    const hit = gallery.classes[match] === gallery.classes[k];
     const samePose = gallery.poses[match] && gallery.poses[match] === gallery.poses[k];
     const button = make("button", { type: "button", class: `match ${hit ? "hit" : "miss"}`, title: `${gallery.names[match]}: take it as the query` });
     button.tabIndex = rank ? -1 : 0;  // one stop for the row; arrow keys go on
     const pictures = make("span", { class: "pictures" }, ...(missing(method, match) ? [] : [thumbnail(match, method.sheet)]), thumbnail(match));
     button.append(pictures, make("span", { class: "mark", text: hit ? "✓" : "✗" }), make("span", { text: `${rank + 1}. ${gallery.names[match]}` }),
-      make("small", { text: hit ? "same subject" : samePose ? "same pose" : gallery.subjects[match] }));
+      make("small", { text: hit ? "same class" : samePose ? "same pose" : gallery.classes[match] }));
     if (base.includes(match)) button.addEventListener("click", () => { go(match); focus(); });
     else button.title = `${gallery.names[match]}: its own query is not in this report`;
     return button;

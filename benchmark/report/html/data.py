@@ -1,0 +1,162 @@
+"""Data of the charts and of the browser of queries of a table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmark.api.contracts import Input
+from benchmark.pipeline.storage.records import answered_shapes
+from benchmark.report.content import TableContent
+from benchmark.report.html.forms import Sheets
+from benchmark.report.html.scripts import Files, add_script
+from benchmark.report.pictures.posing import spread
+from benchmark.report.ranked import CLASSES, POSES, RankedCell, RankedGallery, classes_of, poses_of
+from benchmark.report.rounding import millionths
+from benchmark.report.statistics.rankings import RECALLS
+from benchmark.report.statistics.table_significance import CONTROL, pareto_front
+from benchmark.text import brief
+from retrieval.measures import PRINTED
+
+#: Classes, or poses, beyond which nothing is shown class by class: nobody could read it.
+_MOST_KINDS = 400
+
+#: Queries in one script; bytes that one query of one method takes, about, and those of one table at most.
+_PART, _EACH, _MOST_BYTES = 100, 100, 6_000_000
+
+
+def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, Any]:
+    """What the charts of a table show: scores, cost, classes, precision over recall, confusions."""
+    names = {
+        kind: known if len(known) <= _MOST_KINDS else []
+        for kind, known in ((CLASSES, classes_of(cells)), (POSES, poses_of(cells)))
+    }
+    at_random: dict[str, Any] = {}
+    rows: dict[str, dict[str, Any]] = {
+        row.method: {"method": row.method, "title": row.label, "family": row.family, "inputs": {}} for row in table.rows
+    }
+    for each in cells:
+        method, input_, cell = each.row.method, each.input, each.cell
+        judged = {name: table.significance.get((method, input_, name)) for name in PRINTED}
+        attraction, by_chance = each.attraction() or (None, None)
+        if by_chance is not None:
+            at_random.setdefault(input_, by_chance)
+        rows[method]["inputs"][input_] = {
+            "scores": {name: (cell.scores or {})[name] for name in PRINTED},
+            "intervals": {name: [one.low, one.high] for name, one in judged.items() if one is not None},
+            "phases": cell.record.get("cost", {}).get("seconds_per_shape", {}),
+            "seconds": cell.seconds,
+            "peak": cell.record.get("peak_mib"),
+            "precision": each.precision(),
+            "attraction": attraction,
+            "classes": each.by_class(names[CLASSES]) if names[CLASSES] else {},
+            "confusion": {kind: _numbered(each.confusion(kind), known) for kind, known in names.items() if known},
+        }
+    return {
+        "inputs": table.inputs,
+        "recalls": RECALLS,
+        "classes": names[CLASSES],
+        "poses": names[POSES],
+        "chance": table.chance,
+        "attraction": at_random,
+        "fronts": {input_: {name: _fronts(cells, input_, name) for name in PRINTED} for input_ in table.inputs},
+        "rows": list(rows.values()),
+    }
+
+
+def _numbered(counts: Counter[tuple[str, str]], names: Sequence[str]) -> list[list[int]]:
+    number = {name: place for place, name in enumerate(names)}
+    return [[number[query], number[match], count] for (query, match), count in counts.items()]
+
+
+def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str, list[str]]:
+    """Methods than which none is both cheaper and better, controls aside, and among all rows."""
+    timed = {each.row.method: each for each in cells if each.input == input_ and each.cell.seconds is not None}
+    points = {
+        method: (each.cell.seconds or 0.0, millionths((each.cell.scores or {})[measure]))
+        for method, each in timed.items()
+    }
+    methods = {name: point for name, point in points.items() if timed[name].row.family != CONTROL}
+    return {"methods": pareto_front(methods), "all": pareto_front(points)}
+
+
+def write_queries(
+    stem: str, table: TableContent, cells: Sequence[RankedCell], pictures: Mapping[Input, Sheets], files: Files
+) -> None:
+    """Write the scripts of the browser of queries: of large galleries so many, evenly spread, as there is room for."""
+    places: dict[tuple[str, Input], list[tuple[RankedCell, RankedGallery]]] = {}
+    for each in cells:
+        for gallery in each.galleries:
+            places.setdefault((gallery.record["gallery"], each.input), []).append((each, gallery))
+    room = max(_PART, int(_MOST_BYTES / max(len(places), 1) / max(len(table.rows), 1) / _EACH))
+    galleries: list[dict[str, Any]] = []
+    for number, ((name, input_), here) in enumerate(places.items()):
+        labels: dict[str, str] = {}
+        for _, gallery in here:
+            labels |= zip(gallery.record["shapes"], gallery.record["labels"], strict=True)
+        names, poses = list(labels), here[0][1].poses
+        chosen = spread(range(len(names)), room)
+        for part in range(0, len(chosen), _PART):
+            queries = [names[k] for k in chosen[part : part + _PART]]
+            answers = {each.row.method: _answers(gallery, names, queries) for each, gallery in here}
+            add_script(files, f"queries-{stem}-{number}-{part // _PART}", answers)
+        sheets = pictures.get(input_) or Sheets("", {})
+        galleries.append(
+            {
+                "gallery": name,
+                "input": input_,
+                "number": number,
+                "names": names,
+                "classes": list(labels.values()),
+                "poses": [poses.get(shape, "") for shape in names],
+                "sheets": sheets.stem,
+                "pictures": [sheets.places.get(shape, -1) for shape in names],
+                "queries": chosen if len(chosen) < len(names) else None,
+                "methods": [
+                    {
+                        "name": each.row.method,
+                        "title": each.row.label,
+                        "sheet": sheets.numbers.get(each.row.method, 0),
+                        "is_ranked": gallery.ranking is not None,
+                        "missing": _missing(gallery, names, sheets.reasons.get(each.row.method, {})),
+                    }
+                    for each, gallery in here
+                ],
+            }
+        )
+    failed = [
+        {"input": input_, "title": row.label, "why": f"{cell.status}: {brief(cell.record.get('reason', ''))}"}
+        for row in table.rows
+        for input_, cell in row.cells.items()
+        if not cell.scores and cell.status != "missing"
+    ]
+    shared = {"part": _PART, "measures": PRINTED, "galleries": galleries, "failed": failed}
+    add_script(files, f"{stem}-queries", shared)
+
+
+def _missing(gallery: RankedGallery, names: Sequence[str], reasons: Mapping[str, str]) -> dict[str, list[int]]:
+    """By reason, the shapes without a picture of their form."""
+    reasons = {**reasons, **{name: brief(why) for name, why in gallery.record["unsupported"]}}
+    missing: dict[str, list[int]] = {}
+    for place, name in enumerate(names):
+        if why := reasons.get(name, "not kept here"):
+            missing.setdefault(why, []).append(place)
+    return missing
+
+
+def _answers(gallery: RankedGallery, names: Sequence[str], queries: Sequence[str]) -> dict[str, Any]:
+    """For each query its nearest shapes by their place among the names, and its scores; None if it has none."""
+    record, ranking = gallery.record, gallery.ranking
+    place, answered = {name: k for k, name in enumerate(names)}, answered_shapes(record)
+    own, row = ({name: k for k, name in enumerate(shapes)} for shapes in (record["shapes"], answered))
+    nearest = None
+    if ranking is not None:
+        matches = [[place[answered[match]] for match in of_query] for of_query in ranking.nearest.tolist()]
+        nearest = [matches[row[query]] if query in row else None for query in queries]
+    return {
+        "nearest": nearest,
+        "scores": [
+            [record["per_query"][name][own[query]] for name in PRINTED] if query in own else None for query in queries
+        ],
+    }

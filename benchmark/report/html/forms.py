@@ -1,0 +1,323 @@
+"""Canonical forms of a data set in the report: small pictures of many, and some side by side that can be turned."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import chain, groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.spatial import cKDTree
+
+from benchmark.api.contracts import Input
+from benchmark.datasets.base import Dataset, Entry
+from benchmark.errors import BenchmarkError
+from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.preparation import decimate
+from benchmark.pipeline.storage.records import Record
+from benchmark.protocols.tables import INPUTS
+from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.report.html.scripts import Files, Progress, add_picture, add_script
+from benchmark.report.pictures.painting import outwardness, painted
+from benchmark.report.pictures.posing import centred, reach, select, spread, upright
+from benchmark.text import brief
+
+#: Pixels per side of a small picture, small pictures in a row of a sheet, and rows; see queries.js.
+SIDE, ACROSS, DOWN = 80, 10, 5
+_ON_SHEET = ACROSS * DOWN
+
+#: Pixels per side of a picture of a form beside others; shapes of a class, and classes, that are shown so at most.
+TILE, POSES, _MOST_CLASSES = 150, 4, 6
+
+#: Shapes of a data set that have small pictures; of larger sets these are spread evenly.
+_MOST_PICTURES = 1000
+
+#: Vertices of a surface that can be turned; coordinates lie between plus and minus so many half widths of a picture.
+_VERTICES, _REACH = 1000, 1.6
+
+#: Width of a picture beyond what the largest form takes.
+_MARGIN = 1.06
+
+_NOT_DRAWN = "not drawn: one report has no room for all forms; choose fewer with -t, -d, -m or --input"
+_ABSENT = "not in this gallery"
+
+#: Name of the shape itself among the forms.
+_SHAPE = ""
+
+
+@dataclass
+class Sheets:
+    """Small pictures of the shapes of a data set under one input, and of their forms.
+
+    Parameters
+    ----------
+    stem
+        How the names of the files begin.
+    numbers
+        Number of each method in the names of its files; 0 is the shapes themselves.
+    places
+        Place of each shape, the same on the sheets of all methods: the one at k is on sheet k // 50, at k % 50.
+    reasons
+        By method and shape: "" for a picture of its form, and else why there is none.
+    """
+
+    stem: str
+    numbers: dict[str, int]
+    places: dict[str, int] = field(default_factory=dict)
+    reasons: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+@dataclass
+class DrawnSet:
+    """Pictures of a data set in the report.
+
+    Parameters
+    ----------
+    stem
+        Name of its files.
+    classes
+        Shapes that are shown side by side: by class their names.
+    sheets
+        Small pictures by input.
+    titles
+        Titles of the methods by input and name.
+    n_forms
+        Forms that can be turned.
+    hero
+        Path of a picture of the first class and one form of each of its shapes; "" for none.
+    """
+
+    stem: str
+    classes: dict[str, list[str]] = field(default_factory=dict)
+    sheets: dict[Input, Sheets] = field(default_factory=dict)
+    titles: dict[Input, dict[str, str]] = field(default_factory=dict)
+    n_forms: int = 0
+    hero: str = ""
+
+    @property
+    def files(self) -> dict[str, int]:
+        """Numbers of the shapes that are shown side by side in the names of their files."""
+        return {shape: number for number, shape in enumerate(chain(*self.classes.values()))}
+
+    def as_json(self) -> dict[str, Any]:
+        """As the page of the forms reads it."""
+        cells = {
+            input_: {
+                shape: [sheets.reasons.get(method, {}).get(shape, "not kept here") for method in self.titles[input_]]
+                for shape in self.files
+            }
+            for input_, sheets in self.sheets.items()
+        }
+        return {
+            "stem": self.stem,
+            "classes": [{"name": name, "shapes": shapes} for name, shapes in self.classes.items()],
+            "files": self.files,
+            "inputs": {
+                input_: {
+                    "methods": [{"name": name, "title": title} for name, title in titles.items()],
+                    "cells": cells[input_],
+                }
+                for input_, titles in self.titles.items()
+                if any("" in reasons for reasons in cells[input_].values())
+            },
+        }
+
+
+def draw_set(
+    stem: str,
+    records: Sequence[Record],
+    artefacts: ArtefactReader,
+    files: Files,
+    room: tuple[int, int],
+    say: Progress = lambda _: None,
+) -> DrawnSet:
+    """Draw the shapes of some records whose surfaces are stored, and what is stored of their forms.
+
+    Parameters
+    ----------
+    stem
+        Name of the files.
+    records
+        Records with scores of one data set, methods in the order in which they are shown.
+    artefacts
+        Where surfaces and forms are.
+    files
+        Where pictures and scripts are added.
+    room
+        Shapes whose forms are drawn side by side, and those whose forms are drawn small, under each input.
+    say
+        Told how many shapes are drawn, where they are many.
+    """
+    drawn = DrawnSet(stem)
+    dataset = _dataset(records, artefacts)
+    ranked = {shape for record in records for shape in record["shapes"]}
+    entries = [entry for entry in dataset.entries if entry.identifier in ranked] if dataset is not None else []
+    if dataset is None or not entries:
+        return drawn
+    n_poses = max(1, min(POSES, max(POSES - 1, room[0] // POSES), room[0]))
+    rows = select(dataset, entries, max(1, min(_MOST_CLASSES, room[0] // n_poses)), n_poses)
+    drawn.classes = {row[0].subject: [entry.identifier for entry in row] for row in rows}
+    beside = set(drawn.files)
+    order = {entry.subject: number for number, entry in reversed([*enumerate(entries)])}
+    entries.sort(key=lambda entry: (order[entry.subject], drawn.files.get(entry.identifier, len(entries))))
+    shown = [entry.identifier for entry in spread(entries, _MOST_PICTURES)]
+    with_forms = beside.union(spread(shown, room[1]))
+    for input_ in INPUTS:
+        by_method: dict[str, dict[str, Record]] = {}
+        for record in (record for record in records if record["input"] == input_):
+            drawn.titles.setdefault(input_, {}).setdefault(record["method"], brief(record["title"]))
+            of_method = by_method.setdefault(record["method"], {})
+            for shape in record["shapes"]:
+                of_method.setdefault(shape, record)
+        if by_method:
+            numbers = {method: number for number, method in enumerate(by_method, 1)}
+            drawn.sheets[input_] = Sheets(f"{stem}-{input_}", numbers, reasons={method: {} for method in numbers})
+            drawing = _Drawing(drawn, input_, by_method, artefacts, files, say)
+            for _, of_class in groupby(entries, key=lambda entry: entry.subject):
+                here = [entry for entry in of_class if entry.identifier in beside.union(shown)]
+                drawing.draw_class(here, beside, with_forms)
+            drawing.close()
+    return drawn
+
+
+def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> Dataset | None:
+    for record in records:
+        with suppress(BenchmarkError):
+            return artefacts.dataset(record)
+    return None
+
+
+@dataclass
+class _Drawing:
+    """The pictures of one data set under one input while they are drawn."""
+
+    drawn: DrawnSet
+    input: Input
+    by_method: Mapping[str, Mapping[str, Record]]
+    artefacts: ArtefactReader
+    files: Files
+    say: Progress
+    _open: dict[int, Image.Image] = field(default_factory=dict)
+
+    def draw_class(self, entries: Sequence[Entry], beside: set[str], with_forms: set[str]) -> None:
+        """Draw shapes of a class small, and those beside each other large as well: all forms of a method alike."""
+        models: dict[str, Points] = {}
+        large: list[tuple[Entry, dict[str, Mesh]]] = []
+        for entry in entries:
+            meshes = self._turned(entry, models, entry.identifier in with_forms)
+            if meshes:
+                self._add_small(entry, meshes)
+            if meshes and entry.identifier in beside:
+                large.append((entry, meshes))
+        if large:
+            self._add_large(large)
+
+    def _turned(self, entry: Entry, models: dict[str, Points], is_drawn: bool) -> dict[str, Mesh]:
+        """A shape as its camera sees it, and its forms beside it, by method; nothing where it is not stored."""
+        name = entry.identifier
+        records = [of_method[name] for of_method in self.by_method.values() if name in of_method]
+        surface = self.artefacts.surface(records[0], entry) if records else None
+        if surface is None:
+            return {}
+        seen = self.artefacts.seen(records[0], entry, surface)
+        meshes = {_SHAPE: surface.with_vertices(centred(seen))}
+        for method, of_method in self.by_method.items():
+            form: Mesh | str = _NOT_DRAWN if name in of_method else _ABSENT
+            if is_drawn and name in of_method:
+                form = self.artefacts.form(of_method[name], entry, surface)
+            if isinstance(form, Mesh):
+                points = centred(upright(form, surface, seen, models.get(method)))
+                models.setdefault(method, points)
+                meshes[method] = form.with_vertices(points)
+            self.drawn.sheets[self.input].reasons[method][name] = brief(form) if isinstance(form, str) else ""
+        return meshes
+
+    def _add_small(self, entry: Entry, meshes: Mapping[str, Mesh]) -> None:
+        sheets, shape = self.drawn.sheets[self.input], meshes[_SHAPE]
+        place = sheets.places[entry.identifier] = len(sheets.places)
+        row, column = divmod(place % _ON_SHEET, ACROSS)
+        values = outwardness(shape)
+        for method, mesh in meshes.items():
+            own = values if np.array_equal(mesh.faces, shape.faces) else outwardness(mesh)
+            picture = painted(mesh.vertices, mesh.faces, own, SIDE, _MARGIN * reach(mesh.vertices))
+            number = sheets.numbers.get(method, 0)
+            if number not in self._open:
+                self._open[number] = Image.new("RGBA", (SIDE * ACROSS, SIDE * DOWN))
+            self._open[number].paste(picture, (SIDE * column, SIDE * row))
+        if place % _ON_SHEET == _ON_SHEET - 1:
+            self.close()
+            self.say(f"{place + 1} shapes drawn with their forms")
+
+    def close(self) -> None:
+        """Write the sheets that have pictures."""
+        sheets = self.drawn.sheets[self.input]
+        for number, image in self._open.items():
+            add_picture(self.files, f"{sheets.stem}-{number}-{(len(sheets.places) - 1) // _ON_SHEET}", image)
+        self._open.clear()
+
+    def _add_large(self, shapes: Sequence[tuple[Entry, Mapping[str, Mesh]]]) -> None:
+        """Write a strip of pictures of each shape, itself on top, and a script with surfaces, of one scale."""
+        rows = {method: row for row, method in enumerate((_SHAPE, *self.by_method))}
+        widths: dict[str, float] = {}
+        for _, meshes in shapes:
+            for method, mesh in meshes.items():
+                widths[method] = max(widths.get(method, 0.0), _MARGIN * reach(mesh.vertices))
+        strips = []
+        for entry, meshes in shapes:
+            strip = Image.new("RGBA", (TILE, TILE * len(rows)))
+            shared = _Thinned.of(meshes[_SHAPE])
+            surfaces: dict[str, Any] = {}
+            for method, mesh in meshes.items():
+                is_shared = np.array_equal(mesh.faces, meshes[_SHAPE].faces)
+                thin = shared if is_shared else _Thinned.of(mesh)
+                points = mesh.vertices[thin.chosen] / widths[method]
+                surfaces[method] = {"at": _packed(_steps(points))} | ({} if is_shared else thin.topology())
+                strip.paste(painted(points, thin.faces, thin.values, TILE, 1.0), (0, TILE * rows[method]))
+            name = f"forms-{self.drawn.stem}-{self.input}-{self.drawn.files[entry.identifier]}"
+            add_picture(self.files, name, strip)
+            add_script(self.files, name, {"shape": entry.identifier, **shared.topology(), "surfaces": surfaces})
+            self.drawn.n_forms += len(meshes) - 1
+            strips.append(strip)
+        row = next((rows[method] for method in self.by_method if all(method in meshes for _, meshes in shapes)), 0)
+        if row and not self.drawn.hero:
+            image = Image.new("RGBA", (TILE * len(strips), 2 * TILE))
+            for column, strip in enumerate(strips):
+                image.paste(strip.crop((0, 0, TILE, TILE)), (TILE * column, 0))
+                image.paste(strip.crop((0, TILE * row, TILE, TILE * (row + 1))), (TILE * column, TILE))
+            self.drawn.hero = add_picture(self.files, f"hero-{self.drawn.stem}", image)
+
+
+@dataclass(frozen=True, eq=False)
+class _Thinned:
+    """Some vertices of a mesh, triangles between them, and how far out they lie."""
+
+    chosen: NDArray[np.intp]
+    faces: NDArray[np.int32]
+    values: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> _Thinned:
+        small = decimate(mesh, _VERTICES)
+        chosen = np.asarray(cKDTree(mesh.vertices).query(small.vertices)[1], dtype=np.intp)
+        return cls(chosen, small.faces, outwardness(mesh)[chosen])
+
+    def topology(self) -> dict[str, str]:
+        return {
+            "faces": _packed(self.faces.astype("<u2")),
+            "values": _packed(np.rint(255 * self.values).astype("u1")),
+        }
+
+
+def _steps(points: Points) -> NDArray[np.uint16]:
+    """Coordinates in 65536 steps between plus and minus the reach; what lies beyond is moved in."""
+    return np.asarray(np.rint((np.clip(points / _REACH, -1, 1) + 1) / 2 * 65535), dtype="<u2")
+
+
+def _packed(array: NDArray[Any]) -> str:
+    """Whole numbers as base64, as the page reads them."""
+    return base64.b64encode(array.tobytes()).decode("ascii")

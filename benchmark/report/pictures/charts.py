@@ -1,0 +1,352 @@
+"""Charts for papers: accuracy against cost, scores, robustness, precision over recall, classes and confusions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter
+
+from benchmark.api.contracts import Input
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS
+from benchmark.errors import ConfigurationError
+from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.report.content import Row, TableContent
+from benchmark.report.pictures.forms import WIDTH
+from benchmark.report.pictures.painting import save
+from benchmark.report.ranked import CLASSES, RankedCell, classes_of, ranked_cells
+from benchmark.report.robustness import file_stem, titles
+from benchmark.report.rounding import millionths, number
+from benchmark.report.statistics.rankings import RECALLS
+from benchmark.report.statistics.table_significance import CONTROL, pareto_front
+from benchmark.text import clean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+#: Measure on the axis of scores.
+MEASURE = "DCG"
+
+#: Colour and mark of each family of methods; of the others that of "extended".
+_FAMILIES = {"paper": ("#2f6fb7", "o"), "extended": ("#2a9d8f", "D"), CONTROL: ("#b0772e", "s")}
+
+#: Mark of an input among costs, and the same as a character.
+_INPUT_MARKS: dict[Input, tuple[str, str]] = {"mesh": ("o", "\u25cf"), "view": ("x", "\u00d7")}
+
+#: Inches of a panel of costs, a column of a paper; of a line of scores, of what is around them, of the tallest figure.
+_COST = (3.5, 2.9)
+_LINE, _FRAME, _TALLEST = 0.165, 0.75, 8.4
+
+_SIZE = 7
+_TEXT: Mapping[str, Any] = {"parse_math": False}
+_MARKERS = "os^vD<>p*hXP"
+
+#: Panels of confusions, and beside each other; curves beside each other; classes whose names can be read.
+_MOST_PANELS, _PANELS, _CURVES, _MOST_NAMES = 12, 4, 4, 40
+
+
+def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
+    """Draw a panel for each input of a table: seconds a shape, all phases, against a measure with its interval.
+
+    Controls are drawn, and take no part in the front.
+
+    Raises
+    ------
+    ConfigurationError
+        If no row has scores and a cost.
+    """
+    points = {input_: _points(table, input_, measure) for input_ in table.inputs}
+    inputs = [input_ for input_ in table.inputs if points[input_]]
+    if not inputs:
+        raise ConfigurationError("no row of the table has scores and a cost", "run its methods here")
+    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1]), dpi=300, layout="constrained")
+    axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
+    for place, input_ in zip(axes, inputs, strict=True):
+        _cost_panel(place, table, input_, measure, points[input_])
+    axes[0].set_ylabel(measure, fontsize=8)
+    return figure
+
+
+def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple[float, float]]:
+    """Seconds and score of each row that has both, by method."""
+    cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
+    return {
+        name: (cell.seconds, millionths(cell.scores[measure]))
+        for name, cell in cells.items()
+        if cell.scores and cell.seconds
+    }
+
+
+def _cost_panel(
+    place: Axes, table: TableContent, input_: Input, measure: str, points: Mapping[str, tuple[float, float]]
+) -> None:
+    rows = {row.method: row for row in table.rows}
+    front = pareto_front({name: point for name, point in points.items() if rows[name].family != CONTROL})
+    if front:
+        seconds, scores = zip(*(points[name] for name in front), strict=True)
+        place.step(seconds, scores, where="post", color="#2f6fb7", lw=1.2, zorder=1)
+    lows = [table.chance[measure]]
+    for name, (cost, score) in points.items():
+        colour, mark = _FAMILIES.get(rows[name].family, _FAMILIES["extended"])
+        if judged := table.significance.get((name, input_, measure)):
+            place.plot([cost] * 2, [judged.low, judged.high], color=colour, lw=0.7, alpha=0.35)
+            lows.append(judged.low)
+        edge = "black" if name in front else "none"
+        place.plot(cost, score, mark, color=colour, markersize=8, mec=edge, mew=0.9, zorder=3)
+    # The points are numbered, and the numbers named below: names beside the points would cover each other.
+    names = []
+    for order, name in enumerate(sorted(points, key=lambda name: (points[name], name)), 1):
+        place.annotate(str(order), points[name], fontsize=4.8, color="white", ha="center", va="center", zorder=4)
+        names.append(f"{order} {_shortened(clean(rows[name].title), 22)}")
+    third = -(-len(names) // 3)
+    for column in range(3):
+        text = "\n".join(names[column * third : (column + 1) * third])
+        place.text(column / 3, -0.24, text, transform=place.transAxes, fontsize=5.5, va="top", color="0.25", **_TEXT)
+    place.axhline(table.chance[measure], color="0.6", lw=0.7, ls=(0, (4, 3)), zorder=0)
+    _log_axis(place, (1.0, 2.0, 5.0))
+    place.set_xlabel("seconds a shape", fontsize=8)
+    place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, parse_math=False)
+    place.set_ylim(max(0.0, min(lows) - 0.06), 1.02)
+    _plain_frame(place, "top", "right")
+
+
+def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> Figure | None:
+    """Draw a panel for each input of a table, and one of seconds a shape; None for a table without scores.
+
+    Filled are the best row and those that cannot be told from it.
+
+    Parameters
+    ----------
+    table
+        The table.
+    width
+        Inches.
+    measure
+        What is shown.
+    """
+    rows = [row for row in table.rows if any(cell.scores for cell in row.cells.values())]
+    if not rows:
+        return None
+    figure = Figure(figsize=(width, min(_FRAME + _LINE * len(rows), _TALLEST)), dpi=300, layout="constrained")
+    axes = figure.subplots(1, len(table.inputs) + 1, sharey=True, squeeze=False)[0]
+    for place, input_ in zip(axes, table.inputs, strict=False):
+        _scores_panel(place, table, rows, input_, measure)
+    _costs_panel(axes[-1], rows, table.inputs)
+    axes[0].set_yticks(range(len(rows)), [_shortened(clean(row.label), 44) for row in rows], parse_math=False)
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    for place in axes:
+        place.tick_params(axis="y", length=0)
+        _plain_frame(place, "top", "right", "left")
+    return figure
+
+
+def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Row], input_: Input, measure: str) -> None:
+    for line, row in enumerate(rows):
+        cell, judged = row.cells.get(input_), table.significance.get((row.method, input_, measure))
+        if cell is None or not cell.scores:
+            continue
+        colour = _FAMILIES.get(row.family, _FAMILIES["extended"])[0]
+        leads = judged is not None and (judged.is_best or judged.is_inseparable)
+        if judged is not None:
+            place.plot([judged.low, judged.high], [line, line], color=colour, lw=1, alpha=0.6)
+        place.plot(cell.scores[measure], line, "o", ms=4, color=colour, mfc=colour if leads else "white", mew=0.9)
+    place.axvline(table.chance[measure], color="0.6", lw=0.8, ls=(0, (4, 3)), zorder=0)
+    place.set_xlim(0, 1.02)
+    place.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
+    place.set_title(input_, fontsize=_SIZE + 1)
+    place.set_xlabel(measure, fontsize=_SIZE)
+
+
+def _costs_panel(place: Axes, rows: Sequence[Row], inputs: Sequence[Input]) -> None:
+    known: list[float] = []
+    for input_ in inputs:
+        costs = [(row.cells[input_].seconds, line) for line, row in enumerate(rows) if input_ in row.cells]
+        points = [(seconds, line) for seconds, line in costs if seconds]
+        known += [seconds for seconds, _ in points]
+        place.plot([seconds for seconds, _ in points], [k for _, k in points], _INPUT_MARKS[input_][0], ms=3, c="0.3")
+    place.set_xscale("log")
+    if known:
+        place.set_xlim(min(known) / 2, max(known) * 2)
+        _log_axis(place, (1.0,) if max(known) > 10 * min(known) else (1.0, 2.0, 5.0))
+    place.set_title(", ".join(f"{_INPUT_MARKS[input_][1]} {input_}" for input_ in inputs), fontsize=_SIZE + 1)
+    place.set_xlabel("seconds a shape", fontsize=_SIZE)
+
+
+def draw_curves(frames: Sequence[DataFrame], folder: Path) -> list[Path]:
+    """Write a picture for each data set and input."""
+    paths = [folder / f"{file_stem(frame)}.png" for frame in frames]
+    for frame, path in zip(frames, paths, strict=True):
+        save(curves_figure(frame), path)
+    return paths
+
+
+def curves_figure(frame: DataFrame) -> Figure:
+    """NN over the strength of each perturbation, from clean on the left."""
+    n_curves = frame["perturbation"].nunique()
+    columns = min(_CURVES, n_curves + 1)
+    rows = -(-(n_curves + 1) // columns)
+    figure = Figure(figsize=(3.2 * columns, 2.8 * rows), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    looks = {
+        method: look | {"markersize": 3, "linewidth": 1} for method, look in zip(titles(frame), _looks(), strict=False)
+    }
+    for place, (perturbation, part) in zip(axes, frame.groupby("perturbation", sort=False), strict=False):
+        known = PERTURBATIONS[str(perturbation)]
+        for method, curve in part.groupby("method", sort=False):
+            values = [curve["clean_NN"].iloc[0], *curve["NN"].astype(float)]
+            place.plot(range(len(values)), values, **looks[str(method)])
+        place.axhline(part["chance"].iloc[0], color="grey", linestyle=":", linewidth=1)
+        place.set_title(known.title, fontsize=9)
+        place.set_xlabel(known.unit, fontsize=7)
+        place.set_xticks(range(len(known.amounts) + 1), ["clean", *(f"{a:g}" for a in known.amounts)], fontsize=7)
+        place.set_xlim(-0.2, len(known.amounts) + 0.2)
+        place.set_ylim(-0.03, 1.03)
+        place.tick_params(labelsize=7)
+    for place in axes[n_curves:]:
+        place.axis("off")
+    legend = axes[n_curves]
+    for method, title in titles(frame).items():
+        legend.plot([], [], label=title.replace("$", r"\$"), **looks[method])
+    legend.plot([], [], color="grey", linestyle=":", linewidth=1, label="chance")
+    legend.legend(fontsize=6, loc="center", ncols=2 if len(looks) > 12 else 1, frameon=False)
+    figure.supylabel("NN", fontsize=9)
+    return figure
+
+
+def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
+    """Draw a panel for each input of a table: interpolated precision over recall, the mean over all queries.
+
+    Raises
+    ------
+    ConfigurationError
+        If no distances are stored.
+    """
+    curves = [(each, precision) for each in ranked_cells(table, artefacts) if (precision := each.precision())]
+    inputs = _inputs(each for each, _ in curves)
+    methods = dict.fromkeys(each.row.method for each, _ in curves)
+    looks = dict(zip(methods, _looks(), strict=False))
+    n_lines = -(-len(methods) // len(inputs) // 2)
+    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.14 * n_lines), dpi=300, layout="constrained")
+    axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
+    for place, input_ in zip(axes, inputs, strict=True):
+        for each, precision in curves:
+            if each.input == input_:
+                place.plot(RECALLS, precision, lw=1, ms=2.5, label=each.row.method, **looks[each.row.method])
+        place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, **_TEXT)
+        place.set_xlabel("recall", fontsize=8)
+        place.set_xlim(0, 1.02)
+        place.set_ylim(0, 1.03)
+        _plain_frame(place, "top", "right")
+    axes[0].set_ylabel("precision", fontsize=8)
+    handles = {label: line for place in axes for line, label in zip(*place.get_legend_handles_labels(), strict=True)}
+    names = {each.row.method: _shortened(clean(each.row.title), 34).replace("$", r"\$") for each, _ in curves}
+    figure.legend(
+        [handles[name] for name in methods], [names[name] for name in methods],
+        loc="outside lower center", ncols=2 * len(inputs), fontsize=5.5, frameon=False,
+    )  # fmt: skip
+    return figure
+
+
+def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str = MEASURE) -> Figure:
+    """Draw a panel for each input of a table: the mean of a measure over the queries of each class, by method."""
+    cells = ranked_cells(table, artefacts)
+    inputs, classes = _inputs(cells), classes_of(cells)
+    counts = [sum(each.input == input_ for each in cells) for input_ in inputs]
+    size = (WIDTH, min(0.8 * len(inputs) + 0.14 * sum(counts), _TALLEST))
+    figure = Figure(figsize=size, dpi=300, layout="constrained")
+    axes = figure.subplots(len(inputs), 1, squeeze=False, height_ratios=counts)[:, 0]
+    for place, input_ in zip(axes, inputs, strict=True):
+        shown = [each for each in cells if each.input == input_]
+        values = np.array([each.by_class(classes)[measure] for each in shown], dtype=float)
+        image = _heat_map(place, values, classes, [_shortened(clean(each.row.title), 34) for each in shown])
+        place.set_title(f"{measure}, {input_}", fontsize=_SIZE + 1)
+        if len(classes) <= _MOST_NAMES // 2:
+            for line, column in np.argwhere(np.isfinite(values)):
+                value = values[line, column]
+                shade = "white" if value < 0.6 else "black"
+                place.text(column, line, number(value), fontsize=4.5, ha="center", va="center", color=shade)
+    figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01).ax.tick_params(labelsize=_SIZE - 1)
+    return figure
+
+
+def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
+    """Draw a panel for each method: the classes of queries downwards, those of their nearest matches across.
+
+    Raises
+    ------
+    ConfigurationError
+        If no distances are stored.
+    """
+    cells = ranked_cells(table, artefacts)
+    names = classes_of(cells)
+    panels = [(each, counts) for each in cells if (counts := each.confusion(CLASSES))][:_MOST_PANELS]
+    _inputs(each for each, _ in panels)
+    columns = min(_PANELS, len(panels))
+    rows, side = -(-len(panels) // columns), WIDTH / max(columns, 2)
+    figure = Figure(figsize=(side * columns, (side + 0.15) * rows), dpi=300, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    place_of = {name: k for k, name in enumerate(names)}
+    for place in axes[len(panels) :]:
+        place.axis("off")
+    for order, (place, (each, counts)) in enumerate(zip(axes, panels, strict=False)):
+        values = np.zeros((len(names), len(names)))
+        for (query, match), n_queries in counts.items():
+            values[place_of[query], place_of[match]] = n_queries
+        values /= np.maximum(values.sum(axis=1, keepdims=True), 1)
+        image = _heat_map(place, values, names, names if order % columns == 0 else [])
+        place.set_title(f"{_shortened(clean(each.row.title), 26)}, {each.input}", fontsize=_SIZE, **_TEXT)
+    bar = figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01, format=PercentFormatter(1))
+    bar.ax.tick_params(labelsize=_SIZE - 1)
+    figure.supylabel("query", fontsize=_SIZE)
+    figure.supxlabel("nearest match", fontsize=_SIZE)
+    return figure
+
+
+def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
+    """Inputs of some rows; raises ``ConfigurationError`` if there are none."""
+    inputs = list(dict.fromkeys(each.input for each in cells))
+    if not inputs:
+        raise ConfigurationError("no distances of the table are stored here", "run its methods here")
+    return inputs
+
+
+def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[str]) -> Any:
+    """Draw shares from 0 to 1; names are left out where nobody could read them."""
+    image = place.imshow(values, vmin=0, vmax=1, cmap="viridis", aspect="auto", interpolation="nearest")
+    for axis, names in ((place.xaxis, columns), (place.yaxis, rows)):
+        shown = [_shortened(clean(name), 34) for name in names] if len(names) <= _MOST_NAMES else []
+        axis.set_ticks(range(len(shown)), shown, **_TEXT)
+    place.tick_params(labelsize=5.5, length=0)
+    place.tick_params(axis="x", rotation=90)
+    return image
+
+
+def _looks() -> Iterator[dict[str, Any]]:
+    """Colours and marks of lines, without end."""
+    colours = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
+    for order in count():
+        yield {"color": colours[order % len(colours)], "marker": _MARKERS[order % len(_MARKERS)]}
+
+
+def _log_axis(place: Axes, steps: Sequence[float]) -> None:
+    place.set_xscale("log")
+    place.xaxis.set_major_locator(LogLocator(subs=steps))
+    place.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    place.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _plain_frame(place: Axes, *hidden: str) -> None:
+    place.tick_params(labelsize=_SIZE, which="both")
+    place.grid(alpha=0.25, lw=0.5)
+    for side in hidden:
+        place.spines[side].set_visible(False)
+
+
+def _shortened(title: str, most: int) -> str:
+    return title if len(title) <= most else f"{title[: most - 1]}\u2026"
