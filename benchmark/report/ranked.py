@@ -15,6 +15,7 @@ from benchmark.pipeline.storage.records import Record, answered_labels, answered
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
+from benchmark.report.pictures.posing import have_same_poses
 from benchmark.report.rounding import millionths
 from benchmark.report.statistics.queries import UNIT, queries_of
 from benchmark.report.statistics.rankings import (
@@ -30,9 +31,6 @@ from retrieval.measures import PRINTED
 
 #: Kinds of confusions.
 CLASSES, POSES = "classes", "poses"
-
-#: Share of all classes in all poses that a data set must hold for the names of its poses to mean the same pose.
-_SAME_POSES = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,17 +138,12 @@ def poses_of(cells: Sequence[RankedCell]) -> list[str]:
 
 
 def _poses(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
-    """Pose of each shape, where the data set is here and its classes take the same poses; empty otherwise.
-
-    Poses that are merely numbered differ from class to class, and so does how many there are.
-    """
+    """Pose of each shape, where the data set is here and its classes take the same poses; empty otherwise."""
     try:
         entries = artefacts.dataset(record).entries
     except BenchmarkError:
         return {}
-    poses, subjects = {entry.pose for entry in entries}, {entry.subject for entry in entries}
-    is_grid = len(entries) >= _SAME_POSES * len(poses) * len(subjects)
-    return {entry.identifier: entry.pose for entry in entries} if is_grid else {}
+    return {entry.identifier: entry.pose for entry in entries} if have_same_poses(entries) else {}
 
 
 def _ranking(record: Record, artefacts: ArtefactReader) -> Ranking | None:

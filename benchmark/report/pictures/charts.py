@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
@@ -103,11 +104,14 @@ def _cost_panel(
     names = []
     for order, name in enumerate(sorted(points, key=lambda name: (points[name], name)), 1):
         place.annotate(str(order), points[name], fontsize=4.8, color="white", ha="center", va="center", zorder=4)
-        names.append(f"{order} {_shortened(clean(rows[name].title), 22)}")
+        names.append(f"{order} {_shortened(clean(rows[name].title), 20)}")
     third = -(-len(names) // 3)
     for column in range(3):
         text = "\n".join(names[column * third : (column + 1) * third])
-        place.text(column / 3, -0.24, text, transform=place.transAxes, fontsize=5.5, va="top", color="0.25", **_TEXT)
+        place.annotate(
+            text, (column / 3, 0), (0, -32), xycoords="axes fraction", textcoords="offset points", fontsize=5.5,
+            va="top", color="0.25", **_TEXT,
+        )  # fmt: skip
     place.axhline(table.chance[measure], color="0.6", lw=0.7, ls=(0, (4, 3)), zorder=0)
     _log_axis(place, (1.0, 2.0, 5.0))
     place.set_xlabel("seconds a shape", fontsize=8)
@@ -269,7 +273,7 @@ def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str 
         if len(classes) <= _MOST_NAMES // 2:
             for line, column in np.argwhere(np.isfinite(values)):
                 value = values[line, column]
-                shade = "white" if value < 0.6 else "black"
+                shade = "white" if value > 0.6 else "black"
                 place.text(column, line, number(value), fontsize=4.5, ha="center", va="center", color=shade)
     figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01).ax.tick_params(labelsize=_SIZE - 1)
     return figure
@@ -300,7 +304,7 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
             values[place_of[query], place_of[match]] = n_queries
         values /= np.maximum(values.sum(axis=1, keepdims=True), 1)
         image = _heat_map(place, values, names, names if order % columns == 0 else [])
-        place.set_title(f"{_shortened(clean(each.row.title), 26)}, {each.input}", fontsize=_SIZE, **_TEXT)
+        place.set_title(f"{_shortened(clean(each.row.title), 20)}, {each.input}", fontsize=_SIZE, **_TEXT)
     bar = figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01, format=PercentFormatter(1))
     bar.ax.tick_params(labelsize=_SIZE - 1)
     figure.supylabel("query", fontsize=_SIZE)
@@ -318,7 +322,7 @@ def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
 
 def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[str]) -> Any:
     """Draw shares from 0 to 1; names are left out where nobody could read them."""
-    image = place.imshow(values, vmin=0, vmax=1, cmap="viridis", aspect="auto", interpolation="nearest")
+    image = place.imshow(values, vmin=0, vmax=1, cmap="YlGnBu", aspect="auto", interpolation="nearest")
     for axis, names in ((place.xaxis, columns), (place.yaxis, rows)):
         shown = [_shortened(clean(name), 34) for name in names] if len(names) <= _MOST_NAMES else []
         axis.set_ticks(range(len(shown)), shown, **_TEXT)
@@ -349,4 +353,6 @@ def _plain_frame(place: Axes, *hidden: str) -> None:
 
 
 def _shortened(title: str, most: int) -> str:
+    """Cut a long title; parameters go without their names first."""
+    title = title if len(title) <= most else re.sub(r"[\w-]+=", "", title)
     return title if len(title) <= most else f"{title[: most - 1]}\u2026"

@@ -23,7 +23,7 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.pictures.painting import outwardness, painted
-from benchmark.report.pictures.posing import centred, reach, spread, upright
+from benchmark.report.pictures.posing import centred, have_same_poses, reach, spread, upright
 from benchmark.report.statistics.table_significance import CONTROL
 from benchmark.text import clean
 
@@ -138,7 +138,8 @@ def effect_figure(
         )  # fmt: skip
     middle = n_poses / sum(widths) / 2
     title = f"Their canonical forms, by {clean(jobs[0].method.info.title)}"
-    for place, text in ((middle, "The same bodies in different poses"), (1 - middle, title)):
+    shown = "The same bodies in different poses" if have_same_poses(entries) else "Shapes of the same class"
+    for place, text in ((middle, shown), (1 - middle, title)):
         figure.text(place, 0.955, text, fontsize=12, color="0.25", **_CENTRED)
     return figure
 

@@ -15,6 +15,9 @@ from benchmark.geometry.mesh import Mesh, Points
 
 T = TypeVar("T")
 
+#: Share of all classes in all poses that a data set must hold for the names of its poses to mean the same pose.
+_SAME_POSES = 0.9
+
 #: Largest difference between a form and its shape, as a share of their size, at which the form is the shape turned.
 _SAME = 1e-3
 
@@ -65,6 +68,12 @@ def select(
         sorted(members, key=lambda entry: entry.pose != canonical.get(entry.subject)) for members in subjects.values()
     ]
     return [spread(row, n_poses) for row in spread(rows, n_subjects or len(rows))]
+
+
+def have_same_poses(entries: Sequence[Entry]) -> bool:
+    """Return whether the classes take the same poses: merely numbered ones differ in number from class to class."""
+    poses, subjects = {entry.pose for entry in entries}, {entry.subject for entry in entries}
+    return len(entries) >= _SAME_POSES * len(poses) * len(subjects)
 
 
 def centred(points: Points) -> Points:
