@@ -40,8 +40,8 @@ _FAMILIES = {"paper": ("#2f6fb7", "o"), "extended": ("#2a9d8f", "D"), CONTROL: (
 #: Mark of an input among costs, and the same as a character.
 _INPUT_MARKS: dict[Input, tuple[str, str]] = {"mesh": ("o", "\u25cf"), "view": ("x", "\u00d7")}
 
-#: Inches of a panel of costs, a column of a paper; of a line of scores, of what is around them, of the tallest figure.
-_COST = (3.5, 2.9)
+#: Inches of a panel of costs without its names; of a line of scores, of what is around them, of the tallest figure.
+_COST = (3.5, 2.4)
 _LINE, _FRAME, _TALLEST = 0.165, 0.75, 8.4
 
 _SIZE = 7
@@ -66,7 +66,8 @@ def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
     inputs = [input_ for input_ in table.inputs if points[input_]]
     if not inputs:
         raise ConfigurationError("no row of the table has scores and a cost", "run its methods here")
-    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1]), dpi=300, layout="constrained")
+    n_lines = -(-max(len(points[input_]) for input_ in inputs) // 3)
+    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.1 * n_lines), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
     for place, input_ in zip(axes, inputs, strict=True):
         _cost_panel(place, table, input_, measure, points[input_])
